@@ -13,7 +13,6 @@ from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.scenes import POISSON_RATIO, YOUNGS_MODULUS
-from mitsuba_taxel.reproduce.slopes import slope_share
 from mitsuba_taxel.studies import sweep
 
 SCENE = "pad.xml"
@@ -55,16 +54,8 @@ def _along_side(store: PaperStudies, cell: str, path: str, settings: dict[str, A
     return store.study(
         f"nominal/{cell}_{path}",
         {"vary": vary, "target_slope": TARGET_SLOPE, **settings},
-        lambda: within_target(vary, _pressed(cell), settings),
+        lambda: sweep(SCENE, vary, _pressed(cell), target_slope=TARGET_SLOPE, **settings),
     )
-
-
-def within_target(vary: dict[str, str], defines: dict[str, Any], settings: dict[str, Any]) -> xr.Dataset:
-    """Readings with the settings of another study, or on finer meshes if the target of slopes asks for them."""
-    study = sweep(SCENE, vary, defines, **settings)
-    if slope_share(study) <= TARGET_SLOPE:
-        return study
-    return sweep(SCENE, vary, defines, target_slope=TARGET_SLOPE, **settings)
 
 
 def along_diagonal(store: PaperStudies, cell: str) -> xr.Dataset:

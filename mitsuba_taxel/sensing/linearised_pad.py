@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -17,6 +18,12 @@ if TYPE_CHECKING:
 
 PARALLEL = 1e-8
 """One minus the cosine up to which two changes of a load count as parallel."""
+
+MOST_KEPT = 8
+"""Number of the latest rates with a load that are kept: each may need a factor of its own, and a study asks for those
+of its first scene while it chooses steps and mesh, and once more when it reads it."""
+
+_kept: dict[Hashable, np.ndarray] = {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +100,19 @@ class LinearisedPad:
         ahead = self.state.path_rate()
         if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
             return (load @ ahead.direction) * ahead.displacement
-        return self._linear.by_value(load)
+        asked = _identity(self.state), load.tobytes()
+        if asked not in _kept:
+            _kept[asked] = self._linear.by_value(load)
+            if len(_kept) > MOST_KEPT:
+                del _kept[next(iter(_kept))]
+        return _kept[asked]
+
+
+def _identity(state: State) -> Hashable:
+    """What the rates of a state depend on."""
+    arrays = state.value, state.displacement, state.pressure
+    parts = state.mesh, state.material, state.load, state.bodies, state.memory
+    return *parts, *(array.tobytes() for array in arrays)
 
 
 def _side(load: np.ndarray) -> int:

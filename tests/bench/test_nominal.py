@@ -34,7 +34,8 @@ def test_rows_and_page(monkeypatch, tmp_path):
     monkeypatch.setattr(loading, "sweep", lambda *scene, **targets: asked.append(targets) or study(*scene, **targets))
     monkeypatch.setattr(nominal, "measure_isolated", lambda case, *limits: case.measured())
     rows = list(nominal.nominal("hemi*"))
-    assert asked == [{"target_error": 0.005, "target_slope": 0.02}, {"points": 256, "mesh_size": 0.75}]
+    slopes = {"target_slope": 0.02}
+    assert asked == [{"target_error": 0.005, **slopes}, {"points": 256, "mesh_size": 0.75, **slopes}]
     (row,) = rows
     assert row.forces == [2, 2] and row.mesh_size == [0.75, 0.75]
     assert row.error == pytest.approx([3e-3] * 2) and row.slope == pytest.approx([0.02] * 2)

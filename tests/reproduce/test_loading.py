@@ -1,28 +1,31 @@
-"""Which studies take a finer mesh than the one before."""
+"""What the studies along the load paths of the paper ask for."""
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 import xarray as xr
 
 from mitsuba_taxel.reproduce import loading
+from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 
-SETTINGS = {"points": None, "mesh_size": 1.25}
 
-
-@pytest.mark.parametrize(
-    ("errors", "targets"), [([0.02], [{}]), ([0.021, 0.01], [{}, {"target_slope": loading.TARGET_SLOPE}])]
-)
-def test_a_study_searches_for_a_mesh_only_if_its_slopes_miss_the_target(monkeypatch, errors, targets):
-    asked, shares = [], iter(errors)
+@pytest.mark.parametrize("finer", [None, 0.9])
+def test_tangential_studies_are_computed_once_each_from_the_mesh_of_the_one_before(tmp_path, monkeypatch, finer):
+    """With the target of their slopes, for which they may take a finer one."""
+    asked = []
 
     def sweep(scene, vary, defines, **settings):
-        asked.append(settings)
-        slopes = xr.DataArray([[[-2.0], [1.0]]], dims=["fx", "taxel", "parameter"])
-        return xr.Dataset({"derivative": slopes, "derivative_error": np.abs(slopes) * next(shares)})
+        ((force, _),) = vary.items()
+        asked.append((force, settings))
+        sizes = {"fz": 1.25, "fx": finer or 1.25, "fy": finer or 1.25}
+        return xr.Dataset({force: [0.0]}, attrs={"points": 0, "mesh_size": sizes[force]})
 
     monkeypatch.setattr(loading, "sweep", sweep)
-    study = loading.within_target({"fx": "0:11"}, {}, SETTINGS)
-    assert asked == [{**SETTINGS, **target} for target in targets]
-    assert loading.slope_share(study) == pytest.approx(errors[-1])
+    store = PaperStudies(tmp_path, announce=lambda name: None)
+    loading.along_y(store, "cylindrical")
+    slopes = {"target_slope": loading.TARGET_SLOPE, "points": None}
+    assert asked == [
+        ("fz", {"target_error": loading.TARGET_ERROR, "target_slope": loading.TARGET_SLOPE}),
+        ("fx", slopes | {"mesh_size": 1.25}),
+        ("fy", slopes | {"mesh_size": finer or 1.25}),
+    ]

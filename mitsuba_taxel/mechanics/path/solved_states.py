@@ -16,6 +16,10 @@ from mitsuba_taxel.mechanics.path.solution import Rejected
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.path.pad_path import PadPath
 
+FURTHEST_BESIDE = 1.25
+"""Tangential distance from a normal force, in steps of the path, up to which its tangent is tried: of the paper's domes
+it leads one as far, and none to 1.5."""
+
 
 class SolvedStates:
     """States of one ``path`` in contact, and beside those under normal forces, kept in memory and on disk."""
@@ -24,6 +28,7 @@ class SolvedStates:
         self._path = path
         self._at: dict[LoadSegment, dict[float, Node]] = {}
         self._beside: dict[LoadSegment, dict[float, Interpolated | None]] = {}
+        self._rates_beside: dict[LoadSegment, dict[float, np.ndarray]] = {}
 
     def at(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
         """The state in balance at a distance ``s`` that a segment reaches: in contact, cubics are far off."""
@@ -43,7 +48,7 @@ class SolvedStates:
         The way there is that of the judge of the path. None if that tangent does not lead there, or leads to where the
         pad touches itself or the board: then the segment must be followed.
         """
-        small = segment.direction[:-1].any() and s <= segment.step
+        small = segment.direction[:-1].any() and s <= FURTHEST_BESIDE * segment.step
         if not self._path.judge or not small or self._path.load.goes_on or self._path.load.gives_displacement:
             return None
         asked = self._beside.setdefault(segment, {})
@@ -67,7 +72,17 @@ class SolvedStates:
 
     def rate_beside(self, segment: LoadSegment, s: float, pad: LoadedPad, unknowns: np.ndarray) -> np.ndarray:
         """How the ``unknowns`` of a state beside that under a normal force change with ``s``."""
-        return _pushed_from(self, tuple(segment.origin)).rate(pad, segment, s, unknowns)
+        asked = self._rates_beside.setdefault(segment, {})
+        if s not in asked:
+            name = cache.key("pushed rate", self._path.segments.name_of(segment), s)
+            with cache.alone(name):
+                arrays = cache.load(name)
+                if arrays is None:
+                    asked[s] = _pushed_from(self, tuple(segment.origin)).rate(pad, segment, s, unknowns)
+                    cache.store(name, {"rate": asked[s]})
+                else:
+                    asked[s] = arrays["rate"]
+        return asked[s]
 
     def pushed_from(self, normal: np.ndarray) -> PushedStates:
         """States under a normal force (3,) and small tangential ones."""

@@ -16,6 +16,7 @@ from mitsuba_taxel.mechanics.path import accelerated, pushed_states
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.path.natural_step import natural_step
 from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
+from mitsuba_taxel.mechanics.path.solved_states import FURTHEST_BESIDE
 from mitsuba_taxel.pads import Pad
 
 PAD, LAW, SIZE, LARGER = Pad("hemispheric", rows=1, columns=1), NeoHookean(), 2.0, 3.0
@@ -25,6 +26,7 @@ CASES = [
     (SpreadForce(), (0.4, 0.4, -0.5)),
     (SpreadForce(), (0.4, 0.15, -1.5)),
     (SpreadForce(), (0.5, 0.0, 0.0)),
+    (SpreadForce(), (2.1, 0.0, -1.5)),
     (PlateForce(), (0.5, 0.0, -1.5)),
     (PatchForce((0.4, 0.0), (1.5, 1.5)), (0.1, 0.1, -0.5)),
 ]
@@ -74,12 +76,27 @@ def test_they_are_the_same_whatever_else_is_asked(counted, fresh):
         np.testing.assert_array_equal(state.displacement, again.displacement)
 
 
+def test_a_rate_is_solved_for_once(fresh, monkeypatch):
+    solved, rate = [], pushed_states.PushedStates.rate
+    monkeypatch.setattr(
+        pushed_states.PushedStates, "rate", lambda self, *asked: solved.append(asked[2]) or rate(self, *asked)
+    )
+    rates = []
+    for again in range(3):
+        if again == 2:
+            fresh()
+        (state,) = load_path(PAD, LAW, [(0.5, 0.0, -1.5)], **JUDGED)
+        rates.append(state.path_rate().displacement)
+    assert solved == [0.5]
+    np.testing.assert_array_equal(rates[1:], [rates[0]] * 2)
+
+
 @pytest.mark.parametrize("reason", ["large", "far", "touching"])
 def test_others_are_followed(reason, counted, monkeypatch):
-    """Forces of more than a step, states that few iterations do not lead to, and those that touch something."""
+    """Forces of much more than a step, states that few iterations do not lead to, and those that touch something."""
     value = (0.5, 0.0, -1.5)
     if reason == "large":
-        value = (1.1 * natural_step(PAD.mesh(SIZE), LAW, SpreadForce()), 0.0, -1.5)
+        value = (1.1 * FURTHEST_BESIDE * natural_step(PAD.mesh(SIZE), LAW, SpreadForce()), 0.0, -1.5)
     elif reason == "far":
         monkeypatch.setattr(accelerated, "MOST_ITERATIONS", 1)
     else:
