@@ -1,11 +1,11 @@
-"""What was made of the arrays that were last asked for, by their contents."""
+"""What was last made of arrays, by their contents."""
 
 from __future__ import annotations
 
 import hashlib
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -18,11 +18,11 @@ class Recent(Generic[_Made]):
 
     def __init__(self, most: int) -> None:
         self._most, self._lock = most, threading.Lock()
-        self._kept: OrderedDict[bytes, _Made] = OrderedDict()
+        self._kept: OrderedDict[Hashable, _Made] = OrderedDict()
 
-    def of(self, arrays: tuple[np.ndarray, ...], make: Callable[[], _Made]) -> _Made:
-        """The result for such arrays, which is made if it is not kept."""
-        key = _digest(arrays)
+    def of(self, arrays: tuple[np.ndarray, ...], make: Callable[[], _Made], *others: Hashable) -> _Made:
+        """The result for such arrays, and what else it depends on, which is made if it is not kept."""
+        key = _digest(arrays), *others
         with self._lock:
             if key in self._kept:
                 self._kept.move_to_end(key)

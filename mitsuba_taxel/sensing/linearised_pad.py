@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mitsuba_taxel.base.recent import Recent
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.sensing.scene_rates import Rates
@@ -23,7 +23,7 @@ MOST_KEPT = 8
 """Number of the latest rates with a load that are kept: each may need a factor of its own, and a study asks for those
 of its first scene while it chooses steps and mesh, and once more when it reads it."""
 
-_kept: dict[Hashable, np.ndarray] = {}
+_kept: Recent[np.ndarray] = Recent(MOST_KEPT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,19 +100,10 @@ class LinearisedPad:
         ahead = self.state.path_rate()
         if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
             return (load @ ahead.direction) * ahead.displacement
-        asked = _identity(self.state), load.tobytes()
-        if asked not in _kept:
-            _kept[asked] = self._linear.by_value(load)
-            if len(_kept) > MOST_KEPT:
-                del _kept[next(iter(_kept))]
-        return _kept[asked]
-
-
-def _identity(state: State) -> Hashable:
-    """What the rates of a state depend on."""
-    arrays = state.value, state.displacement, state.pressure
-    parts = state.mesh, state.material, state.load, state.bodies, state.memory
-    return *parts, *(array.tobytes() for array in arrays)
+        state = self.state
+        arrays = load, state.value, state.displacement, state.pressure
+        others = state.mesh, state.material, state.load, state.bodies, state.memory
+        return _kept.of(arrays, lambda: self._linear.by_value(load), *others)
 
 
 def _side(load: np.ndarray) -> int:
