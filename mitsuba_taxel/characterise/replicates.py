@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -78,14 +79,20 @@ def _choice_error(samples: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
     counts = [part.shape[1] for part in parts]
     if min(counts) < 2:
         return np.zeros(samples.shape[2])
-    random = np.random.default_rng(0)
-    even = [(count, np.full(count, 1 / count)) for count in counts]
-    drawn = [[random.multinomial(*half) / half[0] for half in even] for _ in range(DRAWS)]
-    weights = map(np.array, zip(*drawn, strict=True))
+    weights = _resampled(*counts)
     one, other = (np.tensordot(weight, part, axes=(1, 1)) for part, weight in zip(parts, weights, strict=True))
     found = np.average([_read(one, other), _read(other, one)], axis=0, weights=counts)
     variance = np.var(found, axis=0, ddof=1) * np.mean([count / (count - 1) for count in counts])
     return np.sqrt(np.maximum(variance - standard_error(magnitude) ** 2, 0.0))
+
+
+@lru_cache(maxsize=8)
+def _resampled(*counts: int) -> list[np.ndarray]:
+    """Of each half of the replicates, as many as `counts`: (DRAWS, count) weights, the same each time."""
+    random = np.random.default_rng(0)
+    even = [(count, np.full(count, 1 / count)) for count in counts]
+    drawn = [[random.multinomial(*half) / half[0] for half in even] for _ in range(DRAWS)]
+    return [np.array(weights) for weights in zip(*drawn, strict=True)]
 
 
 def _read(values: np.ndarray, guide: np.ndarray) -> np.ndarray:

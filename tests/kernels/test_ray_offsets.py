@@ -39,12 +39,12 @@ def test_size_and_place_of_a_pad_do_not_matter(llvm_mono, agree, own_solutions):
     assert np.all(np.abs(power / power[0] - 1) < 2e-3)  # the same random numbers
 
 
-def test_nine_hundred_taxels_read_alike(llvm_mono, agree):
+def test_three_hundred_taxels_read_alike(llvm_mono, agree):
     """An array 107 mm wide under one plate: as one alone, and as quadrature says for a plate of that extent."""
-    array = plate(z=0.3, law="lambertian", scattering="lambertian", width=140.0, rows=30, columns=30)
+    array = plate(z=0.3, law="lambertian", scattering="lambertian", width=140.0, rows=10, columns=30)
     single = plate(z=0.3, law="lambertian", scattering="lambertian", width=140.0)
     readings, alone = measure(array, points=256, seed=11), measure(single, points=1 << 13, seed=12)
-    assert readings.power.shape == (900,) and readings.relative_error < 1e-2
+    assert readings.power.shape == (300,) and readings.relative_error < 1e-2
     reference = plate_power(0.3, "lambertian", "lambertian", side=140.0)
     agree(alone.power, alone.standard_error, reference)
-    agree(readings.power, readings.standard_error, np.full(900, reference))
+    agree(readings.power, readings.standard_error, np.full(300, reference))

@@ -106,6 +106,14 @@ def found(make_study, nominal):
     }
 
 
+@pytest.fixture
+def small_figures(painted_figures, monkeypatch):
+    """Figures are painted with few pixels, as none are looked at."""
+    import matplotlib
+
+    monkeypatch.setitem(matplotlib.rcParams, "savefig.dpi", 20)
+
+
 def cells_of(page: str, first: str) -> list[list[str]]:
     """Cells of the rows of all tables that begin with ``first``."""
     rows = re.findall(rf"^\| {re.escape(first)} \| (.*) \|$", page, flags=re.M)
@@ -119,7 +127,7 @@ def holds(cell: str, expected: float) -> bool:
     return difference < 4 * float(error) * 10 ** int(power) + 1e-12 and difference < 0.1 * abs(expected)
 
 
-@pytest.mark.usefixtures("painted_figures")
+@pytest.mark.usefixtures("small_figures")
 def test_choices_without_results_are_named(found, tmp_path):
     some = {words: cells for words, cells in found["variations"].items() if "mirror" not in words}
     page = write_page({"variations": some}, tmp_path, "it").read_text(encoding="utf-8")
@@ -128,7 +136,7 @@ def test_choices_without_results_are_named(found, tmp_path):
     assert "Single choices" in page and "mirror roof (" not in page
 
 
-@pytest.mark.usefixtures("painted_figures")
+@pytest.mark.usefixtures("small_figures")
 def test_the_whole_page(found, tmp_path):
     page = write_page(found, tmp_path, "taxel reproduce -o DIR --docs docs").read_text(encoding="utf-8")
     pictures = re.findall(r"\]\((paper/\w+\.png)\)", page)

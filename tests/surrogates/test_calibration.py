@@ -68,7 +68,8 @@ def test_behind_a_circuit_readings_are_volts_with_its_noise():
     assert found.half_width[0] == pytest.approx(1.645 * deviation / slope, rel=0.1)
     shown = circuit.step * respond(circuit, power[0, 5:6]).counts[:, None]
     assert found.polynomial(shown)[0, 0] == pytest.approx(FORCE[5], abs=circuit.step / slope)
-    assert calibrate(watts).unit == "W" and calibrate(watts).noise == 0.005
+    in_watts = calibrate(watts)
+    assert in_watts.unit == "W" and in_watts.noise == 0.005
 
 
 def test_a_runtime_reads_it(tmp_path):
