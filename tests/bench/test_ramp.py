@@ -18,6 +18,7 @@ def test_what_is_solved_costs_more_than_what_is_interpolated(monkeypatch):
         return balanced(pad, *how)
 
     monkeypatch.setattr(LoadedPad, "_balanced", counted)
+    monkeypatch.setattr(ramp, "ROWS", 12)
     monkeypatch.setattr(ramp, "time", SimpleNamespace(process_time=lambda: len(solved)))
     found = ramp.ramp(Pad(rows=1, columns=1))
     assert found.each >= ramp.ROWS > found.elastic > 0

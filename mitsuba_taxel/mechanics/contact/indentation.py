@@ -33,6 +33,8 @@ _HATS = np.concatenate([(np.full((3, 3), 1 / 6) + np.eye(3) / 2) @ np.eye(len(_N
 """(q, 6) linear functions of the nodes at the quadrature points of a face."""
 _WEIGHTS = np.full(len(_HATS), 0.5 / len(_HATS))
 _VALUES, _SLOPES = shape_functions(_HATS @ _NODES), shape_slopes(_HATS @ _NODES)
+_PRODUCTS = (_HATS[:, :, None] * _VALUES[:, None, :]).reshape(len(_HATS), -1)
+"""(q, 36) of each linear function and each shape function."""
 
 
 class Pressing(NamedTuple):
@@ -123,6 +125,20 @@ class Indentation:
         shape = len(self.node), len(self._mesh.points)
         return sparse.coo_array((shares.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
 
+    @cached_property
+    def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of :attr:`Pressing.rate`: where each product of two functions of a face, along each axis, is summed; columns
+        and starts of the rows."""
+        count = len(self._mesh.points)
+        keys, target = np.unique(self.numbers[:, :, None] * count + self.faces[:, None, :], return_inverse=True)
+        starts = 3 * np.searchsorted(keys, count * np.arange(len(self.node) + 1))
+        columns = 3 * (keys % count)[:, None] + np.arange(3)
+        return (
+            (3 * target.reshape(-1, 1) + np.arange(3)).ravel(),
+            columns.ravel().astype(np.int32),
+            starts.astype(np.int32),
+        )
+
     def nodal(self, values: np.ndarray) -> np.ndarray:
         """(2 N, 3) values (m, 3), at nodes of the top, then of the outside."""
         found = np.zeros((2, len(self._mesh.points), 3))
@@ -153,14 +169,13 @@ class Indentation:
         start = self.indenter.start(self._mesh.points[self._highest])
         places = _VALUES @ (self._mesh.points - start + (displacement - moved))[self.faces]
         at = self.indenter.gap(places.reshape(-1, 3))
-        gap = self._over_nodes(np.einsum("bqh,bq->bh", self._weights, at.size.reshape(places.shape[:2])))
-        normal = at.normal.reshape(places.shape)
-        lift = np.einsum("bqh,bqi->bhi", self._weights, normal)
-        slopes = np.einsum("bqh,bqi,qa->bhai", self._weights, normal, _VALUES, optimize=True)
-        columns = np.broadcast_to(3 * self.faces[:, None, :, None] + np.arange(3), slopes.shape)
-        rows = np.broadcast_to(self.numbers[:, :, None, None], slopes.shape)
+        gap = self._over_nodes((self._areas * at.size.reshape(self._areas.shape)) @ _HATS)
+        normal = self._areas[:, :, None] * at.normal.reshape(places.shape)
+        lift = _HATS.T @ normal
+        target, columns, starts = self._pattern
+        slopes = np.bincount(target, (_PRODUCTS.T @ normal).ravel(), len(columns))
         shape = len(self.node), 3 * len(self._mesh.points)
-        rate = sparse.coo_array((slopes.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
+        rate = sparse.csr_array((slopes, columns, starts), shape=shape)
         lift = np.stack([self._over_nodes(lift[:, :, axis]) for axis in range(3)], axis=1)
         if pressure is None:
             pressure = np.maximum(-gap, 0.0) / self.slack

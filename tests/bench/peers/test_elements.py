@@ -199,7 +199,7 @@ def test_peer_that_gives_up_is_an_error(meshes):
 @needs_ccx
 def test_command_writes_its_table(tmp_path):
     file = tmp_path / "table.csv"
-    arguments = ["elements", "--mesh-size", "3", "--poisson-ratio", "0.49", "--csv", str(file)]
+    arguments = ["elements", "--mesh-size", "4", "--poisson-ratio", "0.49", "--csv", str(file)]
     assert CliRunner().invoke(peers, arguments, catch_exceptions=False).exit_code == 0
     with file.open(newline="") as stream:
         rows = list(csv.DictReader(stream))

@@ -117,7 +117,7 @@ def test_a_contact_of_a_twentieth_of_the_ball(half_space, fraction, within):
     contact = 0.05 * RADIUS
 
     def size(places):
-        return fraction * contact + 0.5 * np.maximum(0, np.linalg.norm(places, axis=1) - 1.2 * contact)
+        return fraction * contact + 0.7 * np.maximum(0, np.linalg.norm(places, axis=1) - 1.2 * contact)
 
     block, depth = Pressed(half_space(size, width=8.0), Indenter("sphere", radius=RADIUS)), contact**2 / RADIUS
     for share in (0.5, 0.75, 1.0):
@@ -266,7 +266,7 @@ def test_a_ball_is_dragged_as_cattaneo_and_mindlin_say(half_space, friction, way
     """There and back: R. D. Mindlin, J. Appl. Mech. 16, 1949, and with H. Deresiewicz, 20, 1953; K. L. Johnson, Contact
     Mechanics, 1985, sections 7.2 and 7.4."""
     radius = np.sqrt(RADIUS * depth)
-    mesh = half_space(lambda places: np.maximum(0.4 * radius, 0.6 * np.linalg.norm(places, axis=1)), width=4.0)
+    mesh = half_space(lambda places: np.maximum(0.4 * radius, 0.8 * np.linalg.norm(places, axis=1)), width=4.0)
     (mirror,) = (mirror for mirror in MIRRORS if mirror.side(np.array([*way, 0.0])) == 0)
     block = Rubbed(mesh, Indenter("sphere", radius=RADIUS, friction=friction), mirrors=(mirror,))
     counted, shear_modulus = block.pad._factored, 1 / 2.98

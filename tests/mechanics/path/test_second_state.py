@@ -57,15 +57,15 @@ def test_a_difference_counts_as_that_of_a_quadratic_error(fresh):
 
 @pytest.mark.parametrize("cell", CELL_SHAPES)
 def test_the_share_of_the_difference_bounds_the_error_of_a_rate(cell, fresh):
-    """Against elements of a third of the size."""
+    """Against elements of 0.45 times the size, which lack a fifth of a quadratic error."""
     pad = Pad(cell, rows=1, columns=1)
     (state,), (fine,) = (
-        load_path(pad, NeoHookean(), np.array([FORCE]), mesh_size=part * pad.default_mesh_size) for part in (1, 1 / 3)
+        load_path(pad, NeoHookean(), np.array([FORCE]), mesh_size=part * pad.default_mesh_size) for part in (1, 0.45)
     )
     second = second_state(pad, NeoHookean(), FORCE)
     stated = second.share * abs(roof_rate(second.state) - roof_rate(state))
     stated = max(stated, second.least * abs(roof_rate(state)))
-    assert abs(roof_rate(fine) - roof_rate(state)) < 2 * stated
+    assert abs(roof_rate(fine) - roof_rate(state)) < 2 * (1 - 0.45**2) * stated
 
 
 @pytest.mark.parametrize(

@@ -295,15 +295,14 @@ def test_states_on_a_package_are_the_same_bits_again(fresh, held):
     np.testing.assert_array_equal(again.pressure, held.pressure)
 
 
-@pytest.mark.parametrize("self_contact", [True, False])
-def test_a_pad_of_one_cell_tips_over_under_the_same_force_on_finer_elements(self_contact):
-    """A real instability: the top, free to turn, leans to either side."""
+def test_a_pad_of_one_cell_tips_over_under_the_same_force_on_finer_elements():
+    """A real instability, of a path that goes on, too: the top, free to turn, leans to either side."""
     ends = []
-    for size in (1.6, 1.25):
+    for size, self_contact in ((1.6, True), (1.6, False), (1.25, False)):
         with pytest.raises(ComputationError, match="the equilibrium is unstable") as end:
             load_path(PAD, LAW, [(0, 0, -40)], load=SpreadForce(self_contact=self_contact), mesh_size=size)
         ends.append(float(re.search(r"force = \(0, 0, (-[\d.]+)\) N", str(end.value))[1]))
-    assert ends[0] == pytest.approx(ends[1], rel=0.05)
+    assert ends[:2] == pytest.approx([ends[2]] * 2, rel=0.05)
 
 
 def test_a_symmetric_part_touches_as_the_whole_does(touching):
