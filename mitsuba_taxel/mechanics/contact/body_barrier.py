@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mitsuba_taxel.geometry.box_tree import overlapping
+from mitsuba_taxel.geometry.box_tree import BoxTree, Level
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.barrier import APPROACH, REACH, REACH_AT_REST, additive_ccd, ipctk_of_one_thread
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
@@ -59,36 +59,38 @@ class BodyBarrier:
 
         self._own = _Parts(number.reshape(-1, 3), 0, 0, 0)
         counts = len(used), len(self._own.sides), len(self._own.triangles)
-        self._others = _Parts(of_bodies, *counts)
+        others = _Parts(of_bodies, *counts)
+        self._fixed = {kind: _Fixed.of(*boxes) for kind, boxes in others.boxes(self._corners, self._corners).items()}
         places = self._places(np.zeros_like(mesh.points))
         sides, triangles = (
-            np.concatenate([getattr(self._own, part), len(used) + getattr(self._others, part)])
+            np.concatenate([getattr(self._own, part), len(used) + getattr(others, part)])
             for part in ("sides", "triangles")
         )
         self._mesh = ipc.CollisionMesh(places, np.asfortranarray(sides), np.asfortranarray(triangles))
+        self._last: tuple[np.ndarray, Any] = np.empty(0), None
         self.reach = REACH / REACH_AT_REST * float(np.ptp(mesh.points[:, 2]))  # how far is looked
         self.reach = share * REACH_AT_REST * self.gap(np.zeros_like(mesh.points))
+        self._last = np.empty(0), None  # that was within another reach
         self._potential = ipc.BarrierPotential(self.reach, modulus, True)
         self._ccd = additive_ccd(ipc)
 
     def gap(self, displacement: np.ndarray) -> float:
         """Smallest distance in mm of the pad from a body, if below the reach, which else it is."""
-        places = self._places(displacement)
-        near = self._near(places)
+        places, near = self._near(displacement)
         return float(np.sqrt(near.compute_minimum_distance(self._mesh, places))) if len(near) else self.reach
 
     def forces(self, displacement: np.ndarray) -> np.ndarray:
         """(N, 3) nodal forces in N of the bodies on the pad."""
-        places = self._places(displacement)
-        gradient = self._potential.gradient(self._near(places), self._mesh, places).reshape(-1, 3)
+        places, near = self._near(displacement)
+        gradient = self._potential.gradient(near, self._mesh, places).reshape(-1, 3)
         return self._over.T @ -gradient[: self._over.shape[0]]
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
         """(3 N, 3 N) derivative of the forces by the displacement, with the opposite sign; as of the pad's own
         barrier."""
-        places, count = self._places(displacement), 3 * self._over.shape[0]
+        (places, near), count = self._near(displacement), 3 * self._over.shape[0]
         projection = self._ipc.PSDProjectionMethod.CLAMP if steady else self._ipc.PSDProjectionMethod.NONE
-        found = sparse.coo_array(self._potential.hessian(self._near(places), self._mesh, places, projection))
+        found = sparse.coo_array(self._potential.hessian(near, self._mesh, places, projection))
         own = (found.row < count) & (found.col < count)
         used, number = np.unique(np.stack([found.row[own], found.col[own]]), return_inverse=True)
         of_points = sparse.csr_array((found.data[own], tuple(number.reshape(2, -1))), shape=(len(used), len(used)))
@@ -108,24 +110,26 @@ class BodyBarrier:
     def _places(self, displacement: np.ndarray) -> np.ndarray:
         return np.asfortranarray(np.concatenate([self._over @ (self._points + displacement), self._corners]))
 
-    def _near(self, places: np.ndarray) -> Any:
-        """The pairs of points, edges and triangles within the reach."""
-        near = self._ipc.NormalCollisions()
-        near.use_area_weighting = True
-        near.build(self._pairs(places, places, self.reach), self._mesh, places, self.reach)
-        return near
+    def _near(self, displacement: np.ndarray) -> tuple[np.ndarray, Any]:
+        """Places of pad and bodies, and the pairs of points, edges and triangles within the reach; kept of the last."""
+        places, last = self._places(displacement), self._last
+        if not np.array_equal(places, last[0]):
+            near = self._ipc.NormalCollisions()
+            near.use_area_weighting = True
+            near.build(self._pairs(places, places, self.reach), self._mesh, places, self.reach)
+            last = self._last = places, near
+        return last
 
     def _pairs(self, low: np.ndarray, high: np.ndarray, margin: float) -> Any:
         """Pairs of a part of the pad and one of a body whose boxes overlap, for points within ``low`` and ``high``."""
         count = self._over.shape[0]
         own = self._own.boxes(low[:count] - margin, high[:count] + margin)
-        others = self._others.boxes(self._corners, self._corners)
         found, ipc = self._ipc.Candidates(), self._ipc
         found.fv_candidates = [
-            *_listed(ipc.FaceVertexCandidate, own["triangles"], others["points"]),
-            *_listed(lambda point, face: ipc.FaceVertexCandidate(face, point), own["points"], others["triangles"]),
+            *_listed(ipc.FaceVertexCandidate, own["triangles"], self._fixed["points"]),
+            *_listed(lambda point, face: ipc.FaceVertexCandidate(face, point), own["points"], self._fixed["triangles"]),
         ]
-        found.ee_candidates = _listed(ipc.EdgeEdgeCandidate, own["sides"], others["sides"])
+        found.ee_candidates = _listed(ipc.EdgeEdgeCandidate, own["sides"], self._fixed["sides"])
         return found
 
 
@@ -148,12 +152,25 @@ class _Parts:
         return found
 
 
-def _listed(
-    pair: Callable[[int, int], Any], own: tuple[np.ndarray, np.ndarray, int], others: tuple[np.ndarray, np.ndarray, int]
-) -> list[Any]:
+class _Fixed(NamedTuple):
+    """Boxes that stay where they are, by their tree, and the first number."""
+
+    tree: BoxTree
+    levels: list[Level]
+    first: int
+
+    @classmethod
+    def of(cls, low: np.ndarray, high: np.ndarray, first: int) -> _Fixed:
+        tree = BoxTree(low + high)
+        return cls(tree, tree.levels(low, high), first)
+
+
+def _listed(pair: Callable[[int, int], Any], own: tuple[np.ndarray, np.ndarray, int], others: _Fixed) -> list[Any]:
     """The pairs of boxes that overlap."""
-    low, high, first = own
-    around = (low <= others[1].max(axis=0)).all(axis=1) & (high >= others[0].min(axis=0)).all(axis=1)
-    near = np.flatnonzero(around)
-    one, other = overlapping(low[near], high[near], others[0], others[1])
-    return list(map(pair, (near[one] + first).tolist(), (other + others[2]).tolist()))
+    (low, high, first), ((lowest,), (highest,)) = own, others.levels[0]
+    near = np.flatnonzero((low <= highest).all(axis=1) & (high >= lowest).all(axis=1))
+    if not len(near):
+        return []
+    tree = BoxTree(low[near] + high[near])
+    one, other = tree.overlapping_with(tree.levels(low[near], high[near]), others.tree, others.levels)
+    return list(map(pair, (near[one] + first).tolist(), (other + others.first).tolist()))
