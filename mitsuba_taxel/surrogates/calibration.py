@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from importlib.util import find_spec
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.surrogates.polynomial import Polynomial, single
 
 if TYPE_CHECKING:
+    from sklearn.base import BaseEstimator
     from sklearn.pipeline import Pipeline
 
 FOLDS = 5
@@ -120,18 +122,30 @@ def _left_out(rows: _Rows) -> tuple[np.ndarray, np.ndarray]:
 def _fit(rows: _Rows) -> Pipeline:
     """The polynomial of the degree and the penalty that best predict left-out paths of these rows."""
     from sklearn.linear_model import Ridge
-    from sklearn.model_selection import GridSearchCV, GroupKFold
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures
+    from sklearn.model_selection import GroupKFold
 
     count, inputs = rows.readings.shape
     most = min(MOST_TERMS, count // 4)
     degrees = [degree for degree in DEGREES if degree == 1 or math.comb(inputs + degree, degree) <= most]
-    model = make_pipeline(MinMaxScaler((-1, 1), clip=True), PolynomialFeatures(include_bias=False), Ridge())
-    choices = {"polynomialfeatures__degree": degrees, "ridge__alpha": [count * each for each in STRENGTHS]}
-    folds = GroupKFold(min(FOLDS, len(np.unique(rows.path))))
-    search = GridSearchCV(model, choices, cv=folds, scoring="neg_mean_squared_error")
-    return search.fit(rows.readings, rows.forces, groups=rows.path).best_estimator_
+    folds = list(GroupKFold(min(FOLDS, len(np.unique(rows.path)))).split(rows.readings, groups=rows.path))
+    missed = dict.fromkeys(product(degrees, STRENGTHS), 0.0)
+    for degree, (inside, out) in product(degrees, folds):
+        terms = _terms(degree)  # once for all penalties, as they take longer than the fits
+        seen, unseen = terms.fit_transform(rows.readings[inside]), terms.transform(rows.readings[out])
+        for strength in STRENGTHS:
+            fitted = Ridge(count * strength).fit(seen, rows.forces[inside])
+            off = fitted.predict(unseen).reshape(-1, rows.forces.shape[1]) - rows.forces[out]
+            missed[degree, strength] += np.square(off).mean()
+    degree, strength = min(missed, key=lambda choice: missed[choice])
+    return _terms(degree, Ridge(count * strength)).fit(rows.readings, rows.forces)
+
+
+def _terms(degree: int, *fit: BaseEstimator) -> Pipeline:
+    """Products of readings, each between -1 and 1, up to a degree, and what is fitted to them."""
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures
+
+    return make_pipeline(MinMaxScaler((-1, 1), clip=True), PolynomialFeatures(degree, include_bias=False), *fit)
 
 
 def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarray, tested: str) -> Polynomial:
