@@ -31,7 +31,7 @@ from mitsuba_taxel.mechanics.path.solution import UNSTABLE, Rejected, Solution
 PRECISE = 1e-14
 """Tolerance of the amplitude that belongs to a load, in mm and relative."""
 
-LEAP = 0.5
+LEAP = 1.0
 """Amplitude, relative to a whole step, within which the load may fall where a branch begins: a pad leaps as far."""
 FALLS = f"{UNSTABLE}: the load falls as the pad buckles"
 
