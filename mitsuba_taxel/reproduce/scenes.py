@@ -7,7 +7,6 @@ from pathlib import Path
 
 from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.mechanics import NeoHookean
-from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 
 PITCH = 3.55
 YOUNGS_MODULUS, POISSON_RATIO = NeoHookean().youngs_modulus, NeoHookean().poisson_ratio
@@ -44,7 +43,7 @@ def write_scene(file: Path, taxels: Sequence[int]) -> None:
     reflectors = "".join(_REFLECTOR.format(x=x, y=y) for x, y in map(centre_of, taxels))
     cells = ", ".join(map(str, taxels))
     c10 = moduli(POISSON_RATIO)["c10"]
-    values = {"c10": c10, "poisson_ratio": POISSON_RATIO, "mesh_size": DEFAULT_MESH_SIZE}
+    values = {"c10": c10, "poisson_ratio": POISSON_RATIO}
     write_text(file, scene_text("paper").format(cells=cells, reflectors=reflectors, **values))
 
 

@@ -10,24 +10,22 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.reproduce import paper
+from mitsuba_taxel.reproduce.loading import normal, settings_of
 from mitsuba_taxel.reproduce.paper_studies import MissingStudy, PaperStudies
 from mitsuba_taxel.reproduce.plate import LAWS, SPACINGS
 from mitsuba_taxel.reproduce.scenes import CENTRE, CORNER, moduli, write_scene
 from mitsuba_taxel.studies import sweep
 from mitsuba_taxel.studies.plan.files import make_folder
 
-POINTS = {"parallelepiped": 1024, "cylindrical": 1024, "spherical": 1024, "hemispheric": 2048}
-"""Light paths for each reading and randomisation: light scattered many times within a dome needs more."""
-MORE = 16
-"""Factor on these if slopes are differences of readings. Over such steps, these have much less noise than derivatives
-by random paths in the same time."""
+POINTS = {"parallelepiped": 16384, "cylindrical": 16384, "spherical": 16384, "hemispheric": 32768}
+"""Light paths for each reading and randomisation where slopes are differences of readings: light scattered many times
+within a dome needs more. Over such steps, these have much less noise than derivatives by random paths in the same time.
+"""
 NORMAL = "0,-10,-20"
 TANGENTIAL = "0,4,8"
 """Force steps in N; the tangential ones are under the paper's normal force, and within the limits of all shapes."""
 
 NOMINAL, NOMINAL_SPACING, NOMINAL_LAW = "nominal", 0.9, "uniform_solid_angle"
-FINER_MESH = "elements of 1 mm"
-"""Not a choice of the paper, but a test of the finite elements of 1.25 mm."""
 ROOFS = {"isotropic": "isotropic", "lambertian": "Lambertian", "mirror": "mirror"}
 
 
@@ -45,16 +43,13 @@ class Variation:
 
     @property
     def cost(self) -> int:
-        """A number by which choices are ordered: paths of other pads, and many random paths upwards, take longest."""
-        other_pad = bool({"c10", "mesh_size"} & set(self.values))
-        return 2 * (self.values.get("law") == "uniform_polar_angle" or other_pad) + (not self.has_derivatives)
+        """A number by which choices are ordered: random paths take longest, then other pads."""
+        return 2 * (not self.has_derivatives) + ("c10" in self.values)
 
     @property
     def has_derivatives(self) -> bool:
-        """Whether readings have derivatives with respect to the force."""
-        values = self.values
-        law, roof, package = (values.get(name) for name in ("law", "scattering", "body_reflectance"))
-        return law != "uniform_polar_angle" and roof != "mirror" and not package
+        """Whether readings have derivatives with respect to the force without random numbers."""
+        return self.values.get("scattering") != "mirror" and not self.values.get("body_reflectance")
 
 
 def choices() -> list[Variation]:
@@ -69,7 +64,6 @@ def choices() -> list[Variation]:
         *(Variation(f"Poisson's ratio {ratio:g}", moduli(ratio)) for ratio in (0.45, 0.499)),
         Variation("Mooney-Rivlin, c10 = c01", moduli(0.49, share_of_c01=0.5)),
         Variation("package reflects 50%", {"body_reflectance": 0.5}),
-        Variation(FINER_MESH, {"mesh_size": 1.0}),
     ]
     pairs = [both(one, other) for first in (spacings, roofs) for one in first for other in laws]
     return [Variation(NOMINAL, {}, single=False), *spacings, *laws, *roofs, *others, *pairs]
@@ -83,8 +77,9 @@ def both(one: Variation, other: Variation) -> Variation:
 def vary(store: PaperStudies, workers: int | None) -> dict[str, dict[str, dict[str, xr.Dataset]]]:
     """Readings of the corner and the centre taxel, by choice (in words), shape and force (fz, fx, fy).
 
-    A tangential force along y is one along x on a sensor whose packages are turned by 90 degrees. The costliest choices
-    are computed last; of a store that computes nothing, those are returned that are complete.
+    On the elements of :func:`~mitsuba_taxel.reproduce.loading.normal`, which is computed if missing. A tangential force
+    along y is one along x on a sensor whose packages are turned by 90 degrees. The costliest choices are computed last;
+    of a store that computes nothing, those are returned that are complete.
 
     Raises
     ------
@@ -114,16 +109,18 @@ def _load(
     steps = NORMAL if force == "fz" else TANGENTIAL
     constant = {} if force == "fz" else {"fz": -paper.CONSTANT_NORMAL_FORCE}
     derivatives = (force,) if choice.has_derivatives else ()
-    points = POINTS[cell] if derivatives else MORE * POINTS[cell]
+    points = None if derivatives else POINTS[cell]
+    mesh_size = settings_of(normal(store, cell))["mesh_size"]
+    settings = {"points": points, "mesh_size": mesh_size, "derivatives": derivatives}
 
     def compute() -> xr.Dataset:
         make_folder(scene.parent)
         write_scene(scene, (CORNER, CENTRE))
         defines = {**choice.values, **constant, "cell": cell}
-        study = sweep(scene, {force: steps}, defines, points=points, workers=workers, derivatives=derivatives)
+        study = sweep(scene, {force: steps}, defines, workers=workers, **settings)
         if study.attrs["failures"]:
             raise ComputationError(study.attrs["failures"].splitlines()[0])
         return study.assign_coords(taxel=[CORNER, CENTRE])
 
-    request = {"values": choice.values, force: steps, "points": points, "derivatives": derivatives}
+    request = {"values": choice.values, force: steps, **settings}
     return store.study(f"variations/{choice.name}/{cell}_{force}", request, compute)

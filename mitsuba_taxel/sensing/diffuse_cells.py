@@ -28,6 +28,7 @@ from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
 from mitsuba_taxel.transport.ends import AngularLaw, CosineFactor, End, uniform_cone
 from mitsuba_taxel.transport.patches import LATTICE
+from mitsuba_taxel.transport.polar_cone import BLUNT, PolarCone
 from mitsuba_taxel.transport.rules import disc_annulus_rule, rectangle_rule, square_annulus_rule
 from mitsuba_taxel.transport.tabulated_law import TabulatedLaw
 
@@ -395,6 +396,11 @@ def _law_of_led(led: LedEmitter) -> AngularLaw:
     if stated.law == "uniform_solid_angle":
         assert stated.cone_angle is not None  # set with this law
         return uniform_cone(np.cos(np.radians(stated.cone_angle)))
+    if stated.law == "uniform_polar_angle":
+        assert stated.cone_angle is not None  # set with this law
+        if (angle := np.radians(stated.cone_angle)) < 2 * BLUNT:
+            raise NotDiffuse(f"the LED's cone is narrower than {np.degrees(2 * BLUNT):.2g} degrees")
+        return PolarCone(float(angle))
     if stated.law == "lambertian":
         return CosineFactor(1 / np.pi, 1.0)
     if stated.law == "cosine_power":
@@ -420,7 +426,7 @@ def _law_of_phototransistor(sensor: PhototransistorSensor) -> AngularLaw:
 
 def _tabulated(table: tuple[np.ndarray, np.ndarray], what: str) -> AngularLaw:
     law = TabulatedLaw(*table)
-    if law.width < NARROWEST:
+    if law.width(np.ones(1)) < NARROWEST:
         raise NotDiffuse(f"{what} changes by its largest value within {np.degrees(NARROWEST):.0f} degrees")
     return law
 

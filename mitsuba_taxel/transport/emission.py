@@ -120,7 +120,12 @@ class _Rays:
 def emission(led: End, places: np.ndarray, rest: np.ndarray, degree: int) -> Emission:
     """Power of ``led`` on patches with ``places`` (F, 15, 3), which are subdivided as needed at ``rest``."""
     sources, faces, corners = [], [], []
-    for source, which, pieces in cut_near(led.points, rest, None, DISTANCE / min(led.law.width, 1.0)):
+
+    def distance(away: np.ndarray) -> np.ndarray:
+        cosines = away @ led.normal / np.linalg.norm(away, axis=1)
+        return DISTANCE / np.minimum(led.law.width(cosines), 1.0)
+
+    for source, which, pieces in cut_near(led.points, rest, None, distance):
         sources.append(source)
         faces.append(pieces.face[which])
         corners.append(pieces.corners[which])

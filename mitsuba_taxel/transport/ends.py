@@ -16,9 +16,8 @@ class AngularLaw(Protocol):
     def cutoff(self) -> float:
         """Cosine."""
 
-    @property
-    def width(self) -> float:
-        """Angle in radians over which it varies substantially."""
+    def width(self, cosine: np.ndarray) -> np.ndarray | float:
+        """Angle in radians over which it varies substantially at these angles."""
 
     @property
     def has_kinks(self) -> bool:
@@ -40,8 +39,7 @@ class CosineFactor:
     def has_kinks(self) -> bool:
         return False
 
-    @property
-    def width(self) -> float:
+    def width(self, _: np.ndarray) -> float:
         return 1 / math.sqrt(max(self.exponent, 1.0))
 
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -40,9 +40,12 @@ class TabulatedLaw:
     def cutoff(self) -> float:
         return float(self.cosines[0])
 
-    @cached_property
-    def width(self) -> float:
+    def width(self, _: np.ndarray) -> float:
         """As a power of the cosine that falls as steeply has it."""
+        return self._width
+
+    @cached_property
+    def _width(self) -> float:
         steepest = np.abs(np.diff(self.values) / np.diff(np.arccos(self.cosines))).max()
         return float(self.values.max() / (STEEPEST * steepest)) if steepest else 1.0
 

@@ -62,15 +62,17 @@ def test_choices_that_are_complete_are_found_without_the_others(tmp_path, monkey
     store = PaperStudies(tmp_path, computed.append)
 
     def sweep(*scene, **settings):
+        assert settings["mesh_size"] == 1.1
         if not settings["derivatives"]:
             raise KeyboardInterrupt
         return xr.Dataset(coords={"taxel": [1, 2]}, attrs={"failures": ""})
 
     monkeypatch.setattr(variations, "sweep", sweep)
+    monkeypatch.setattr(variations, "normal", lambda *_: xr.Dataset(attrs={"points": 0, "mesh_size": 1.1}))
     with pytest.raises(MissingStudy):
         variations.vary(PaperStudies(tmp_path), None)
     with pytest.raises(KeyboardInterrupt):
         variations.vary(store, None)
     found = variations.vary(PaperStudies(tmp_path), None)
-    assert list(found) == [choice.words for choice in variations.choices() if not choice.cost]
+    assert list(found) == [choice.words for choice in variations.choices() if choice.has_derivatives]
     assert len(computed) == 12 * len(found) + 1

@@ -445,7 +445,7 @@ def test_what_has_no_derivative_is_refused(scene, name, words):
     ("scene", "words"),
     [
         (lambda: pad_scene({"scattering": "mirror"}), "a wall is a mirror"),
-        (lambda: pad_scene(led={"law": "uniform_polar_angle"}), "the LED's law is uniform_polar_angle"),
+        (lambda: pad_scene(led={"law": "uniform_polar_angle", "cone_angle": 2}), "cone is narrower than 3.4 degrees"),
         (
             lambda: pad_scene(finish="grooves", groove_pitch=0.5, groove_depth=0.02, groove_direction=[0, 0, 1]),
             "finish",

@@ -18,6 +18,8 @@ from mitsuba_taxel.sensing.scene_rates import rates
 from mitsuba_taxel.sensing.targets import CLEAR
 from mitsuba_taxel.sensing.wording import light_error_line
 
+CONE, POLAR = "uniform_solid_angle", "uniform_polar_angle"
+
 
 @pytest.mark.parametrize("law", ["lambertian", "isotropic"])
 @pytest.mark.parametrize("cell", ["hemispheric", "spherical"])
@@ -28,20 +30,27 @@ def test_domes_read_as_the_sphere_within_the_stated_error(llvm_mono, cell, law):
     assert abs(readings.power[0] - truth) < min(2 * readings.total_error[0], 1e-4 * truth)
 
 
+def with_law(scene, law):
+    return scene.replace('"annular_led">', f'"annular_led"> <string name="law" value="{law}"/>')
+
+
 @pytest.mark.parametrize(
-    ("cell", "scattering"),
+    ("cell", "scattering", "law"),
     [
-        *((cell, law) for cell in ("cylindrical", "parallelepiped") for law in ("lambertian", "isotropic")),
-        ("hemispheric", "isotropic"),
-        ("spherical", "lambertian"),
+        *((cell, wall, CONE) for cell in ("cylindrical", "parallelepiped") for wall in ("lambertian", "isotropic")),
+        ("hemispheric", "isotropic", CONE),
+        ("spherical", "lambertian", CONE),
+        ("parallelepiped", "isotropic", POLAR),
+        ("spherical", "lambertian", POLAR),
     ],
 )
 def test_smaller_patches_of_a_pressed_cell_read_the_same_within_the_stated_error(
-    llvm_mono, monkeypatch, tmp_path, cell, scattering
+    llvm_mono, monkeypatch, tmp_path, cell, scattering, law
 ):
     """Patches of 0.7 of the size, on the same finite elements; domes of both laws are compared with spheres above."""
     file = tmp_path / "cell.xml"
-    file.write_text(one_cell(cell=cell, mesh_size=1.25, scattering=scattering, fx=0.1, fz=-1))
+    scene = one_cell(cell=cell, mesh_size=1.25, scattering=scattering, fx=0.1, fz=-1)
+    file.write_text(with_law(scene, law))
     live = Scene(file).load()
     found = deterministic_light(live, False)
     pad = live.shapes()[0].pad
@@ -102,6 +111,18 @@ def test_random_paths_where_the_integrator_says_so(llvm_mono, cell, integrator):
 def test_random_paths_where_a_wall_is_a_mirror(llvm_mono, cell):
     readings = measure(cell(scattering="mirror"), mechanics_error=False)
     assert readings.points > 0 and readings.standard_error.any()
+
+
+@pytest.mark.parametrize(("shape", "scattering"), [("parallelepiped", "isotropic"), ("hemispheric", "lambertian")])
+def test_light_uniform_in_the_polar_angle_is_that_of_random_paths(llvm_mono, cell, shape, scattering):
+    scene = cell(cell=shape, scattering=scattering, fz=-0.5)
+    scene.write_text(with_law(scene.read_text(), POLAR))
+    quiet, random = (measure(scene, points=points, mechanics_error=False) for points in (None, 2048))
+    assert quiet.points == 0
+    assert abs(quiet.power[0] - random.power[0]) < 4 * random.standard_error[0] + 2 * np.hypot(
+        quiet.geometry_error[0], random.geometry_error[0]
+    )
+    assert random.standard_error[0] < 1e-3 * random.power[0]
 
 
 def test_the_change_with_coarser_elements_is_that_of_random_paths(llvm_mono, cell):
