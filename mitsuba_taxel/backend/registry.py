@@ -1,7 +1,7 @@
 """Register our plugins with Mitsuba, in every variant.
 
 A plugin is a file ``plugins/<kind>/<name>.py`` holding a class whose name is the file's in CamelCase. Its class derives
-from a type of the current variant, so the file is reloaded at each change of variant.
+from a type of the current variant, so a file that has been imported is reloaded at each change of variant.
 """
 
 from __future__ import annotations
@@ -95,17 +95,20 @@ def _register_plugins(variant: str) -> None:
     check_llvm(variant)
     for name, file in plugin_files().items():
         kind = file.parent.name
-        plugin = _load_class(kind, name) if variant in SUPPORTED_VARIANTS else _refusal(name, variant)
+        plugin = _made(f"{_PACKAGE}.{kind}.{name}") if variant in SUPPORTED_VARIANTS else _refusal(name, variant)
         getattr(mi, _REGISTER[kind])(name, plugin)
 
 
-def _load_class(kind: str, name: str) -> Callable[..., object]:
-    module_name = f"{_PACKAGE}.{kind}.{name}"
-    if module_name in sys.modules:
-        module = importlib.reload(sys.modules[module_name])
-    else:
-        module = importlib.import_module(module_name)
-    return getattr(module, "".join(word.capitalize() for word in name.split("_")))
+def _made(module: str) -> Callable[..., object]:
+    """A plugin's class, which is imported when the first scene holds it; at once if another variant's has been."""
+    name = "".join(word.capitalize() for word in module.rpartition(".")[2].split("_"))
+    if module in sys.modules:
+        importlib.reload(sys.modules[module])
+
+    def make(props: object) -> object:
+        return getattr(importlib.import_module(module), name)(props)
+
+    return make
 
 
 def _refusal(name: str, variant: str) -> Callable[..., object]:
