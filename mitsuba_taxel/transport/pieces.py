@@ -10,6 +10,8 @@ import numpy as np
 from mitsuba_taxel.transport.patches import PatchPoints
 
 MOST_CUTS = 7
+FEW = 4
+"""Numbers are sorted where fewer than one of so many occurs, as small pieces lie near targets alone."""
 WHOLE = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 QUARTERS = np.stack([WHOLE / 2, WHOLE / 2 + (0.5, 0), WHOLE / 2 + (0, 0.5), 0.5 - WHOLE[[0, 1, 2]] / 2])
 """(4, 3, 2) corners of the four quarters of a triangle."""
@@ -84,11 +86,8 @@ def cut_near(
         target, face = target[other], face[other]
     number, corners = face, WHOLE[None]  # pieces of a size: face by face, corners those of one patch
     for cut in range(MOST_CUTS + 1):
-        there = np.zeros(len(places) * len(corners), dtype=bool)
-        there[number] = True
-        used = np.flatnonzero(there)
+        used, which = _numbered(number, len(places) * len(corners))
         pieces = Pieces(used // len(corners), corners[used % len(corners)])
-        which = np.cumsum(there)[number] - 1
         middle, size = pieces.extents(places)
         away = middle[which] - targets[target]
         least = distance(away) if callable(distance) else distance
@@ -100,3 +99,12 @@ def cut_near(
             return
         target, number = np.repeat(target[near], 4), (4 * number[near][:, None] + np.arange(4)).ravel()
         corners = quartered(corners)
+
+
+def _numbered(number: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Which of ``count`` numbers occur, in ascending order, and the place of each number (N,) among them."""
+    if count > FEW * len(number):
+        return np.unique(number, return_inverse=True)
+    there = np.zeros(count, dtype=bool)
+    there[number] = True
+    return np.flatnonzero(there), np.cumsum(there)[number] - 1

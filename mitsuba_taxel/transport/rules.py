@@ -34,7 +34,8 @@ def triangle_rule(degree: int) -> Rule:
 
 def monomials(points: np.ndarray, degree: int) -> np.ndarray:
     """(Q, C) all monomials s^i t^j of at most that degree; each is contiguous."""
-    table = np.ones((len(_exponents(degree)), len(points)))
+    table = np.empty((len(_exponents(degree)), len(points)))
+    table[0] = 1
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
     s, t = np.ascontiguousarray(points.T)
     for (i, j), number in numbers.items():
