@@ -35,7 +35,7 @@ def test_python_and_scene_agree(tmp_path, monkeypatch):
     names: dict = {}
     exec(blocks("python")[0], names)
     readings = names["readings"]
-    assert readings.power.shape == (9,) and np.all(readings.total_error <= 0.01 * readings.power)
+    assert readings.power.shape == (4,) and np.all(readings.total_error <= 0.01 * readings.power)
     assert names["study"].sizes["fz"] == 3
 
     few = {"points": 256, "seed": 1, "mechanics_error": False}

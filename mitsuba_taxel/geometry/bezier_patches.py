@@ -18,8 +18,8 @@ from scipy.linalg import block_diag
 from mitsuba_taxel.geometry import quadratic_shapes
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES
 
-BATCH = 256
-"""Pairs subdivided at a time: the search is depth-first, which bounds its memory."""
+BATCH = 64
+"""Pairs subdivided at a time: the search is depth-first, which bounds its memory, and finds a touch of few of them."""
 FIRST_BATCH = 16384
 """Pairs tested together before any is subdivided."""
 THIN = 1e-6

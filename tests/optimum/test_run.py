@@ -105,7 +105,7 @@ def test_a_die_is_below_the_middle_of_what_it_looks_at(tmp_path):
     """An LED that may lie off the middle of its body along y, where a mirror image is as bright."""
     (tmp_path / "die.xml").write_text(DIE)
     (tmp_path / "study.toml").write_text(
-        'scene = "die.xml"\npoints = 4096\n[optimise]\nmaximise = "rest"\n[optimise.variables]\ny = [-0.1, 0.12]\n'
+        'scene = "die.xml"\npoints = 1024\n[optimise]\nmaximise = "rest"\n[optimise.variables]\ny = [-0.1, 0.12]\n'
     )
     found = optimise(tmp_path / "study.toml", tmp_path / "out")
     assert found.variables.best[0] == pytest.approx(0, abs=2e-3)

@@ -14,7 +14,7 @@ CELL, THINNEST, SPACING = 6.0, 0.6, 0.9
 LEVEL = 0.5
 """Height in mm of LED and phototransistor above the board."""
 SCENE = f"""<scene version="3.9.0">
-    <default name="fz" value="0"/> <default name="cell_height" value="1.4"/> <default name="height" value="2.05"/>
+    <default name="fz" value="0"/> <default name="cell_height" value="1.2"/> <default name="height" value="1.85"/>
     <shape type="deformable_pad">
         <integer name="rows" value="1"/> <integer name="columns" value="1"/> <float name="mesh_size" value="3"/>
         <float name="cell_size" value="{CELL}"/> <float name="wall" value="1"/> <float name="pitch" value="8"/>
