@@ -439,10 +439,10 @@ def in_the_long_run(state):
     return pad.split(pad.balance(pad.gather(state.displacement, state.pressure), state.value))
 
 
-@pytest.mark.parametrize(("value", "bodies"), [(BEYOND, {}), (HELD, {"obstacles": PACKAGE})])
-def test_what_touches_relaxes_from_the_instantaneous_to_the_lasting_law(value, bodies):
-    at_once, late = pressed(value, value, material=SOFT, times=[0.0, LATE], size=LARGE, **bodies)
-    (elastic,) = pressed(value, size=LARGE, **bodies)
+@pytest.mark.parametrize(("value", "size", "bodies"), [(BEYOND, SIZE, {}), (HELD, LARGE, {"obstacles": PACKAGE})])
+def test_what_touches_relaxes_from_the_instantaneous_to_the_lasting_law(value, size, bodies):
+    at_once, late = pressed(value, value, material=SOFT, times=[0.0, LATE], size=size, **bodies)
+    (elastic,) = pressed(value, size=size, **bodies)
     np.testing.assert_allclose(at_once.displacement, elastic.displacement, atol=1e-8)
     np.testing.assert_allclose(late.displacement, in_the_long_run(late)[0], atol=1e-7)
     forces = [reactions_of(state) for state in (at_once, late)]
