@@ -24,7 +24,7 @@ from mitsuba_taxel.sensing.scene_rates import rates
 from mitsuba_taxel.transport.cell import Cell, Mesh
 from mitsuba_taxel.transport.patches import LATTICE
 
-FORCE = [0.1, 0.0, -0.8]
+FORCE = [0.05, 0.02, -0.8]
 LED = {"type": "annular_led", "power": 0.5}
 
 
