@@ -22,9 +22,11 @@ class PointTree:
         self._shift = size - points.min(axis=0)
         self._tree = cKDTree(points + self._shift)
 
-    def query(self, points: np.ndarray, k: int | Sequence[int] | np.ndarray = 1) -> tuple[np.ndarray, np.ndarray]:
-        """Distances and numbers of the nearest points; see scipy."""
-        distance, number = self._tree.query(points + self._shift, k=k)
+    def query(
+        self, points: np.ndarray, k: int | Sequence[int] | np.ndarray = 1, within: float = np.inf
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Distances and numbers of the nearest points within a distance; see scipy."""
+        distance, number = self._tree.query(points + self._shift, k=k, distance_upper_bound=within)
         return np.asarray(distance), np.asarray(number)
 
     def query_ball_point(self, points: np.ndarray, radius: Any) -> np.ndarray:

@@ -21,8 +21,8 @@ from mitsuba_taxel.sensing.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.targets import MOST_RUNGS, RUNG, _powers, _timed, mechanics_of, rungs_to
 
 CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
-FINE = 0.5
-"""mm: on it one cell is right to a quarter of what it is on the default elements."""
+FINE = 0.6
+"""mm: on it one cell is right to a third of what it is on the default elements."""
 
 
 def sensor(cell="parallelepiped", force=(0.0, 0.0, -2.0), **parts):

@@ -92,7 +92,9 @@ class Barrier:
         own, board = np.zeros_like(displacement), np.zeros_like(displacement)
         places, near = self._near(displacement)
         own[self._nodes] = -self._potential.gradient(near, self._mesh, places).reshape(-1, 3)
-        board[:, 2] = self._over.T @ (-self._weight * self._repulsion(displacement)[0])
+        first, _ = self._repulsion(displacement)
+        if first.any():
+            board[:, 2] = self._over.T @ (-self._weight * first)
         return own, board
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
@@ -104,8 +106,10 @@ class Barrier:
         projection = self._ipc.PSDProjectionMethod.CLAMP if steady else self._ipc.PSDProjectionMethod.NONE
         of_nodes = sparse.coo_array(self._potential.hessian(near, self._mesh, places, projection))
         degrees = (3 * self._nodes[:, None] + np.arange(3)).ravel()
-        at_points = sparse.diags_array(self._weight * self._repulsion(displacement)[1])
-        board = sparse.coo_array(self._over.T @ at_points @ self._over)
+        at_points = self._weight * self._repulsion(displacement)[1]
+        if not (at_points.any() or of_nodes.nnz):
+            return sparse.csr_array((displacement.size, displacement.size))
+        board = sparse.coo_array(self._over.T @ sparse.diags_array(at_points) @ self._over)
         rows = np.concatenate([degrees[of_nodes.row], 3 * board.row + 2])
         columns = np.concatenate([degrees[of_nodes.col], 3 * board.col + 2])
         values = np.concatenate([of_nodes.data, board.data])

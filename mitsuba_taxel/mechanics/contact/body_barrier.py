@@ -82,6 +82,8 @@ class BodyBarrier:
     def forces(self, displacement: np.ndarray) -> np.ndarray:
         """(N, 3) nodal forces in N of the bodies on the pad."""
         places, near = self._near(displacement)
+        if not len(near):
+            return np.zeros_like(displacement)
         gradient = self._potential.gradient(near, self._mesh, places).reshape(-1, 3)
         return self._over.T @ -gradient[: self._over.shape[0]]
 
@@ -89,6 +91,8 @@ class BodyBarrier:
         """(3 N, 3 N) derivative of the forces by the displacement, with the opposite sign; as of the pad's own
         barrier."""
         (places, near), count = self._near(displacement), 3 * self._over.shape[0]
+        if not len(near):
+            return sparse.csr_array((displacement.size, displacement.size))
         projection = self._ipc.PSDProjectionMethod.CLAMP if steady else self._ipc.PSDProjectionMethod.NONE
         found = sparse.coo_array(self._potential.hessian(near, self._mesh, places, projection))
         own = (found.row < count) & (found.col < count)

@@ -21,6 +21,8 @@ NEAR = 3.0
 """Distance in cells up to which it is exact; further away, where nothing presses, it is about that."""
 CANDIDATES = 8
 """Samples near a place, of whose triangles the nearest is taken."""
+APART = 0.5
+"""Size in cells of what has one sample for the distances that are far: thin triangles have very many."""
 ALIKE = 1e-9
 """Difference in distance, in cells, of triangles that share the nearest point."""
 PLACES_AT_ONCE = 20_000
@@ -109,14 +111,14 @@ class SolidDistance:
     def _of_places(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances without a sign, and whether places (n, 3) are inside as the nearest triangle has it."""
         samples, owner = _samples(self._corners, self.spacing, self._first[2] + self._counts[2] * self.spacing)
-        tree = PointTree(samples)
+        few = _one_of_each(np.floor((samples - self._first) / (APART * self.spacing)).astype(int))
+        tree, coarse_tree = PointTree(samples), PointTree(samples[few])
         size, inside = np.empty(len(places)), np.empty(len(places), dtype=bool)
         for start in range(0, len(places), PLACES_AT_ONCE):
             some = places[start : start + PLACES_AT_ONCE]
-            distance, number = tree.query(some)
-            near = distance < NEAR * self.spacing
+            near = np.isfinite(tree.query(some, within=NEAR * self.spacing)[0])
             for which, candidates in (
-                (~near, owner[number[~near], None]),
+                (~near, owner[few[coarse_tree.query(some[~near])[1]], None]),
                 (near, owner[tree.query(some[near], k=np.arange(1, 1 + min(CANDIDATES, len(samples))))[1]]),
             ):
                 numbers = start + np.flatnonzero(which)
@@ -134,6 +136,11 @@ class SolidDistance:
         among = distance <= nearest[:, None] + ALIKE * self.spacing
         chosen = np.argmax(np.where(among, np.abs(facing), -1.0), axis=1)
         return nearest, np.take_along_axis(facing, chosen[:, None], axis=1)[:, 0] < 0
+
+
+def _one_of_each(cells: np.ndarray) -> np.ndarray:
+    """Of points with the cells (n, 3) that they are in, the number of one in each cell."""
+    return np.unique(cells, axis=0, return_index=True)[1]
 
 
 def _samples(corners: np.ndarray, spacing: float, top: float) -> tuple[np.ndarray, np.ndarray]:

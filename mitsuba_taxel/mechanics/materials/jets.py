@@ -60,7 +60,8 @@ class Jet:
         return self._through(self.value**exponent, first, second)
 
     def __neg__(self) -> Jet:
-        return self * -1.0
+        derivatives = (self.d1, self.d2, self.d11, self.d12, self.d22)
+        return Jet(-self.value, *(None if part is None else -part for part in derivatives))
 
     def __sub__(self, other: Any) -> Jet:
         return self + -_jet(other)
@@ -135,8 +136,9 @@ def _sum(*terms: Any) -> Any:
 
 
 def _product(*factors: Any) -> Any:
-    if any(factor is None for factor in factors):
-        return None
+    for factor in factors:
+        if factor is None:
+            return None
     product = factors[0]
     for factor in factors[1:]:
         product = product * factor

@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -84,7 +85,7 @@ class Material(ABC, Checked, Displayed):
     @property
     def shear_modulus(self) -> float:
         """mu = 2 (dW/dI1 + dW/dI2) at rest, in MPa (Holzapfel 2000, section 6.5)."""
-        rest = self._at_rest()
+        rest = self._at_rest
         return 2 * ((rest.d1 or 0.0) + (rest.d2 or 0.0))
 
     @property
@@ -137,12 +138,13 @@ class Material(ABC, Checked, Displayed):
             moduli.pairs.append((invariants.second_derivative, _combination(None, 0.5 * w.d22, invariants)))
         return moduli
 
+    @cached_property
     def _at_rest(self) -> Jet:
         return self.strain_energy(Jet(3.0, d1=1.0), Jet(3.0, d2=1.0))
 
     def _derivatives(self, invariants: IsochoricInvariants) -> Jet:
         # A law of I1 alone does not need I2.
-        second = np.nan if self._at_rest().d2 is None else invariants.second
+        second = np.nan if self._at_rest.d2 is None else invariants.second
         return self.strain_energy(Jet(invariants.first, d1=1.0), Jet(second, d2=1.0))
 
 

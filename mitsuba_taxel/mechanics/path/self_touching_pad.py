@@ -81,7 +81,9 @@ class SelfTouchingPad(LoadedPad):
     @cached_property
     def _of_whole(self) -> SelfTouchingPad:
         parts = self.whole, self.material, self.load
-        return type(self)(*parts, solver=self._solver_name, bodies=self._bodies, share=self._share)
+        whole = type(self)(*parts, solver=self._solver_name, bodies=self._bodies, share=self._share)
+        whole.contacts = self.contacts
+        return whole
 
     def is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
         """As of a `LoadedPad`, whatever forces do that turn about corners: these are corners of cut faces and of
@@ -163,6 +165,8 @@ class SelfTouchingPad(LoadedPad):
         if not state.min_jacobian > 0:
             return state
         forces = self.contacts.all_forces(self.split(unknowns)[0]).ravel()
+        if not forces.any():
+            return state
         return replace(state, residual=state.residual - self._expansion.T @ forces / self.part.copies)
 
     def _linearised(
@@ -173,9 +177,10 @@ class SelfTouchingPad(LoadedPad):
         near: Linearised | None = None,
         steady: bool = False,
     ) -> Linearised:
-        stiffness = self.contacts.stiffness(self.split(unknowns)[0], steady)
-        added = sparse.tril(self._expansion.T @ stiffness @ self._expansion / self.part.copies)
-        lower = sum_of_triangles(self.model.assembly.matrix(entries), added)
+        stiffness, lower = self.contacts.stiffness(self.split(unknowns)[0], steady), self.model.assembly.matrix(entries)
+        if stiffness.nnz:
+            added = sparse.tril(self._expansion.T @ stiffness @ self._expansion / self.part.copies)
+            lower = sum_of_triangles(lower, added)
         pattern = lower.indptr.tobytes(), lower.indices.tobytes()
         if pattern != self._pattern:  # other pairs: it has to be analysed again
             self._solver, self._pattern = make_solver(self._solver_name), pattern

@@ -120,8 +120,7 @@ def test_a_contact_of_a_twentieth_of_the_ball(half_space, fraction, within):
         return fraction * contact + 0.7 * np.maximum(0, np.linalg.norm(places, axis=1) - 1.2 * contact)
 
     block, depth = Pressed(half_space(size, width=8.0), Indenter("sphere", radius=RADIUS)), contact**2 / RADIUS
-    for share in (0.5, 0.75, 1.0):
-        block.to(share * depth)
+    block.to(0.6 * depth).to(depth)
     hertz = 4 / 3 * MODULUS * contact**3 / RADIUS
     assert block.force == pytest.approx(hertz * layer_factor(contact / HEIGHT), rel=within)
     of_force = np.cbrt(0.75 * block.force * RADIUS / MODULUS)
@@ -179,7 +178,7 @@ def edged(smallest, size):
 
 def test_a_punch_presses_as_its_closed_form_says(half_space):
     block = Pressed(half_space(edged(0.35, 0.5)), Indenter("punch", radius=1.0, edge_radius=0.2))
-    assert block.to(0.01).to(0.02).force == pytest.approx(of_punch(1.0, 0.2, 0.02)[0], rel=1e-2)
+    assert block.to(0.02).force == pytest.approx(of_punch(1.0, 0.2, 0.02)[0], rel=1e-2)
 
 
 def test_a_tilted_punch_is_turned_back_as_its_closed_form_says(half_space):
@@ -188,7 +187,7 @@ def test_a_tilted_punch_is_turned_back_as_its_closed_form_says(half_space):
     tilt = 0.05
     body = Indenter("punch", radius=1.0, edge_radius=0.2, tilt=tilt)
     force, contact = of_punch(1.0, 0.2, 0.02)
-    block = Pressed(half_space(edged(0.5, 0.7)), body, mirrors=(ACROSS_Y,)).to(0.01).to(0.02 + body.lift)
+    block = Pressed(half_space(edged(0.5, 0.7)), body, mirrors=(ACROSS_Y,)).to(0.02 + body.lift)
     displacement = block.pad.numbering.split(block.unknowns)[0]
     places = block.pad.part.mesh.points + displacement - [0, 0, HEIGHT - 0.02]
     moment = 2 * np.cross(places, block.pressing.pushed)[:, 1].sum()

@@ -162,7 +162,7 @@ def test_a_groove_folds_along_its_edge(block, past, said):
 def test_a_side_wall_bulges_against_the_opposite_one(chosen):
     """A face whose mid-edge nodes move by a bulges by 4/3 a in its middle, where there is no node."""
     pad = Pad(rows=1, columns=1)
-    mesh = mesh_pad(pad, 0.8)
+    mesh = mesh_pad(pad, 1.25)
     centre = mesh.points[mesh.faces[:, :3]].mean(axis=1)
     wall = np.isclose(centre[:, 0], -pad.cell_size / 2) & (mesh.face_region == REGIONS["side"])
     at_border = np.isin(mesh.faces[:, 3:], mesh.faces[~wall, 3:]).any(axis=1)

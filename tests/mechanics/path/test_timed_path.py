@@ -28,14 +28,15 @@ from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.timed_path import TimedPath
 from mitsuba_taxel.pads import Pad
 
-PAD, SIZE = Pad(rows=1, columns=1), 3.0
+PAD, SIZE, LARGE = Pad(rows=1, columns=1), 3.0, 9.0
+"""The sizes in mm of elements, and of those of pads on which a body sticks, which are smaller below it."""
 LAW = NeoHookean(1.0, 0.5)
 SOFT = Viscoelastic(LAW, ((0.2, 1.0), (0.3, 10.0)))
 PLATE = PlateDisplacement()
 
 
-def states(values, times, material=SOFT, load=PLATE, pad=PAD):
-    return load_path(pad, material, values, times=times, load=load, mesh_size=SIZE)
+def states(values, times, material=SOFT, load=PLATE, pad=PAD, size=SIZE):
+    return load_path(pad, material, values, times=times, load=load, mesh_size=size)
 
 
 def plate_forces(found):
@@ -91,7 +92,7 @@ def test_creep_below_a_punch_that_sticks():
     in time, too."""
     times, force = [0, 0, 0.5], 1e-5
     load, rows = IndenterForce(Indenter("punch", radius=1.4, friction=2.0)), [(0, 0, -force), *[(force, 0, -force)] * 2]
-    found = states(rows, times, load=load)
+    found = states(rows, times, load=load, size=LARGE)
     at_once, later = (state.indenter_moved[[0, 2]] for state in found[1:])
     np.testing.assert_allclose(later / at_once, creep(np.array([0.5]))[0], rtol=1e-3)
     for state, asked in zip(found, rows, strict=True):
@@ -113,8 +114,8 @@ def test_forces_with_friction_that_jump_are_those_of_the_elastic_pad():
     """And met, also where a sideways force is held while the normal one grows."""
     load, rows = IndenterForce(Indenter("sphere", radius=5.0, friction=0.3)), [(0, 0, -0.3), (0.03, 0, -0.3)]
     rows = [*rows, (0.03, 0, -0.5)]
-    elastic = load_path(PAD, LAW, rows, load=load, mesh_size=SIZE)
-    for one, other, asked in zip(states(rows, [0, 0, 0], load=load), elastic, rows, strict=True):
+    elastic = load_path(PAD, LAW, rows, load=load, mesh_size=LARGE)
+    for one, other, asked in zip(states(rows, [0, 0, 0], load=load, size=LARGE), elastic, rows, strict=True):
         np.testing.assert_allclose(one.displacement, other.displacement, atol=1e-9)
         np.testing.assert_allclose(reactions(one).applied_force, asked, atol=1e-6)
 

@@ -91,7 +91,7 @@ def test_areas_of_the_regions(meshed):
 def test_volume_from_the_elements_and_from_the_oriented_surface(meshed):
     pad, mesh = meshed
     expected = math.prod(pad.extent) - 9 * cell_measures(pad)[0]
-    points, weights = np.polynomial.legendre.leggauss(4)
+    points, weights = np.polynomial.legendre.leggauss(3)  # exact to degree 5
     points, weights = (points + 1) / 2, weights / 2
     u, v, w = (a.ravel() for a in np.meshgrid(points, points, points, indexing="ij"))
     xi = np.stack([u, v * (1 - u), w * (1 - u) * (1 - v)], -1)  # the cube folded onto the tetrahedron
