@@ -118,14 +118,18 @@ class _Rays:
 
 
 def emission(led: End, places: np.ndarray, rest: np.ndarray, degree: int) -> Emission:
-    """Power of ``led`` on patches with ``places`` (F, 15, 3), which are subdivided as needed at ``rest``."""
+    """Power of ``led`` on patches with ``places`` (F, 15, 3).
+
+    They are subdivided as needed at ``rest``, for sums that are smooth in the load, or at ``places`` if the law is
+    peaked, as walls move along below the peak.
+    """
     sources, faces, corners = [], [], []
 
     def distance(away: np.ndarray) -> np.ndarray:
         cosines = away @ led.normal / np.linalg.norm(away, axis=1)
         return DISTANCE / np.minimum(led.law.width(cosines), 1.0)
 
-    for source, which, pieces in cut_near(led.points, rest, None, distance):
+    for source, which, pieces in cut_near(led.points, places if led.law.is_peaked else rest, None, distance):
         sources.append(source)
         faces.append(pieces.face[which])
         corners.append(pieces.corners[which])

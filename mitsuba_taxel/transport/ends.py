@@ -23,6 +23,10 @@ class AngularLaw(Protocol):
     def has_kinks(self) -> bool:
         """Whether its derivative has steps."""
 
+    @property
+    def is_peaked(self) -> bool:
+        """Whether its width is much less in some directions than in others."""
+
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Value and derivative, also slightly below the cutoff."""
 
@@ -37,6 +41,10 @@ class CosineFactor:
 
     @property
     def has_kinks(self) -> bool:
+        return False
+
+    @property
+    def is_peaked(self) -> bool:
         return False
 
     def width(self, _: np.ndarray) -> float:

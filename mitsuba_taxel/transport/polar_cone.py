@@ -36,6 +36,10 @@ class PolarCone:
         return False
 
     @property
+    def is_peaked(self) -> bool:
+        return True
+
+    @property
     def cutoff(self) -> float:
         return math.cos(self.angle)
 

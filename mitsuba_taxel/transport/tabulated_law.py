@@ -37,6 +37,10 @@ class TabulatedLaw:
         return True
 
     @property
+    def is_peaked(self) -> bool:
+        return False
+
+    @property
     def cutoff(self) -> float:
         return float(self.cosines[0])
 

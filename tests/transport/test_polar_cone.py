@@ -44,10 +44,11 @@ def on_plate(x, y, height, angle):
     return total / (2 * math.pi * angle)
 
 
-def lit(x, y, height, angle):
+def lit(x, y, height, angle, moved=(0.0, 0.0, 0.0)):
+    """The light of a point below (x, y) of a plate, which has come there by a movement."""
     led = End(np.array([[x, y, 0.0]]), np.ones(1), UP, PolarCone(math.radians(angle)))
     places = plate(height)
-    return emission(led, places, places, 2)
+    return emission(led, places, places - moved, 2)
 
 
 @pytest.mark.parametrize("angle", [2 * BLUNT, 0.5, 1.5])
@@ -78,10 +79,11 @@ def test_a_square_plate_receives_the_mean_angle_of_its_outline(x, y, height, ang
     assert share == pytest.approx(on_plate(x, y, height, math.radians(angle)), rel=2e-5)
 
 
+@pytest.mark.parametrize("moved", [(0.0, 0.0, 0.0), (0.37, -0.21, -0.3)])
 @pytest.mark.parametrize(("x", "y", "height"), [(0.3, 0.1, 1.0), (-0.45, 0.2, 2.0), (0.9, 0.4, 1.0)])
-def test_its_derivatives_by_the_plates_position(x, y, height):
+def test_its_derivatives_by_the_plates_position(x, y, height, moved):
     step, angle = 1e-3, math.radians(88)
-    light = lit(x, y, height, 88.0)
+    light = lit(x, y, height, 88.0, moved)
     found = light.gradient(np.ones(len(light.power))).sum(axis=(0, 1))
     ends = np.array(
         [[on_plate(x - s * a, y - s * b, height + s * c, angle) for s in (step, -step)] for a, b, c in np.eye(3)]
