@@ -49,9 +49,9 @@ def variations(found: Found, pictures: Path) -> str:
 ![Sensitivities under each choice](paper/choices.png)
 
 Steepest slopes in µW/N of the corner and the centre taxel up to 20 N of normal force (N), and up to 8 N along x or y
-at -8 N (T): of the curves through readings and their derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors
-and reflecting packages, which need random paths, between these forces: there, noise may be more than the slope. On the
-elements of Table 1's normal forces. *Order*: pairs of shapes, of 6 + 6, that come in the paper's order. *Factor* is
+at -8 N (T): of the curves through readings and their derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors,
+which need random paths, between these forces: there, noise may be more than the slope. On the elements of Table 1's
+normal forces. *Order*: pairs of shapes, of 6 + 6, that come in the paper's order. *Factor* is
 what all must be multiplied by to come nearest to the paper's numbers (a source of so many watts), *misfit* the typical
 factor that each is then still off by. *Peak*: height in mm at which the part reads most under a mirror plate.
 

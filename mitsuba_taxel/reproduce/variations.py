@@ -49,7 +49,7 @@ class Variation:
     @property
     def has_derivatives(self) -> bool:
         """Whether readings have derivatives with respect to the force without random numbers."""
-        return self.values.get("scattering") != "mirror" and not self.values.get("body_reflectance")
+        return self.values.get("scattering") != "mirror"
 
 
 def choices() -> list[Variation]:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from mitsuba_taxel.mechanics import State
     from mitsuba_taxel.mechanics.path.second_state import SecondState
-    from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
+    from mitsuba_taxel.sensing.cell_patches import CellPatches
 
 LIGHT_SHARE = 0.25
 """Standard deviation of the derivatives of the finer solution, relative to their difference from the coarser one's."""
@@ -183,7 +183,7 @@ class _OfCell:
 
     def __init__(self, whole: _Linearised, number: int, nodal: list[Nodal], others: list) -> None:
         self._whole, self._number = whole, number
-        self._patches: WallPatches = whole.patches[number]
+        self._patches: CellPatches = whole.patches[number]
         self._rest = self._patches.rest
         self._at = self._rest + self._patches.carried(whole.state.displacement)
         self._displaced = [self._patches.carried(each.displacement) for each in nodal]
@@ -252,20 +252,22 @@ class _OfCell:
         return sum(dimensions, start=displaced)
 
     def _by_patch(self, cell: Cell, gradient: np.ndarray) -> np.ndarray:
-        """(P, F + 1) derivatives by the movement of each patch, and by changes of other parts."""
+        """(P, F + 1) derivatives by the movement of each patch of walls, and by changes of other parts."""
         by_walls = [
             (gradient * velocity).sum(axis=(1, 2)) + self._bent(cell, velocity, side).mean(axis=0)
             for velocity, side in zip(self._velocities, self._sides, strict=True)
         ]
-        return np.column_stack([by_walls, [self._by_parts(cell, scenes) for scenes in self._others]])
+        return np.column_stack([by_walls, [self._by_parts(cell, gradient, scenes) for scenes in self._others]])
 
-    def _by_parts(self, cell: Cell, scenes: list[tuple[float, DiffuseCells]]) -> float:
+    def _by_parts(self, cell: Cell, gradient: np.ndarray, scenes: list[tuple[float, DiffuseCells]]) -> float:
         own, taxel = self._whole.cells.cells[self._number], self._whole.cells.taxels[self._number]
         total = 0.0
         for weight, other in scenes:
-            there, then = other.cells[self._number], other.taxels[self._number]
+            then = other.taxels[self._number]
+            there = other.cell_like(self._number, self._whole.cells)
             scattered = (there.isotropic + there.lambertian) / (own.isotropic + own.lambertian)
             change = cell.change(then.led, then.phototransistor, then.body, scattered)
+            change += (gradient[len(own.faces) :] * (there.package - own.package)).sum()
             total += weight * (change + cell.reading * then.power / taxel.power)
         return total
 

@@ -23,8 +23,10 @@ from mitsuba_taxel.kernels.protocols import LedEmitter, PadShape, Phototransisto
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import walls_by_region
 from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.sensing.cell_patches import CellPatches
 from mitsuba_taxel.sensing.taxels import taxels_of
 from mitsuba_taxel.transport.box import Box
+from mitsuba_taxel.transport.box_faces import BoxFaces, faces_of
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
 from mitsuba_taxel.transport.ends import AngularLaw, CosineFactor, End, uniform_cone
 from mitsuba_taxel.transport.patches import LATTICE
@@ -84,12 +86,15 @@ class Taxel:
         In the frame of the pad.
     body : Box or None
         Their package, in that frame.
+    package : PackageFaces or None
+        Those of its faces that scatter light.
     """
 
     power: float
     led: End
     phototransistor: End
     body: Box | None
+    package: PackageFaces | None
 
     @property
     def light_share(self) -> float:
@@ -103,18 +108,41 @@ class Taxel:
 
 
 @dataclass(frozen=True, eq=False)
+class PackageFaces:
+    """Faces of a package that scatter light by Lambert's law.
+
+    Attributes
+    ----------
+    faces : BoxFaces
+        R of them.
+    shares : (R,) ndarray
+        Share of the incident light that each scatters.
+    """
+
+    faces: BoxFaces
+    shares: np.ndarray
+
+    def cut(self, cuts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Patches (G, 15, 3) for numbers of parts (R, 2), see :meth:`BoxFaces.cuts`, and the share (G,) of each."""
+        return self.faces.places(cuts), np.repeat(self.shares, 2 * cuts.prod(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
 class CellWalls:
-    """The scattering walls of a cell.
+    """The scattering walls of a cell, and the faces of its package.
 
     Attributes
     ----------
     faces : (F,) ndarray
         Numbers of the mesh faces that define the patches.
-    isotropic, lambertian : (F,) ndarray
+    package : (G, 15, 3) ndarray
+        Patches on the package.
+    isotropic, lambertian : (F + G,) ndarray
         Share of the incident light that each scatters with this law.
     """
 
     faces: np.ndarray
+    package: np.ndarray
     isotropic: np.ndarray
     lambertian: np.ndarray
 
@@ -165,11 +193,13 @@ class DiffuseCells:
         return float(np.cbrt(np.linalg.det(self.pad.to_world[:3, :3])))
 
     def _refuse_other_walls(self) -> None:
+        """Raise if anything but the pad, and packages with an LED and its phototransistor, reflects light."""
+        followed = [self.pad.ptr, *(pair.led.get_shape().ptr for pair in taxels_of(self.scene) if pair.coplanar)]
         for shape in self.scene.shapes():
-            for name, wall in () if shape.ptr == self.pad.ptr else walls_by_region(shape.bsdf()).items():
+            for name, wall in () if shape.ptr in followed else walls_by_region(shape.bsdf()).items():
                 if any(_shares(wall)):
                     part = f"the {name} of a {kind_of(shape)}" if name else f"a {kind_of(shape)}"
-                    raise NotDiffuse(f"{part} sends light back, and only the pad's own walls are followed")
+                    raise NotDiffuse(f"{part} sends light back, and only walls of pad and packages are followed")
 
     def _cell(self, taxel: Taxel, shares: dict[int, tuple[float, float]]) -> CellWalls:
         mesh = self._mesh
@@ -180,13 +210,17 @@ class DiffuseCells:
         faces = np.flatnonzero((mesh.face_cell == number) & np.isin(mesh.face_region, scatter))
         if not len(faces):
             raise NotDiffuse("no wall of a cell sends light back")
-        if len(faces) > MOST_FACES:
+        each = np.array([shares[region] for region in mesh.face_region[faces].tolist()])
+        package = np.empty((0, *LATTICE.shape[:1], 3))
+        if taxel.package is not None:
+            package, of_package = taxel.package.cut(taxel.package.faces.cuts())
+            each = _with_package(each, of_package)
+        if len(each) > MOST_FACES:
             raise NotFollowed(
-                f"light without random numbers takes too long between the {len(faces)} patches of a cell: "
+                f"light without random numbers takes too long between the {len(each)} patches of a cell: "
                 f"{MOST_FACES} at most are allowed."
             )
-        each = np.array([shares[region] for region in mesh.face_region[faces].tolist()])
-        return CellWalls(faces, *each.T)
+        return CellWalls(faces, package, *each.T)
 
     def _refuse_other_cells(self) -> None:
         """Raise if an LED lights scattering walls of another cell."""
@@ -258,16 +292,35 @@ class DiffuseCells:
         ray.maxt = mi.Float(1.0)
         return ray, self.scene.ray_intersect_preliminary(ray)
 
-    def patches(self, number: int, elements: VolumeMesh | None = None) -> WallPatches:
-        """The undeformed walls of a cell, with their dependence on the displacement of the pad's elements or others."""
-        return _patches(
-            elements or self.pad.state.mesh, self._mesh, self.pad.pad, tuple(self.cells[number].faces.tolist())
-        )
+    def patches(self, number: int, elements: VolumeMesh | None = None) -> CellPatches:
+        """The undeformed walls of a cell, with their dependence on the displacement of the pad's elements or others,
+        and the faces of its package."""
+        cell = self.cells[number]
+        walls = _patches(elements or self.pad.state.mesh, self._mesh, self.pad.pad, tuple(cell.faces.tolist()))
+        return CellPatches(walls, cell.package)
 
     def light_mesh(self, number: int, degree: int) -> Mesh:
         """The quadrature on the walls of a cell."""
         rest = self.patches(number).rest
         return _kept_mesh(rest.tobytes(), degree) if len(rest) <= MOST_KEPT else Mesh(rest, degree)
+
+    def cell_like(self, number: int, before: DiffuseCells) -> CellWalls:
+        """A cell, with the faces of its package cut as in the scene before one of its parameters changed.
+
+        Raises
+        ------
+        NotDiffuse
+            if there are other patches.
+        """
+        cell, known = self.cells[number], before.cells[number]
+        one, other = before.taxels[number].package, self.taxels[number].package
+        if one is not None and other is not None and len(one.shares) == len(other.shares):
+            package, shares = other.cut(one.faces.cuts())
+            of_walls = np.column_stack([cell.isotropic, cell.lambertian])[: len(cell.faces)]
+            cell = CellWalls(cell.faces, package, *_with_package(of_walls, shares).T)
+        if not (np.array_equal(cell.faces, known.faces) and cell.package.shape == known.package.shape):
+            raise NotDiffuse("a wall begins to send light back, or dies to touch, as the parameter changes")
+        return cell
 
     def walls_alike(self, one: int, other: int) -> bool:
         """Whether the walls of two cells scatter equally, judged by all of their properties."""
@@ -278,7 +331,8 @@ class DiffuseCells:
     def solved(self, number: int, mesh: Mesh, places: np.ndarray) -> Cell:
         """The light in a cell, whose walls are at ``places`` (F, 15, 3)."""
         taxel, cell = self.taxels[number], self.cells[number]
-        parts = ScatteringWalls(places, cell.isotropic, cell.lambertian), taxel.led, taxel.phototransistor, taxel.body
+        walls = ScatteringWalls(places, cell.isotropic, cell.lambertian, len(cell.package))
+        parts = walls, taxel.led, taxel.phototransistor, taxel.body
         return kept_cell(mesh, pickle.dumps(parts)) if len(places) <= MOST_KEPT else Cell(mesh, *parts)
 
 
@@ -350,6 +404,7 @@ def _taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int) -> li
     width, depth = (float(side) for side in np.array(pair.sensor.faces.size, dtype=float).ravel())
     sensitive = rectangle_rule(width, depth, points, points)
     bodies = _bodies(pair, into_pad, scale)
+    packages = [_scattering_faces(pair, body) for body in bodies]
     live = float(pair.led.power[0])  # in single precision, and perhaps changed in the loaded scene
     power = stated.power if math.isclose(live, stated.power, rel_tol=SINGLE) else live
     laws = _law_of_led(pair.led), _law_of_phototransistor(pair.sensor)
@@ -361,8 +416,9 @@ def _taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int) -> li
             replace(led, weights=led.weights / led.weights.sum()),
             replace(sensor, weights=sensor.weights / scale**2),
             body,
+            package,
         )
-        for led, sensor, body in zip(leds, sensors, bodies, strict=True)
+        for led, sensor, body, package in zip(leds, sensors, bodies, packages, strict=True)
     ]
 
 
@@ -378,6 +434,31 @@ def _bodies(pair: TaxelPair, into_pad: IntoPad, scale: float) -> list[Box | None
     inwards = -faces.scale * (side.x * axes[0] + side.y * axes[1]) - half[2] * axes[2]
     turned = into_pad(axes, is_direction=True)
     return [Box(into_pad(centre + inwards), turned, half / scale) for centre in centres]
+
+
+def _scattering_faces(pair: TaxelPair, body: Box | None) -> PackageFaces | None:
+    """The faces of a package with LED and phototransistor that scatter light; None if there are none."""
+    package = pair.led.get_shape()
+    walls = walls_by_region(package.bsdf())
+    if not (body is not None and pair.coplanar and is_package(package)):
+        return None
+    each = [_shares(walls[name]) if name in walls else (0.0, 0.0) for name in (*package.sides, "body")]
+    if any(isotropic for isotropic, _ in each):
+        raise NotDiffuse(
+            "a package scatters light isotropically, which ends with a step along the horizon of its faces"
+        )
+    shares = np.array([lambertian for _, lambertian in each])
+    scale = 2 * body.half[:2] / package.body[:2]
+    dies = [np.array([[s.x, s.y], [s.die_width, s.die_length]]) * scale for s in package.sides.values()]
+    openings = [(x - a / 2, x + a / 2, y - b / 2, y + b / 2) for (x, y), (a, b) in (die.tolist() for die in dies)]
+    found = faces_of(body, openings)
+    kept = shares[found.kind] > 0
+    return PackageFaces(found.among(kept), shares[found.kind[kept]]) if kept.any() else None
+
+
+def _with_package(of_walls: np.ndarray, of_package: np.ndarray) -> np.ndarray:
+    """(F + G, 2) shares scattered isotropically and by Lambert's law, from those of walls (F, 2) and of a package."""
+    return np.concatenate([of_walls, np.column_stack([np.zeros_like(of_package), of_package])])
 
 
 def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: AngularLaw, into_pad: IntoPad) -> list[End]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
+from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, Taxel
 from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.ends import End
 
@@ -71,6 +71,7 @@ def equal_at_rest(cells: DiffuseCells) -> list[int]:
                 all(_shifted(shift, *pair, PLACED * cells.pad.pad.cell_size) for pair in ends)
                 and taxel.power == there.power
                 and _same_size(taxel.body, there.body)
+                and _same_shares(taxel, there)
             ):
                 first[number] = first[other]
                 break
@@ -98,6 +99,12 @@ def _mirrored(mirror: Mirror, end: End, other: End) -> bool:
 def _same_size(body: Box | None, other: Box | None) -> bool:
     """Whether packages, which move with their LEDs, have the same size."""
     return body is other is None or (body is not None and other is not None and _close(body.half, other.half))
+
+
+def _same_shares(taxel: Taxel, other: Taxel) -> bool:
+    """Whether the faces of their packages scatter equally."""
+    shares = ([] if each.package is None else each.package.shares for each in (taxel, other))
+    return np.array_equal(*shares)
 
 
 def _close(one: np.ndarray, other: np.ndarray, bound: float = EQUAL) -> bool:

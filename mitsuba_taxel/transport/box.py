@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 
 import drjit as dr
 import numpy as np
-from drjit.llvm import Array3f64, Float64, UInt32
+from drjit.llvm import Array3f64, Bool, Float64, UInt32
 
 WIDTH = 0.2
 """Length within a box up to which some light passes, relative to its shortest side; with half or a quarter of it,
@@ -59,9 +59,11 @@ class Passage:
     box : Box
     start, d : Array3f64
         Starts of the segments in the frame of the box, and vectors to their ends.
+    stands : Bool or bool
+        Whether the box can stand in a segment: it does not if an end lies on its faces and sees the other.
     """
 
-    def __init__(self, box: Box, start: Array3f64, d: Array3f64) -> None:
+    def __init__(self, box: Box, start: Array3f64, d: Array3f64, stands: Bool | bool = True) -> None:
         width = WIDTH * 2 * float(box.half.min())
         self._box, self._d = box, d
         over = [dr.select(dr.abs(part) > dr.epsilon(Float64), dr.rcp(part), 1 / dr.epsilon(Float64)) for part in d]
@@ -75,8 +77,8 @@ class Passage:
         inside = (self._leave - self._enter) * self._length / width
         inner = dr.clip(inside, -1, 1)
         square = dr.square(inner)
-        self.share = 0.5 - 0.9375 * inner * (1 - square * (2 / 3 - square / 5))
-        self._slope = -0.9375 / width * dr.square(1 - square)
+        self.share = dr.select(stands, 0.5 - 0.9375 * inner * (1 - square * (2 / 3 - square / 5)), 1)
+        self._slope = dr.select(stands, -0.9375 / width * dr.square(1 - square), 0)
         self._by = [(dr.select(enter_by == k, one, 0), dr.select(leave_by == k, one, 0)) for k, one in enumerate(over)]
 
     def slopes(self) -> tuple[Array3f64, Array3f64]:

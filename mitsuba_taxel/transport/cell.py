@@ -9,7 +9,7 @@ Equations of the Second Kind, Cambridge University Press, 1997.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,7 @@ from scipy import sparse
 from scipy.linalg import lu_factor, lu_solve
 
 from mitsuba_taxel.transport.box import Box
-from mitsuba_taxel.transport.emission import emission
+from mitsuba_taxel.transport.emission import Emission, emission
 from mitsuba_taxel.transport.ends import End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
 from mitsuba_taxel.transport.pairs import Pairs, pairs_of
@@ -41,11 +41,20 @@ class ScatteringWalls:
         In mm.
     isotropic, lambertian : (F,) ndarray
         Share of the incident light that each scatters with this law.
+    of_box : int
+        Number of the last patches, which lie on the box: LED and phototransistor at its top do not see them, and it
+        does not stand between them and others.
     """
 
     places: np.ndarray
     isotropic: np.ndarray
     lambertian: np.ndarray
+    of_box: int = 0
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Patches that LED and phototransistor see."""
+        return self.places[: len(self.places) - self.of_box]
 
 
 class Mesh:
@@ -101,23 +110,24 @@ class Cell:
         self._length = np.linalg.norm(self._area, axis=1, keepdims=True)
         self._normal = self._area / self._length
         self._starts = Starts(self._at, self._normal, walls.isotropic[mesh.own], walls.lambertian[mesh.own])
-        self._emission = emission(led, walls.places, mesh.rest, mesh.degree)
-        self._reception = Reception(phototransistor, self._starts)
+        self._seen = slice(len(walls.seen) * len(mesh.own) // len(walls.places))
+        self._emission = self._emission_of(led)
+        self._reception = Reception(phototransistor, self._seen_starts)
         self._box, self._exchange = box, self._exchanged(self._between_walls(box))
         kept = lu_factor(np.eye(len(mesh.own)) - self._exchange)
-        self.response = lu_solve(kept, self._reception.value)
-        self._adjoint = lu_solve(kept, self._emission.power, trans=1)
+        self.response = lu_solve(kept, self._of_all(self._reception.value))
+        self._adjoint = lu_solve(kept, self.emitted, trans=1)
         self._gradients: dict[float, np.ndarray] = {}
 
     @property
     def emitted(self) -> np.ndarray:
         """(T,) shares of the LED's power for each of the points at which the response is known."""
-        return self._emission.power
+        return self._of_all(self._emission.power)
 
     @property
     def reading(self) -> float:
         """Power on the phototransistor, in W per W of the LED."""
-        return float(self._emission.power @ self.response)
+        return float(self.emitted @ self.response)
 
     def flows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Samples of the light paths: from the LED, from wall to wall, and to the phototransistor.
@@ -138,17 +148,36 @@ class Cell:
             for end in (self._led, self._phototransistor)
         )
         sources, ends = (led, walls[target], walls), (walls, walls[patch * size + target % size], phototransistor)
-        into = self._emission.power * self.response, between[target, patch], self._adjoint * self._reception.value
+        received = self._adjoint * self._of_all(self._reception.value)
+        into = self.emitted * self.response, between[target, patch], received
         return np.concatenate(sources), np.concatenate(ends), np.concatenate(into) / self.reading
 
     def _between_walls(self, box: Box | None) -> Exchange:
         """Exchange from the points at which W is known to those of all patches, with a box between them if given."""
         pairs, places = self._mesh.pairs, self._walls.places
-        return Exchange(self._starts, *pairs.points.placed(places), pairs.target, pairs.point, self._standing(box))
+        return Exchange(self._starts, *pairs.points.placed(places), pairs.target, pairs.point, *self._standing(box))
 
-    def _standing(self, box: Box | None) -> Box | None:
-        """The box, if it may stand between walls."""
-        return box if box is not None and box.below_top(self._walls.places) else None
+    def _standing(self, box: Box | None) -> tuple[Box | None, np.ndarray | None]:
+        """The box, if it may stand between walls, and between which pairs."""
+        if box is None or not box.below_top(self._walls.seen):
+            return None, None
+        pairs, last = self._mesh.pairs, len(self._walls.seen)
+        walls = (self._mesh.own[pairs.target] < last) & (pairs.points.face[pairs.point] < last)
+        return box, None if self._walls.of_box == 0 else walls
+
+    @property
+    def _seen_starts(self) -> Starts:
+        """Of the walls that LED and phototransistor see."""
+        return Starts(*(getattr(self._starts, each.name)[self._seen] for each in fields(Starts)))
+
+    def _of_all(self, values: np.ndarray) -> np.ndarray:
+        """(T, ...) values at all points, 0 at those on the box, from those at the others."""
+        beyond = len(self._at) - len(values)
+        return np.pad(values, [(0, beyond), *[(0, 0)] * (values.ndim - 1)]) if beyond else values
+
+    def _emission_of(self, led: End) -> Emission:
+        seen = self._walls.seen
+        return emission(led, seen, self._mesh.rest[: len(seen)], self._mesh.degree)
 
     def _exchanged(self, between: Exchange) -> np.ndarray:
         """(T, T) K."""
@@ -169,7 +198,7 @@ class Cell:
         response = np.einsum("pq,pq->p", pairs.shares, self.response.reshape(-1, size)[pairs.points.face])
         given = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
         slopes = self._between_walls(self._box).slopes(given, wider)  # whose pairs take four times a cell's memory
-        by_start, by_normal = self._reception.gradient(self._adjoint, wider)
+        by_start, by_normal = map(self._of_all, self._reception.gradient(self._adjoint[self._seen], wider))
         by_start -= mesh.by_target(slopes.by_end)
         by_start += 0 if slopes.by_both is None else mesh.by_target(slopes.by_both)
         by_normal += mesh.by_target(slopes.by_normal)
@@ -178,8 +207,9 @@ class Cell:
             np.stack([np.bincount(pairs.point, part, points) for part in each], axis=1)
             for each in (slopes.by_end, slopes.by_area)
         )
-        total = self._emission.gradient(self.response) + pairs.points.gradient(places, by_end, by_facing)
-        return total + mesh.targets.gradient(places, by_start, by_area)
+        total = pairs.points.gradient(places, by_end, by_facing) + mesh.targets.gradient(places, by_start, by_area)
+        total[: len(self._walls.seen)] += self._emission.gradient(self.response[self._seen])
+        return total
 
     def bent(self, velocity: np.ndarray, side: int) -> np.ndarray:
         """(F,) derivatives of the light between points of one plane, which :meth:`gradient` leaves out, by the patch
@@ -195,7 +225,9 @@ class Cell:
         moved = places + step * velocity
         at, area = self._mesh.targets.placed(moved)
         starts = replace(self._starts, at=at, normal=area / np.linalg.norm(area, axis=1, keepdims=True))
-        light = Exchange(starts, *pairs.points.placed(moved), target, point, self._standing(self._box))
+        box, walls = self._standing(self._box)
+        between = None if walls is None else walls[self._in_plane]
+        light = Exchange(starts, *pairs.points.placed(moved), target, point, box, between)
         return np.bincount(own[target], given * light.values() / step, len(places))
 
     @cached_property
@@ -216,11 +248,10 @@ class Cell:
         """
         change = 0.0
         if led != self._led:
-            lit = emission(led, self._walls.places, self._mesh.rest, self._mesh.degree)
-            change += (lit.power - self._emission.power) @ self.response
+            change += (self._emission_of(led).power - self._emission.power) @ self.response[self._seen]
         if phototransistor != self._phototransistor:
-            received = Reception(phototransistor, self._starts)
-            change += self._adjoint @ (received.value - self._reception.value)
+            received = Reception(phototransistor, self._seen_starts)
+            change += self._adjoint[self._seen] @ (received.value - self._reception.value)
         if box != self._box:
             exchange = self._exchanged(self._between_walls(box))
             change += self._adjoint @ ((exchange - self._exchange) @ self.response)

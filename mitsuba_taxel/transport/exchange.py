@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import drjit as dr
 import numpy as np
-from drjit.llvm import Array3f64, Float64, UInt32
+from drjit.llvm import Array3f64, Bool, Float64, UInt32
 
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.transport.box import Box, Passage
@@ -69,6 +69,8 @@ class Exchange:
         Numbers of start and end of each pair.
     box : Box or None
         Box between them.
+    walls : (N,) ndarray or None
+        Pairs between which it may stand, if not all: those without an end on the box.
     """
 
     def __init__(
@@ -79,9 +81,10 @@ class Exchange:
         start: np.ndarray,
         end: np.ndarray,
         box: Box | None = None,
+        walls: np.ndarray | None = None,
     ) -> None:
         self._starts, self._ends = starts, (at, area)
-        self._start, self._end, self._box = start, end, box
+        self._start, self._end, self._box, self._walls = start, end, box, walls
 
     def values(self) -> np.ndarray:
         """(N,) light per unit of power and of the integration variables of the surface."""
@@ -119,7 +122,7 @@ class Exchange:
             _gathered(box.within(points), _numbers(numbers))
             for points, numbers in ((self._starts.at, self._start), (self._ends[0], self._end))
         )
-        return Passage(box, at, there - at)
+        return Passage(box, at, there - at, True if self._walls is None else Bool(in_packets(self._walls, np.bool_)))
 
     def _pairs(self) -> _Pairs:
         start, end = _numbers(self._start), _numbers(self._end)

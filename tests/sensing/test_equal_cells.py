@@ -47,6 +47,20 @@ def test_cells_at_rest_whose_taxels_are_elsewhere_in_them_are_not(changed, first
     assert equal_at_rest(DiffuseCells(Scene(scene).load())) == first
 
 
+@pytest.mark.parametrize("force", [[0, 0, 0], [0, 0, -0.8]])
+@pytest.mark.parametrize("equal", [True, False])
+def test_cells_are_not_equal_whose_packages_scatter_differently(llvm_mono, force, equal):
+    """Two packages on a mirror plane of the pad, each with its own wall."""
+    scene = pair(2, 1, force).source
+    package = scene.pop("package") | {"rows": 1}
+    for name, y, reflectance in (("near", 1.775, 0.5), ("far", -1.775, 0.5 if equal else 0.6)):
+        place = llvm_mono.ScalarTransform4f().translate([0, y, 0])
+        scene[name] = package | {"to_world": place, "bsdf": {"type": "wall", "reflectance": reflectance}}
+    cells = DiffuseCells(Scene(scene).load())
+    found = equal_cells(cells, cells.pad.state, [cells.pad.state.displacement]) if any(force) else equal_at_rest(cells)
+    assert found == ([0, 0] if equal else [0, 1])
+
+
 def test_equal_cells_have_the_derivatives_that_each_has_alone(monkeypatch):
     scene = pair(2, 1, [0.05, 0, -0.8])
 
