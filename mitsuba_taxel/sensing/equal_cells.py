@@ -103,8 +103,8 @@ def _same_size(body: Box | None, other: Box | None) -> bool:
 
 def _same_shares(taxel: Taxel, other: Taxel) -> bool:
     """Whether the faces of their packages scatter equally."""
-    shares = ([] if each.package is None else each.package.shares for each in (taxel, other))
-    return np.array_equal(*shares)
+    one, there = (np.zeros(0) if each.package is None else each.package.shares for each in (taxel, other))
+    return np.array_equal(one, there)
 
 
 def _close(one: np.ndarray, other: np.ndarray, bound: float = EQUAL) -> bool:

@@ -17,6 +17,7 @@ from scipy import sparse
 from scipy.linalg import lu_factor, lu_solve
 
 from mitsuba_taxel.transport.box import Box
+from mitsuba_taxel.transport.direct import Direct
 from mitsuba_taxel.transport.emission import Emission, emission
 from mitsuba_taxel.transport.ends import End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
@@ -113,6 +114,7 @@ class Cell:
         self._seen = slice(len(walls.seen) * len(mesh.own) // len(walls.places))
         self._emission = self._emission_of(led)
         self._reception = Reception(phototransistor, self._seen_starts)
+        self._direct = self._direct_of(self._emission, phototransistor, self._reception)
         self._box, self._exchange = box, self._exchanged(self._between_walls(box))
         kept = lu_factor(np.eye(len(mesh.own)) - self._exchange)
         self.response = lu_solve(kept, self._of_all(self._reception.value))
@@ -127,7 +129,7 @@ class Cell:
     @property
     def reading(self) -> float:
         """Power on the phototransistor, in W per W of the LED."""
-        return float(self.emitted @ self.response)
+        return float(self.emitted @ self.response) + (0.0 if self._direct is None else self._direct.value)
 
     def flows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Samples of the light paths: from the LED, from wall to wall, and to the phototransistor.
@@ -175,6 +177,12 @@ class Cell:
         beyond = len(self._at) - len(values)
         return np.pad(values, [(0, beyond), *[(0, 0)] * (values.ndim - 1)]) if beyond else values
 
+    def _direct_of(self, emission: Emission, phototransistor: End, reception: Reception) -> Direct | None:
+        """What interpolation leaves out of the reading, if the LED's law is peaked."""
+        if not emission.led.law.is_peaked:
+            return None
+        return Direct(emission, phototransistor, self._walls.isotropic, self._walls.lambertian, reception.value)
+
     def _emission_of(self, led: End) -> Emission:
         seen = self._walls.seen
         return emission(led, seen, self._mesh.rest[: len(seen)], self._mesh.degree)
@@ -198,7 +206,8 @@ class Cell:
         response = np.einsum("pq,pq->p", pairs.shares, self.response.reshape(-1, size)[pairs.points.face])
         given = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
         slopes = self._between_walls(self._box).slopes(given, wider)  # whose pairs take four times a cell's memory
-        by_start, by_normal = map(self._of_all, self._reception.gradient(self._adjoint[self._seen], wider))
+        adjoint = self._adjoint[self._seen] - (0 if self._direct is None else self._emission.power)
+        by_start, by_normal = map(self._of_all, self._reception.gradient(adjoint, wider))
         by_start -= mesh.by_target(slopes.by_end)
         by_start += 0 if slopes.by_both is None else mesh.by_target(slopes.by_both)
         by_normal += mesh.by_target(slopes.by_normal)
@@ -208,7 +217,9 @@ class Cell:
             for each in (slopes.by_end, slopes.by_area)
         )
         total = pairs.points.gradient(places, by_end, by_facing) + mesh.targets.gradient(places, by_start, by_area)
-        total[: len(self._walls.seen)] += self._emission.gradient(self.response[self._seen])
+        seen, direct = total[: len(self._walls.seen)], self._direct
+        seen += self._emission.gradient(self.response[self._seen], None if direct is None else direct.missing)
+        seen += 0 if direct is None else direct.gradient(wider)
         return total
 
     def bent(self, velocity: np.ndarray, side: int) -> np.ndarray:
@@ -248,11 +259,20 @@ class Cell:
         """
         change = 0.0
         if led != self._led:
-            change += (self._emission_of(led).power - self._emission.power) @ self.response[self._seen]
+            lit = self._emission_of(led)
+            change += (lit.power - self._emission.power) @ self.response[self._seen]
+            change += self._more(self._direct_of(lit, self._phototransistor, self._reception))
         if phototransistor != self._phototransistor:
             received = Reception(phototransistor, self._seen_starts)
             change += self._adjoint[self._seen] @ (received.value - self._reception.value)
+            change += self._more(self._direct_of(self._emission, phototransistor, received))
         if box != self._box:
             exchange = self._exchanged(self._between_walls(box))
             change += self._adjoint @ ((exchange - self._exchange) @ self.response)
+        if self._direct is not None:
+            change += self._direct.by_patch(len(scattered)) @ (scattered - 1)
         return float(change + self._adjoint @ ((scattered[self._mesh.own] - 1) * self.response))
+
+    def _more(self, direct: Direct | None) -> float:
+        """Change of what interpolation leaves out."""
+        return 0.0 if direct is None or self._direct is None else direct.value - self._direct.value

@@ -57,26 +57,34 @@ class Emission:
     @cached_property
     def power(self) -> np.ndarray:
         """(F * Q,) shares of the LED's power for each of these points."""
-        rays = _Rays(self.led, self.inside, self.places)
         shares = self._shares(self.inside)
         size = shares.shape[1]
         into = self.inside.points.face[:, None] * size + np.arange(size)
-        return np.bincount(into.ravel(), (rays.value[:, None] * shares).ravel(), len(self.places) * size)
+        return np.bincount(into.ravel(), (self.lit[:, None] * shares).ravel(), len(self.places) * size)
 
-    def gradient(self, values: np.ndarray) -> np.ndarray:
-        """(F, 15, 3) derivatives, by the patches' positions, of the integral of the power times ``values`` (F * Q,)."""
+    @cached_property
+    def lit(self) -> np.ndarray:
+        """(N,) shares of the LED's power for each of the points inside its cone."""
+        return _Rays(self.led, self.inside, self.places).value
+
+    def gradient(self, values: np.ndarray, beside: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
+        """(F, 15, 3) derivatives, by the patches' positions, of the integral of the power times ``values`` (F * Q,),
+        plus, at the points inside the cone and at its edge, what is known ``beside`` them."""
         rays, rim = _Rays(self.led, self.inside, self.places), _Rays(self.led, self.edge, self.places)
-        at, passed = self._at(self.inside, values), self._at(self.edge, values) * rim.value[:, None]
+        inside, edge = (0.0, 0.0) if beside is None else beside
+        at = (self.at(self.inside, values) + inside)[:, None]
+        passed = ((self.at(self.edge, values) + edge) * rim.value)[:, None]
         by_places = self.inside.points.gradient(self.places, at * rays.by_place, at * rays.by_area)
         return by_places + self.edge.points.gradient(self.places, passed * rim.of_cosine, np.zeros_like(rim.of_cosine))
 
     def _shares(self, lit: LitPoints) -> np.ndarray:
         return monomials(lit.points.at, self.degree) @ coefficients(self.degree)
 
-    def _at(self, lit: LitPoints, values: np.ndarray) -> np.ndarray:
+    def at(self, lit: LitPoints, values: np.ndarray) -> np.ndarray:
+        """(N,) ``values`` (F * Q,), interpolated at lit points."""
         shares = self._shares(lit)
         known = values.reshape(len(self.places), -1)[lit.points.face]
-        return np.einsum("nq,nq->n", shares, known)[:, None]
+        return np.einsum("nq,nq->n", shares, known)
 
 
 class _Rays:
