@@ -270,7 +270,7 @@ class Cell:
             exchange = self._exchanged(self._between_walls(box))
             change += self._adjoint @ ((exchange - self._exchange) @ self.response)
         if self._direct is not None:
-            change += self._direct.by_patch(len(scattered)) @ (scattered - 1)
+            change += self._direct.by_patch() @ (scattered[: len(self._walls.seen)] - 1)
         return float(change + self._adjoint @ ((scattered[self._mesh.own] - 1) * self.response))
 
     def _more(self, direct: Direct | None) -> float:
