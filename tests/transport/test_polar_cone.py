@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from scipy import integrate
 
+from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
 from mitsuba_taxel.transport.emission import emission
-from mitsuba_taxel.transport.ends import End
+from mitsuba_taxel.transport.ends import CosineFactor, End
 from mitsuba_taxel.transport.patches import LATTICE
 from mitsuba_taxel.transport.polar_cone import BLUNT, PolarCone
+from mitsuba_taxel.transport.rules import rectangle_rule
 
 SIDE = 2.0
 UP = np.array([0.0, 0.0, 1.0])
@@ -89,3 +91,30 @@ def test_its_derivatives_by_the_plates_position(x, y, height, moved):
         [[on_plate(x - s * a, y - s * b, height + s * c, angle) for s in (step, -step)] for a, b, c in np.eye(3)]
     )
     np.testing.assert_allclose(found, (ends[:, 0] - ends[:, 1]) / (2 * step), rtol=1e-3, atol=3e-4)
+
+
+def received(height, angle, led, phototransistor):
+    """By polar and azimuth angle of the LED's light, in which it is even, on an endless Lambertian plate."""
+    theta, of_theta = np.polynomial.legendre.leggauss(60)
+    theta, of_theta = angle * (theta + 1) / 2, of_theta / 2
+    turn = np.linspace(0, 2 * np.pi, 120, endpoint=False)
+    across = height * np.tan(theta)[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    at = np.concatenate([led.points[0, :2] + across, np.full((*across.shape[:2], 1), height)], axis=-1)
+    squared = ((at[:, :, None] - phototransistor.points) ** 2).sum(axis=-1)
+    return of_theta @ (height**2 / (np.pi * squared**2) @ phototransistor.weights).mean(axis=1)
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.07, 0.19), (0.31, -0.11)])
+@pytest.mark.parametrize("height", [1.4, 1.6])
+def test_a_wide_plate_reads_the_same_wherever_its_patches_are(height, x, y):
+    """Patches of 0.65 mm. Were its direct light as coarse as that via other walls, it would be off by ten times as much
+    in some places."""
+    angle = math.radians(45)
+    led = End(np.array([[-0.45, 0.0, 0.0]]), np.ones(1), UP, PolarCone(angle))
+    at, weights = rectangle_rule(0.52, 0.3, 4, 4)
+    sensor = End(np.column_stack([at + (0.45, 0.0), np.zeros(len(at))]), weights, UP, CosineFactor(1.0, 0.0))
+    places = 2.6 * plate(height / 2.6, 8) + (x, y, 0.0)
+    found = Cell(Mesh(places), ScatteringWalls(places, np.zeros(len(places)), np.ones(len(places))), led, sensor)
+    expected = received(height, angle, led, sensor)
+    assert found.reading == pytest.approx(expected, rel=2e-5)
+    assert np.abs(found.gradient().sum(axis=(0, 1))[:2]).max() < 1e-3 * expected
