@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+
 from mitsuba_taxel.backend.llvm import check_llvm, choose_llvm
 from mitsuba_taxel.backend.registry import (
     DEFAULT_VARIANT,
@@ -27,6 +31,7 @@ __all__ = [
     "plugin_kind",
     "register_for_every_variant",
     "report",
+    "versions",
     "wanted_variant",
 ]
 
@@ -37,24 +42,14 @@ def report() -> dict[str, object]:
     Returns a dictionary with the keys ``versions`` (name -> version), ``llvm`` (``path``, ``version``),
     ``variants`` (those our plugins work in), and ``plugins`` (sorted names).
     """
-    import importlib.metadata
     import os
-    import platform
 
     import drjit as dr
     import mitsuba as mi
 
-    ours = ("mitsuba_taxel", "mitsuba", "drjit", "numpy", "scipy")
-    names = (*ours, "netgen-mesher", "rslab", "trimesh", "pytetwild", "meshio", "xarray")
-    versions = {"python": platform.python_version()}
-    for name in names:
-        try:
-            versions[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            versions[name] = "not installed"
     version = dr.detail.llvm_version()
     return {
-        "versions": versions,
+        "versions": dict(versions()),
         "llvm": {
             "path": os.environ.get("DRJIT_LIBLLVM_PATH", "found by Dr.Jit"),
             "version": ".".join(map(str, version)) if version and version[0] > 0 else "none",
@@ -62,3 +57,19 @@ def report() -> dict[str, object]:
         "variants": [variant for variant in mi.variants() if variant in SUPPORTED_VARIANTS],
         "plugins": sorted(plugin_files()),
     }
+
+
+@cache
+def versions() -> Mapping[str, str]:
+    """Versions of Python, this package and what it computes with, by name; read once in a process."""
+    import importlib.metadata
+    import platform
+
+    ours = ("mitsuba_taxel", "mitsuba", "drjit", "numpy", "scipy")
+    found = {"python": platform.python_version()}
+    for name in (*ours, "netgen-mesher", "rslab", "trimesh", "pytetwild", "meshio", "xarray"):
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return MappingProxyType(found)

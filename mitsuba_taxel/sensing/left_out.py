@@ -25,7 +25,7 @@ def left_out(parameters: Mapping[str, str]) -> set[str]:
 
 def used_by(attributes: Mapping[str, str]) -> set[str]:
     """The names used as ``$name`` by an element with these attributes."""
-    return {name for value in attributes.values() for name in re.findall(r"\$(\w+)", value)}
+    return {name for value in attributes.values() if "$" in value for name in re.findall(r"\$(\w+)", value)}
 
 
 def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[str, str]) -> mi.parser.ParserState:

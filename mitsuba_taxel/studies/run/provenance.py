@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from mitsuba_taxel.backend import report
+from mitsuba_taxel.backend import versions
 from mitsuba_taxel.base.sources import code_digest
 from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.scene import is_file
@@ -37,7 +37,7 @@ def provenance(batch: Batch) -> dict[str, Any]:
     return {
         "scene_content": _digest(_files_of(batch.file, set(words))),
         "code": own_code(),
-        "versions": {name: str(version) for name, version in _versions().items()},
+        "versions": dict(versions()),
         "parameters": {name: value for name, value in parameters.items() if name not in first},
         "units": units_of_parameters(batch.file),
     }
@@ -46,12 +46,6 @@ def provenance(batch: Batch) -> dict[str, Any]:
 def own_code() -> str:
     """Digest of the sources that readings depend on."""
     return code_digest(*ROOMS)[:16]
-
-
-def _versions() -> dict[str, str]:
-    versions = report()["versions"]
-    assert isinstance(versions, dict)
-    return versions
 
 
 def _files_of(scene: Path, values: set[str]) -> Iterator[Path]:

@@ -53,17 +53,17 @@ pytest.importorskip("ipctk")
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 
 PAD, LAW, ON = Pad("parallelepiped", rows=1, columns=1), NeoHookean(), PlateDisplacement(self_contact=True)
-ASIDE, BEFORE, BEYOND = (0.5, 0, -0.4), (0, 0, -0.9), (0, 0, -1.3)
-"""Displacements beside that of -1.25 mm at which the pad touches the board."""
+ASIDE, BEFORE, BEYOND = (0.5, 0, -0.4), (0, 0, -0.9), (0, 0, -1.8)
+"""Displacements beside that of -1.48 mm at which the pad touches itself and the board."""
 TOP = 1.201
 """Height of a package under the roof in mm."""
 PACKAGE = trimesh.creation.box((1.0, 1.4, 1.2), trimesh.transformations.translation_matrix((0, 0, 0.601))).triangles
-CLEAR, HELD = (0, 0, -0.4), (0, 0, -0.6)
-"""Displacements beside that of -0.48 mm at which the roof touches it."""
+CLEAR, HELD = (0, 0, -0.4), (0, 0, -0.56)
+"""Displacements beside that of -0.47 mm at which the roof touches it."""
 
 
-SIZE, LARGE = 2.0, 2.5
-"""Of elements in mm, also where less is asked of them."""
+SIZE, SMALL = 2.5, 2.0
+"""Of elements in mm, also where more is asked of them."""
 
 
 def pressed(*values, load=ON, material=LAW, size=SIZE, **more):
@@ -84,12 +84,12 @@ def touching():
 @pytest.fixture(scope="module")
 def leaning():
     """Pressed onto the board, and aside."""
-    return pressed((0.3, 0, -25.0), load=PlateForce(self_contact=True))[0]
+    return pressed((0.3, 0, -25.0), load=PlateForce(self_contact=True), size=SMALL)[0]
 
 
 def test_a_path_goes_on_where_the_pad_touches_itself_and_the_board(touching):
     with pytest.raises(
-        ComputationError, match=r"touches the board.* -0\.99\d*\) mm\. With self_contact = true it goes on"
+        ComputationError, match=r"touches itself.* -1\.10\d*\) mm\. With self_contact = true it goes on"
     ):
         pressed(BEYOND, load=PlateDisplacement())
     barrier = Barrier(touching.mesh, LAW.youngs_modulus)
@@ -150,17 +150,17 @@ def test_work_of_the_plate_is_stored_in_the_pad_or_done_against_contact(name, re
     assert (stored(more) - stored(less)) / (2 * step) == pytest.approx(reactions_of(touching).force[2] + done, rel=2e-5)
 
 
-def scene(depth, package):
+def scene(depth, package, size=SIZE):
     reflector = PhotoReflector(body=(1.46, 1.06, package))
     source = dict(PadSensor(pad=PAD, photo_reflector=reflector, force=(0, 0, -depth), load=ON).scene().source)
-    source["pad"] = {**source["pad"], "mesh_size": SIZE}
+    source["pad"] = {**source["pad"], "mesh_size": size}
     return Scene(source)
 
 
 def test_readings_are_continuous_through_the_first_touch():
     depths, read, error = 1.246 + np.array([-0.04, -0.02, 0.0, 0.02, 0.04]), [], []
     for depth in depths:
-        readings = measure(scene(depth, 0.5), points=1 << 11, mechanics_error=False)
+        readings = measure(scene(depth, 0.5, SMALL), points=1 << 11, mechanics_error=False)
         read.append(float(readings.power[0]))
         error.append(float(readings.standard_error[0]))
     curve = np.polynomial.Polynomial.fit(depths, read, 2)
@@ -170,8 +170,8 @@ def test_readings_are_continuous_through_the_first_touch():
 
 
 def test_readings_are_continuous_as_the_roof_comes_down_on_the_package():
-    """It covers the LED within a few hundredths of a millimetre, and is held from 0.465 mm on."""
-    depths = 0.465 + 2e-3 * np.arange(-2, 3)
+    """It covers the LED within a few hundredths of a millimetre, and is held from 0.47 mm on."""
+    depths = 0.47 + 2e-3 * np.arange(-2, 3)
     readings = [measure(scene(depth, TOP), points=1 << 12, mechanics_error=False) for depth in depths]
     read, error = np.array([(r.power[0], r.standard_error[0]) for r in readings]).T
     curve = np.polynomial.Polynomial.fit(depths, read, 2)
@@ -265,9 +265,9 @@ def test_the_error_by_the_reach_is_the_change_with_a_far_shorter_one(name, bodie
 
 def test_before_anything_touches_the_error_is_that_of_the_feet():
     """What the law of large strains there would change."""
-    (state,), (other,) = pressed(ASIDE), pressed(ASIDE, load=PlateDisplacement())
+    (state,), (other,) = (pressed(ASIDE, load=load, size=SMALL) for load in (ON, PlateDisplacement()))
     nothing = StateComparison(NO_ERROR, lambda: np.zeros((2, *state.displacement.shape)), 0.0)
-    found = with_reach(pad_path(PAD, LAW, ON, SIZE), nothing, state.value, state.displacement, state.pressure)
+    found = with_reach(pad_path(PAD, LAW, ON, SMALL), nothing, state.value, state.displacement, state.pressure)
     roof = np.unique(state.mesh.faces[state.mesh.face_region == REGIONS["roof"]])
     missed = (other.displacement - state.displacement)[roof]
     stated = found.deviate()[1][roof] * ERROR_SHARE
@@ -310,7 +310,10 @@ def test_a_pad_of_one_cell_tips_over_under_the_same_force_on_finer_elements():
     assert ends[:2] == pytest.approx([ends[2]] * 2, rel=0.05)
 
 
-def test_a_symmetric_part_touches_as_the_whole_does(touching):
+def test_a_symmetric_part_touches_as_the_whole_does():
+    """Before corners that press on each other slide off to one side."""
+    (touching,) = pressed((0, 0, -1.55))
+    assert all(np.any(forces) for forces in Barrier(touching.mesh, LAW.youngs_modulus).forces(touching.displacement))
     whole = SelfTouchingPad(touching.mesh, LAW, ON)
     unknowns = whole.gather(touching.displacement, touching.pressure)
     found = whole.balance(unknowns + 1e-6 * np.random.default_rng(0).standard_normal(len(unknowns)), touching.value)
@@ -358,14 +361,14 @@ def test_under_a_force_moduli_and_forces_scale(leaning):
     np.testing.assert_allclose(-LAW.youngs_modulus * by_modulus, by_force, atol=1e-8 * np.abs(by_force).max())
 
 
-BALL, DEEP = Indenter("sphere", radius=2.5), (0, 0, -2.2)
-"""Displacement beside that of -1.58 mm at which walls touch under the ball."""
+BALL, DEEP = Indenter("sphere", radius=2.5), (0, 0, -2.4)
+"""Displacement beside that of -2.2 mm at which walls touch under the ball."""
 
 
 def test_a_path_goes_on_under_an_indenter():
     """What the body does is stored in the pad, or done against contact; nothing is out of balance."""
     on, step = IndenterDisplacement(BALL, self_contact=True), 5e-4
-    with pytest.raises(ComputationError, match=r"touches itself .* -1\.5\d*\) mm\. With self_contact = true"):
+    with pytest.raises(ComputationError, match=r"touches itself .* -1\.7\d*\) mm\. With self_contact = true"):
         pressed(DEEP, load=IndenterDisplacement(BALL))
     less, state, more = pressed(*((0, 0, DEEP[2] + way) for way in (step, 0.0, -step)), load=on)
     reactions, barrier = reactions_of(state), Barrier(state.mesh, LAW.youngs_modulus)
@@ -388,7 +391,7 @@ def test_a_path_goes_on_under_an_indenter():
 def test_a_roof_is_held_by_a_package_below_an_indenter():
     """The body then presses more, by what the package bears."""
     on, deep = IndenterDisplacement(BALL, self_contact=True), (0, 0, -1.2)
-    (held,), (free,) = (pressed(deep, load=on, size=LARGE, **bodies) for bodies in ({"obstacles": PACKAGE}, {}))
+    (held,), (free,) = (pressed(deep, load=on, **bodies) for bodies in ({"obstacles": PACKAGE}, {}))
     assert TOP < lowest(held) and lowest(free) < TOP - 0.02
     borne = BodyBarrier(held.mesh, LAW.youngs_modulus, held.bodies).forces(held.displacement)[:, 2].sum()
     more = reactions_of(free).applied_force[2] - reactions_of(held).applied_force[2]
@@ -399,7 +402,7 @@ def test_a_roof_is_held_by_a_package_below_an_indenter():
 def test_a_dragged_body_presses_walls_on_each_other():
     """With friction of the body: some places slip under their bound, others stick."""
     on = IndenterDisplacement(replace(BALL, friction=0.3), self_contact=True)
-    (state,) = pressed((0.2, 0, -1.7), load=on)
+    (state,) = pressed((0.2, 0, -2.0), load=on)
     barrier, reactions = Barrier(state.mesh, LAW.youngs_modulus), reactions_of(state)
     assert reactions.imbalance < 1e-8 and reactions.applied_force[0] > 0.05
     assert np.abs(barrier.forces(state.displacement)[0]).sum() > 1e-3
@@ -420,7 +423,7 @@ def test_steps_under_friction_are_not_cut(monkeypatch):
         return found[-1]
 
     monkeypatch.setattr(IndentedTouchingPad, "_balanced", balanced)
-    pressed((0, 0, -2.34), load=IndenterDisplacement(replace(BALL, friction=0.3), self_contact=True))
+    pressed((0, 0, -2.34), load=IndenterDisplacement(replace(BALL, friction=0.3), self_contact=True), size=SMALL)
     assert all(found)
 
 
@@ -439,10 +442,10 @@ def in_the_long_run(state):
     return pad.split(pad.balance(pad.gather(state.displacement, state.pressure), state.value))
 
 
-@pytest.mark.parametrize(("value", "size", "bodies"), [(BEYOND, SIZE, {}), (HELD, LARGE, {"obstacles": PACKAGE})])
-def test_what_touches_relaxes_from_the_instantaneous_to_the_lasting_law(value, size, bodies):
-    at_once, late = pressed(value, value, material=SOFT, times=[0.0, LATE], size=size, **bodies)
-    (elastic,) = pressed(value, size=size, **bodies)
+@pytest.mark.parametrize(("value", "bodies"), [(BEYOND, {}), (HELD, {"obstacles": PACKAGE})])
+def test_what_touches_relaxes_from_the_instantaneous_to_the_lasting_law(value, bodies):
+    at_once, late = pressed(value, value, material=SOFT, times=[0.0, LATE], **bodies)
+    (elastic,) = pressed(value, **bodies)
     np.testing.assert_allclose(at_once.displacement, elastic.displacement, atol=1e-8)
     np.testing.assert_allclose(late.displacement, in_the_long_run(late)[0], atol=1e-7)
     forces = [reactions_of(state) for state in (at_once, late)]
@@ -452,9 +455,12 @@ def test_what_touches_relaxes_from_the_instantaneous_to_the_lasting_law(value, s
 
 
 def test_a_pad_creeps_onto_the_board():
-    """Which it does not touch at first, under a force on a plate; under half a newton more it ends unstable."""
+    """Which it does not touch at first, under a force on a plate; under half a newton more it ends unstable.
+
+    A corner slides off an edge on the way, past which out-of-balance forces grow.
+    """
     load = PlateForce(self_contact=True)
-    first, late = pressed(*[(0, 0, -14.5)] * 2, load=load, material=SOFT, times=[0.0, LATE])
+    first, late = pressed(*[(0, 0, -14.5)] * 2, load=load, material=SOFT, times=[0.0, LATE], size=SMALL)
     pushed = [Barrier(s.mesh, LAW.youngs_modulus).forces(s.displacement)[1][:, 2].sum() for s in (first, late)]
     assert pushed[0] == 0 and pushed[1] > 0.3
     np.testing.assert_allclose(late.displacement, in_the_long_run(late)[0], atol=1e-6)

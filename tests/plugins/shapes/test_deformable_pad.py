@@ -35,11 +35,11 @@ from mitsuba_taxel.studies import deform
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 
 PAD = Pad("parallelepiped", rows=1, columns=1)
-SIZE = 1.2
+SIZE = 2.0
 SCENE = """<scene version="3.9.0">
     <integrator type="taxel_tracer"/>
     <shape type="deformable_pad"> <integer name="rows" value="1"/> <integer name="columns" value="1"/>
-        <float name="mesh_size" value="1.2"/> {} </shape>
+        <float name="mesh_size" value="2.0"/> {} </shape>
     <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> {} </shape>
 </scene>"""
 
@@ -175,7 +175,7 @@ def test_what_makes_no_sense_is_refused_in_one_line(loaded, words, message):
     ],
 )
 def test_python_objects_make_the_same_pad(llvm_mono, sensor):
-    scene = sensor.scene().load()
+    scene = sensor.scene().with_mesh_size(SIZE).load()
     pad = next(shape for shape in scene.shapes() if hasattr(shape, "state"))
     assert (pad.load, pad.material) == (sensor.load, sensor.material)
     assert pad.value == pytest.approx(tuple(sensor.force))

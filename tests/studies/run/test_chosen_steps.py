@@ -12,7 +12,7 @@ from mitsuba_taxel.studies.plan.batch import make_batch
 from mitsuba_taxel.studies.run import chosen_steps
 from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
 
-PAD = one_cell(cell="cylindrical", mesh_size=1.7, scattering="$roof", fx=0, fz=0, roof="lambertian")
+PAD = one_cell(cell="cylindrical", mesh_size=2.5, scattering="$roof", fx=0, fz=0, roof="lambertian")
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_a_kink_at_a_step_has_the_slopes_of_both_sides(pad, monkeypatch):
 
 def test_a_curve_along_x_begins_at_rest_with_its_own_slope(tmp_path):
     """Of a flat isotropic roof, whose slope on the other side is a third of that."""
-    (tmp_path / "pad.xml").write_text(one_cell(cell="cylindrical", mesh_size=1.7, scattering="isotropic", fx=0, fz=0))
+    (tmp_path / "pad.xml").write_text(one_cell(cell="cylindrical", mesh_size=2.5, scattering="isotropic", fx=0, fz=0))
     study = sweep(tmp_path / "pad.xml", {"fx": "0:2"}, points=16)
     assert study.fx.values.tolist() == [0, 1, 2]
     slopes, read = study.derivative.values[:, 0, 0], study.smooth_power.values[:, 0]
