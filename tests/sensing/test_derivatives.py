@@ -102,7 +102,7 @@ def test_readings_over_a_package_that_reflects_are_those_of_random_paths(walls, 
     """Within 4 standard errors, and 3e-4 for the facets of these large elements: by 2e-4 paths read more without a
     package that reflects, too. It adds 5 to 25 %."""
     live = with_package(walls, **pad).load()
-    readings = measure(live, points=16384, mechanics_error=False)
+    readings = measure(live, points=4096, mechanics_error=False)
     (found,), (black,) = (deterministic_light(each, False).power for each in (live, pad_scene(**pad).load()))
     assert found > 1.04 * black
     assert abs(found - readings.power[0]) < 4 * readings.standard_error[0] + 3e-4 * found
@@ -110,7 +110,7 @@ def test_readings_over_a_package_that_reflects_are_those_of_random_paths(walls, 
 
 @pytest.mark.parametrize(
     ("name", "walls", "pad"),
-    [("fz", WHITE, {}), ("fx", PATCHED, LOW), ("spacing", WHITE, {}), ("spacing", PATCHED, LOW)],
+    [("fz", WHITE, {}), ("fx", PATCHED, LOW), ("spacing", PATCHED, LOW)],
 )
 def test_derivatives_over_a_package_that_reflects_are_differences_of_the_whole_chain(name, walls, pad):
     step = STEPS[name]

@@ -92,6 +92,10 @@ def test_a_path_goes_on_where_the_pad_touches_itself_and_the_board(touching):
         ComputationError, match=r"touches itself.* -1\.10\d*\) mm\. With self_contact = true it goes on"
     ):
         pressed(BEYOND, load=PlateDisplacement())
+    with pytest.raises(
+        ComputationError, match=r"touches the board.* -0\.99\d*\) mm\. With self_contact = true it goes on"
+    ):
+        pressed((0, 0, -1.3), load=PlateDisplacement(), size=SMALL)
     barrier = Barrier(touching.mesh, LAW.youngs_modulus)
     own, board = barrier.forces(touching.displacement)
     assert np.abs(own).sum() > 0.5 and board[:, 2].sum() > 0.5
