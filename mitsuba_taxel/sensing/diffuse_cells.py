@@ -213,7 +213,7 @@ class DiffuseCells:
         each = np.array([shares[region] for region in mesh.face_region[faces].tolist()])
         package = np.empty((0, *LATTICE.shape[:1], 3))
         if taxel.package is not None:
-            package, of_package = taxel.package.cut(taxel.package.faces.cuts())
+            package, of_package = taxel.package.cut(self._cuts(taxel.package))
             each = _with_package(each, of_package)
         if len(each) > MOST_FACES:
             raise NotFollowed(
@@ -221,6 +221,10 @@ class DiffuseCells:
                 f"{MOST_FACES} at most are allowed."
             )
         return CellWalls(faces, package, *each.T)
+
+    def _cuts(self, package: PackageFaces) -> np.ndarray:
+        """Parts of a package's faces, which are no larger than the patches of walls."""
+        return package.faces.cuts(self.pad.pad.default_mesh_size)
 
     def _refuse_other_cells(self) -> None:
         """Raise if an LED lights scattering walls of another cell."""
@@ -315,7 +319,7 @@ class DiffuseCells:
         cell, known = self.cells[number], before.cells[number]
         one, other = before.taxels[number].package, self.taxels[number].package
         if one is not None and other is not None and len(one.shares) == len(other.shares):
-            package, shares = other.cut(one.faces.cuts())
+            package, shares = other.cut(before._cuts(one))
             of_walls = np.column_stack([cell.isotropic, cell.lambertian])[: len(cell.faces)]
             cell = CellWalls(cell.faces, package, *_with_package(of_walls, shares).T)
         if not (np.array_equal(cell.faces, known.faces) and cell.package.shape == known.package.shape):

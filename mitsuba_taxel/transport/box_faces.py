@@ -12,8 +12,6 @@ from mitsuba_taxel.transport.patches import LATTICE
 
 SLENDER = 4.0
 """Largest ratio of the sides of a patch."""
-LONGEST = 1.0
-"""Longest side of a patch, relative to that of the top."""
 THIN = 1e-6
 """Width of strips that are left out, relative to the box."""
 
@@ -43,10 +41,10 @@ class BoxFaces:
         """Those of a mask (R,)."""
         return BoxFaces(self.corner[kept], self.sides[kept], self.kind[kept])
 
-    def cuts(self) -> np.ndarray:
-        """(R, 2) numbers of equal parts of both sides, such that these are neither slender nor large."""
+    def cuts(self, longest: float) -> np.ndarray:
+        """(R, 2) numbers of equal parts of both sides, such that these are not slender, and at most ``longest`` mm."""
         lengths = np.linalg.norm(self.sides, axis=2)
-        least = np.minimum(LONGEST * lengths.max(initial=0), SLENDER * lengths.min(axis=1, initial=np.inf))
+        least = np.minimum(longest, SLENDER * lengths.min(axis=1, initial=np.inf))
         return np.ceil(lengths / least[:, None] * (1 - THIN)).astype(int)
 
     def places(self, cuts: np.ndarray) -> np.ndarray:
@@ -54,9 +52,8 @@ class BoxFaces:
         found = [np.empty((0, len(LATTICE), 3))]
         for corner, sides, (across, along) in zip(self.corner, self.sides, cuts, strict=True):
             one, other = sides / ((across,), (along,))
-            starts = corner + (np.arange(across)[:, None, None] * one + np.arange(along)[:, None] * other).reshape(
-                -1, 3
-            )
+            steps = np.arange(across)[:, None, None] * one + np.arange(along)[:, None] * other
+            starts = corner + steps.reshape(-1, 3)
             half = LATTICE @ np.stack([one, other])
             found += [starts[:, None] + half, starts[:, None] + one + other - half]
         return np.concatenate(found)

@@ -66,7 +66,7 @@ def test_faces_and_openings_are_seen_as_the_rectangles_that_they_cover(at):
     """From each of a few points, looking at the box from outside."""
     at, normal = in_world(at), -(at @ BOX.axes) / np.linalg.norm(at)
     faces = faces_of(BOX, OPENINGS)
-    cuts = faces.cuts()
+    cuts = faces.cuts(0.9)
     kind = np.repeat(faces.kind, 2 * cuts.prod(axis=1))
     found = np.bincount(kind + 1, views(faces.places(cuts), at, normal), 3)
     x, y, z = BOX.half
@@ -101,5 +101,6 @@ def test_a_rectangle_is_covered_once_but_for_its_openings(openings):
 
 def test_patches_are_neither_slender_nor_hidden_below_a_sliver():
     faces = faces_of(BOX, [(-0.8 + 1e-9, -0.3, -0.5, 0.5)])
-    lengths = np.linalg.norm(faces.sides, axis=2) / faces.cuts()
-    assert (lengths.max(axis=1) <= 4 * lengths.min(axis=1) * (1 + 1e-9)).all() and lengths.min() > 0.1
+    lengths = np.linalg.norm(faces.sides, axis=2) / faces.cuts(0.9)
+    assert (lengths.max(axis=1) <= 4 * lengths.min(axis=1) * (1 + 1e-9)).all()
+    assert lengths.min() > 0.1 and lengths.max() <= 0.9
