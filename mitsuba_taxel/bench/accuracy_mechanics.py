@@ -22,6 +22,7 @@ from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
+from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.mechanics.path.pad_path import shared
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
 from mitsuba_taxel.pads.pad_file import PadFile
@@ -144,7 +145,7 @@ def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting
             if solved:
                 return SizeRuns(solved, judge, f"no smaller elements: {reason}")
             raise
-        if 2**3 * last.elements < MOST_ELEMENTS:
+        if 2**3 * last.elements < MOST_ELEMENTS or _elements(pads, 0.5 * size) < MOST_ELEMENTS:
             judge = 0.5 * size
         size /= REFINEMENT
         if size < 1.1 * judge:
@@ -154,6 +155,11 @@ def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting
         if len(solved) >= FEWEST_SIZES and predicted > seconds:
             ended = f"elements of {size:.2g} mm left out: they would take about {predicted:.0f} s"
             return SizeRuns(solved, judge, ended)
+
+
+def _elements(pads: Sequence[PadRequest], size: float) -> int:
+    """Of the largest pad, on elements of a size in mm; where walls have smaller ones, this is hard to foretell."""
+    return max(len(pad_mesh(each.pad, size).tets) for each in pads)
 
 
 def limits(scenes: Sequence[Scene], size: float) -> list[FineMeshLimit]:

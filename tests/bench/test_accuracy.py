@@ -317,6 +317,17 @@ def test_a_pads_mechanics_and_chain_are_judged_by_small_elements(clockwork, writ
     assert parts == {"optics", "mechanics", "chain"}
 
 
+@pytest.mark.parametrize(("of_half", "judge"), [(100_000, 1.25 / 2), (300_000, 1.25)])
+def test_the_reference_has_half_the_smallest_size_where_so_many_elements_fit(monkeypatch, of_half, judge):
+    """However many there are at that size: on walls with smaller ones they are fewer than eight times as many."""
+    solved = accuracy_mechanics.Solved(readings=None, seconds=1.0, elements=60_000)
+    monkeypatch.setattr(accuracy_mechanics, "solve", lambda scene, pads, size: solved)
+    monkeypatch.setattr(accuracy_mechanics, "_elements", lambda pads, size: of_half if size > 0.6 else 300_000)
+    found = accuracy_mechanics.size_runs(None, [], 100.0, lambda words: None)
+    assert found.judge == pytest.approx(judge) and "smallest for the memory" in found.ended
+    assert min(found.solved) >= 1.1 * judge
+
+
 def test_solutions_kept_do_not_help(write, monkeypatch, tmp_path):
     scene = write(CELL)
     solved = []
