@@ -19,7 +19,8 @@ from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.threads import side_by_side
 from mitsuba_taxel.sensing.derivative_values import Derivatives, unit_of
 from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN, reading_error
-from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse, NotFollowed
+from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotFollowed
+from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
 from mitsuba_taxel.sensing.equal_cells import equal_cells
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.package_clearance import clearances

@@ -9,7 +9,8 @@ from threadpoolctl import threadpool_limits
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.threads import side_by_side
-from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse
+from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
+from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
 from mitsuba_taxel.sensing.equal_cells import equal_at_rest, equal_cells
 from mitsuba_taxel.sensing.mechanics_error import combined
 

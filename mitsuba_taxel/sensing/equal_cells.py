@@ -9,7 +9,8 @@ import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, Taxel
+from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
+from mitsuba_taxel.sensing.diffuse_taxels import Taxel
 from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.ends import End
 

@@ -195,7 +195,8 @@ def _derivatives(
 ) -> Derivatives:
     """Derivatives without random numbers if possible, else by paths, if ``fixed`` of as many points as readings."""
     from mitsuba_taxel.sensing.derivatives import derivatives_by
-    from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse, NotFollowed
+    from mitsuba_taxel.sensing.diffuse_cells import NotFollowed
+    from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
 
     with stages.record() as taken:
         try:

@@ -10,8 +10,6 @@ import numpy as np
 from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.patches import LATTICE
 
-SLENDER = 4.0
-"""Largest ratio of the sides of a patch."""
 THIN = 1e-6
 """Width of strips that are left out, relative to the box."""
 
@@ -42,10 +40,9 @@ class BoxFaces:
         return BoxFaces(self.corner[kept], self.sides[kept], self.kind[kept])
 
     def cuts(self, longest: float) -> np.ndarray:
-        """(R, 2) numbers of equal parts of both sides, such that these are not slender, and at most ``longest`` mm."""
-        lengths = np.linalg.norm(self.sides, axis=2)
-        least = np.minimum(longest, SLENDER * lengths.min(axis=1, initial=np.inf))
-        return np.ceil(lengths / least[:, None] * (1 - THIN)).astype(int)
+        """(R, 2) numbers of equal parts of both sides, such that these are at most ``longest`` mm. They may be slender:
+        nothing that they see is near, as the box is convex."""
+        return np.ceil(np.linalg.norm(self.sides, axis=2) / longest * (1 - THIN)).astype(int)
 
     def places(self, cuts: np.ndarray) -> np.ndarray:
         """(G, 15, 3) positions of patches, two for each part of a rectangle."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from one_cell import one_cell
+from diffuse_scene import LOW, STEPS, at, by, derivatives, pad_scene
 
 from mitsuba_taxel import InputError, Scene, measure
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
@@ -20,33 +20,11 @@ from mitsuba_taxel.sensing import diffuse_cells
 from mitsuba_taxel.sensing.derivative_values import BY_PATHS
 from mitsuba_taxel.sensing.derivatives import derivatives_by
 from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, deterministic_light
-from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse, NotFollowed
+from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotFollowed
+from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
 from mitsuba_taxel.sensing.scene_rates import rates
 from mitsuba_taxel.transport.cell import Cell, Mesh
 from mitsuba_taxel.transport.patches import LATTICE
-
-FORCE = [0.05, 0.02, -0.8]
-LED = {"type": "annular_led", "power": 0.5}
-
-
-def pad_scene(wall=None, led=None, sensor=None, board=None, **pad):
-    """One cell on one photo-reflector."""
-    given = {"cell": "hemispheric", "rows": 1, "columns": 1, "mesh_size": 1.7, "force": FORCE, **pad}
-    given = {name: value for name, value in given.items() if value is not None}
-    if "load" in pad:
-        del given["force"]
-    roof = {"type": "wall", "scattering": "isotropic", "reflectance": 0.9, **(wall or {})}
-    parts = {"led": {**LED, **(led or {})}, "detector": {"type": "phototransistor", **(sensor or {})}}
-    scene = {
-        "type": "scene",
-        "pad": {"type": "deformable_pad", **given, "bsdf": {"type": "region", "roof": roof}},
-        "package": {"type": "photo_reflector", "spacing": 0.9, **parts},
-    }
-    return Scene(scene | ({} if board is None else {"board": board}))
-
-
-def derivatives(scene, *names, with_errors=False, degree=FINE):
-    return derivatives_by([rates(scene, name) for name in names], scene.load(), with_errors, degree=degree)
 
 
 @pytest.mark.parametrize("cell", ["hemispheric", "spherical", "cylindrical", "parallelepiped"])
@@ -58,10 +36,6 @@ def test_readings_without_random_numbers_are_those_of_random_paths(cell, scatter
     readings = measure(live, points=1024, mechanics_error=False)
     (found,) = deterministic_light(live, False).power
     assert abs(found - readings.power[0]) < 4 * readings.standard_error[0] + 1e-4 * found
-
-
-LOW = {"cell_height": 1.5, "cell_size": 2.5}
-"""A dome that begins below the top of the package, which takes up a hundredth of the light between its walls."""
 
 
 def test_readings_past_a_package_are_those_of_random_paths():
@@ -77,79 +51,6 @@ def test_derivatives_past_a_package_are_differences_of_the_whole_chain(name):
     ahead, behind = (deterministic_light(at(name, sign * step, **LOW).load(), False).power[0] for sign in (1, -1))
     found = derivatives(scene, name)
     assert by(found, name)[0] == pytest.approx((ahead - behind) / (2 * step), rel=3e-3)
-
-
-def with_package(walls, **pad):
-    """Such a scene, with walls of the package."""
-    scene = pad_scene(**pad)
-    scene.source["package"]["bsdf"] = walls
-    return scene
-
-
-WHITE = {"type": "wall", "scattering": "lambertian", "reflectance": 0.9}
-PATCHED = {
-    "type": "region",
-    "body": {"type": "wall", "scattering": "mixed", "specular": 0.0, "lambertian": 1.0, "reflectance": 0.6},
-    "led": {"type": "wall", "scattering": "lambertian", "reflectance": 0.3},
-    "phototransistor": WHITE,
-}
-
-
-@pytest.mark.parametrize(
-    ("walls", "pad"), [(WHITE, {}), (WHITE, LOW), (PATCHED, {"cell": "parallelepiped", "force": [0.2, 0.0, -1.0]})]
-)
-def test_readings_over_a_package_that_reflects_are_those_of_random_paths(walls, pad):
-    """Within 4 standard errors, and 3e-4 for the facets of these large elements: by 2e-4 paths read more without a
-    package that reflects, too. It adds 5 to 25 %."""
-    live = with_package(walls, **pad).load()
-    readings = measure(live, points=4096, mechanics_error=False)
-    (found,), (black,) = (deterministic_light(each, False).power for each in (live, pad_scene(**pad).load()))
-    assert found > 1.04 * black
-    assert abs(found - readings.power[0]) < 4 * readings.standard_error[0] + 3e-4 * found
-
-
-@pytest.mark.parametrize(
-    ("name", "walls", "pad"),
-    [("fz", WHITE, {}), ("fx", PATCHED, LOW), ("spacing", PATCHED, LOW)],
-)
-def test_derivatives_over_a_package_that_reflects_are_differences_of_the_whole_chain(name, walls, pad):
-    step = STEPS[name]
-
-    def changed(by):
-        scene = at(name, by, **pad)
-        scene.source["package"]["bsdf"] = walls
-        return deterministic_light(scene.load(), False).power[0]
-
-    found = by(derivatives(with_package(walls, **pad), name), name)[0]
-    assert found == pytest.approx((changed(step) - changed(-step)) / (2 * step), rel=3e-3)
-
-
-def over_package(folder, **parameters):
-    """The scene of a cell that begins below the top of a package, whose height and reflectance are parameters."""
-    file = folder / "cell.xml"
-    package = """<vector name="body" value="1.46, 1.06, $high"/>
-        <bsdf type="wall">
-            <string name="scattering" value="lambertian"/> <float name="reflectance" value="$white"/>
-        </bsdf>
-        <emitter"""
-    low = '<float name="cell_height" value="1.5"/> <float name="cell_size" value="2.5"/> <bsdf type="region">'
-    scene = one_cell(cell="hemispheric", mesh_size=1.7, fz=-0.8, high=0.5, white=0.9)
-    file.write_text(scene.replace("<emitter", package).replace('<bsdf type="region">', low))
-    return Scene(file, parameters)
-
-
-@pytest.mark.parametrize(("name", "value"), [("high", 0.5), ("white", 0.9)])
-def test_derivatives_by_a_package_are_differences_of_the_whole_chain(tmp_path, name, value):
-    """By its height, which moves its sides, its top and what lies in it, and what it blocks; and by its reflectance."""
-    ends = [over_package(tmp_path, **{name: value + by}).load() for by in (1e-3, -1e-3)]
-    ahead, behind = (deterministic_light(end, False).power[0] for end in ends)
-    found = derivatives(over_package(tmp_path), name)
-    assert by(found, name)[0] == pytest.approx((ahead - behind) / 2e-3, rel=3e-3)
-
-
-def test_a_package_that_begins_to_reflect_needs_random_paths(tmp_path):
-    with pytest.raises(NotDiffuse, match="begins to send light back"):
-        derivatives(over_package(tmp_path, white=0.0), "white")
 
 
 def test_the_horizon_of_bent_roofs_shows_in_random_paths():
@@ -179,25 +80,6 @@ def test_readings_under_other_laws_of_the_ends():
     readings = measure(live, points=1024, mechanics_error=False)
     (found,) = deterministic_light(live, False).power
     assert abs(found - readings.power[0]) < 4 * readings.standard_error[0] + 1e-4 * found
-
-
-STEPS = {"fz": 2e-3, "fx": 2e-3, "youngs_modulus": 0.01, "poisson_ratio": 1e-4, "spacing": 2e-3, "reflectance": 1e-3}
-
-
-def at(name, change, **pad):
-    """The scene with a parameter a little larger."""
-    force = np.array(FORCE)
-    given = {
-        "fz": {"force": (force + [0, 0, change]).tolist()},
-        "fx": {"force": (force + [change, 0, 0]).tolist()},
-        "youngs_modulus": {"youngs_modulus": 4.16 + change},
-        "poisson_ratio": {"poisson_ratio": 0.49 + change},
-        "reflectance": {"wall": {"reflectance": 0.9 + change}},
-    }
-    scene = pad_scene(**given.get(name, {}), **pad)
-    if name == "spacing":
-        scene.source["package"]["spacing"] += change
-    return scene
 
 
 @pytest.fixture(scope="module")
@@ -259,11 +141,6 @@ def test_what_is_asked_for_again_is_not_computed_again(monkeypatch):
     np.testing.assert_array_equal(again.standard_errors, first.standard_errors)
     assert np.isnan([first.strain, *first.strain_rates, first.clearance, *first.clearance_rates]).all()
     assert again.strain > 0 and again.clearance > 0
-
-
-def by(derivatives, name):
-    column = derivatives.parameters.index(name)
-    return derivatives.values[0, column], derivatives.standard_errors[0, column]
 
 
 def strain_rate(derivatives, name):
@@ -527,7 +404,6 @@ def test_what_has_no_derivative_is_refused(scene, name, words):
         (lambda: pad_scene(sensor={"response": "tabulated", "file": "60.csv"}), "response ends with a step"),
         (lambda: pad_scene(led={"law": "tabulated", "file": "steep.csv"}), "largest value within 3 degrees"),
         (lambda: pad_scene(board={"type": "rectangle", "bsdf": {"type": "wall"}}), "sends light back"),
-        (lambda: with_package({"type": "wall", "scattering": "isotropic"}), "step along the horizon of its faces"),
     ],
 )
 def test_what_needs_random_paths_is_not_followed_without(tmp_path, monkeypatch, scene, words):

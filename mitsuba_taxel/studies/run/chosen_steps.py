@@ -107,7 +107,7 @@ class _Curve:
 
     def _computed(self, scene: Scene, values: Mapping[str, str]) -> dict[str, np.ndarray]:
         from mitsuba_taxel.sensing.derivatives import COARSE, derivatives_by
-        from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse
+        from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
         from mitsuba_taxel.sensing.scene_rates import rates
 
         try:

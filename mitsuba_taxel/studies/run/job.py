@@ -182,7 +182,8 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
     if not job.derivatives or (job.where_smooth and readings.points):
         return readings
     from mitsuba_taxel.sensing.derivatives import derivatives_by
-    from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse, NotFollowed
+    from mitsuba_taxel.sensing.diffuse_cells import NotFollowed
+    from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
     from mitsuba_taxel.sensing.scene_rates import rates
 
     try:
