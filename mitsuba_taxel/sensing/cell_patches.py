@@ -10,6 +10,9 @@ import numpy as np
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
+ROUNDED = 1e-3
+"""Of packages, relative to a cell's size: they lie where LEDs are, in single precision."""
+
 
 @dataclass(frozen=True, eq=False)
 class CellPatches:
@@ -30,6 +33,13 @@ class CellPatches:
     def rest(self) -> np.ndarray:
         """(F + G, 15, 3) mm, undeformed."""
         return np.concatenate([self.walls.rest, self.package])
+
+    @property
+    def pattern(self) -> np.ndarray:
+        """(F + G, 15, 3) mm, undeformed and roughly, the same for cells that are equal but for their place."""
+        grain = ROUNDED * np.ptp(self.walls.pattern)
+        package = np.round((self.package - self.walls.shift) / grain) * grain
+        return np.concatenate([self.walls.pattern, package]) + 0.0  # no negative zeros
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
         """(F + G, 15, 3) displacement or its rate, from that of the elements' nodes (N, 3)."""

@@ -4,6 +4,7 @@ numbers."""
 from __future__ import annotations
 
 import pickle
+import threading
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -18,7 +19,7 @@ from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.kernels.protocols import PadShape, is_package, is_pad
 from mitsuba_taxel.kernels.walls import walls_by_region
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.pad import REGIONS, Pad
 from mitsuba_taxel.sensing.cell_patches import CellPatches
 from mitsuba_taxel.sensing.diffuse_taxels import (
     PHOTOTRANSISTOR_POINTS,
@@ -35,7 +36,7 @@ from mitsuba_taxel.transport.patches import LATTICE
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
-    from mitsuba_taxel.pads import Pad, PadFile
+    from mitsuba_taxel.pads import PadFile
 
 MOST_FACES = 400
 """Limit of patches on the walls of a cell: time and memory grow with their square, to some 20 s and 4 GB."""
@@ -47,6 +48,8 @@ CLEARANCE = 3e-3
 """Offset of the ends of rays between walls, relative to the longest: the distance of triangles from the walls."""
 COVER, BEYOND = 5.0, 1.01
 """Deepest ends of such rays within the silicone, relative to that, and how much further on they begin."""
+_MESHING = threading.Lock()
+"""Held while the pairs of points of a cell are found, which others wait for."""
 
 
 class NotFollowed(ComputationError):
@@ -59,14 +62,17 @@ class CellWalls:
 
     Attributes
     ----------
+    number : int
+        Of the cell in its pad, from 1.
     faces : (F,) ndarray
-        Numbers of the mesh faces that define the patches.
+        Numbers of the mesh faces that define the patches: those of the cell or, in a built-in pad, of an equal one.
     package : (G, 15, 3) ndarray
         Patches on the package.
     isotropic, lambertian : (F + G,) ndarray
         Share of the incident light that each scatters with this law.
     """
 
+    number: int
     faces: np.ndarray
     package: np.ndarray
     isotropic: np.ndarray
@@ -76,7 +82,8 @@ class CellWalls:
 class DiffuseCells:
     """A loaded scene of one pad whose cells contain one taxel each.
 
-    Patches for the light are the faces of a mesh of the default size, whatever the size of the finite elements.
+    Patches for the light are the faces of a mesh of the default size, whatever the size of the finite elements. In
+    built-in pads they are those of the cell in the middle for all cells, whose pairs of points are found once.
 
     Parameters
     ----------
@@ -130,12 +137,12 @@ class DiffuseCells:
                     raise NotDiffuse(f"{part} sends light back, and only walls of pad and packages are followed")
 
     def _cell(self, taxel: Taxel, shares: dict[int, tuple[float, float]]) -> CellWalls:
-        mesh = self._mesh
-        numbers = np.unique(mesh.face_cell[mesh.face_cell > 0])
-        centres = [mesh.points[mesh.faces[mesh.face_cell == number]].mean(axis=(0, 1))[:2] for number in numbers]
-        number = numbers[np.argmin(np.linalg.norm(np.array(centres) - taxel.middle, axis=1))]
+        mesh, pad = self._mesh, self.pad.pad
+        numbers, centres = _cells_of(mesh, pad)
+        number = _nearest(numbers, centres, taxel.middle)
+        drawn = _nearest(numbers, centres, np.zeros(2)) if isinstance(pad, Pad) else number
         scatter = [region for region, share in shares.items() if any(share)]
-        faces = np.flatnonzero((mesh.face_cell == number) & np.isin(mesh.face_region, scatter))
+        faces = np.flatnonzero((mesh.face_cell == drawn) & np.isin(mesh.face_region, scatter))
         if not len(faces):
             raise NotDiffuse("no wall of a cell sends light back")
         each = np.array([shares[region] for region in mesh.face_region[faces].tolist()])
@@ -148,7 +155,7 @@ class DiffuseCells:
                 f"light without random numbers takes too long between the {len(each)} patches of a cell: "
                 f"{MOST_FACES} at most are allowed."
             )
-        return CellWalls(faces, package, *each.T)
+        return CellWalls(number, faces, package, *each.T)
 
     def _cuts(self, package: PackageFaces) -> np.ndarray:
         """Parts of a package's faces, which are no larger than the patches of walls."""
@@ -156,18 +163,16 @@ class DiffuseCells:
 
     def _refuse_other_cells(self) -> None:
         """Raise if an LED lights scattering walls of another cell."""
-        of_cells = np.concatenate([cell.faces for cell in self.cells])
-        if len(np.unique(of_cells)) < len(of_cells):
+        if len({cell.number for cell in self.cells}) < len(self.cells):
             raise NotDiffuse("two photo-reflectors lie in one cell")
         surface = self.pad.surface
-        owners = [np.unique(self._mesh.face_cell[cell.faces]) for cell in self.cells]
-        regions = np.unique(self._mesh.face_region[of_cells])
+        regions = np.unique(self._mesh.face_region[np.concatenate([cell.faces for cell in self.cells])])
         directions = _hemisphere(PROBES)
-        for taxel, owner in zip(self.taxels, owners, strict=True):
+        for taxel, cell in zip(self.taxels, self.cells, strict=True):
             hit = self._hits(taxel.led.points.mean(axis=0), directions @ _frame(taxel.led.normal))
-            strange = np.isin(surface.region[hit], regions) & ~np.isin(surface.cell[hit], owner)
+            strange = np.isin(surface.region[hit], regions) & (surface.cell[hit] != cell.number)
             if np.count_nonzero(strange) > LEAKS:
-                raise NotDiffuse(f"the LED in cell {owner[0]} lights walls of cell {surface.cell[hit][strange][0]}")
+                raise NotDiffuse(f"the LED in cell {cell.number} lights walls of cell {surface.cell[hit][strange][0]}")
 
     def _hits(self, start: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Numbers of the pad's triangles that rays from a point hit first."""
@@ -228,13 +233,13 @@ class DiffuseCells:
         """The undeformed walls of a cell, with their dependence on the displacement of the pad's elements or others,
         and the faces of its package."""
         cell = self.cells[number]
-        walls = _patches(elements or self.pad.state.mesh, self._mesh, self.pad.pad, tuple(cell.faces.tolist()))
-        return CellPatches(walls, cell.package)
+        mesh, faces = elements or self.pad.state.mesh, tuple(cell.faces.tolist())
+        return CellPatches(_patches(mesh, self._mesh, self.pad.pad, faces, cell.number), cell.package)
 
     def light_mesh(self, number: int, degree: int) -> Mesh:
         """The quadrature on the walls of a cell."""
-        rest = self.patches(number).rest
-        return _kept_mesh(rest.tobytes(), degree) if len(rest) <= MOST_KEPT else Mesh(rest, degree)
+        pattern = self.patches(number).pattern
+        return _kept_mesh(pattern, degree) if len(pattern) <= MOST_KEPT else Mesh(pattern, degree)
 
     def cell_like(self, number: int, before: DiffuseCells) -> CellWalls:
         """A cell, with the faces of its package cut as in the scene before one of its parameters changed.
@@ -249,8 +254,9 @@ class DiffuseCells:
         if one is not None and other is not None and len(one.shares) == len(other.shares):
             package, shares = other.cut(before._cuts(one))
             of_walls = np.column_stack([cell.isotropic, cell.lambertian])[: len(cell.faces)]
-            cell = CellWalls(cell.faces, package, *_with_package(of_walls, shares).T)
-        if not (np.array_equal(cell.faces, known.faces) and cell.package.shape == known.package.shape):
+            cell = CellWalls(cell.number, cell.faces, package, *_with_package(of_walls, shares).T)
+        same = cell.number == known.number and np.array_equal(cell.faces, known.faces)
+        if not (same and cell.package.shape == known.package.shape):
             raise NotDiffuse("a wall begins to send light back, or dies to touch, as the parameter changes")
         return cell
 
@@ -261,9 +267,9 @@ class DiffuseCells:
         return all(np.array_equal(*pair) for pair in zip(*each, strict=True))
 
     def solved(self, number: int, mesh: Mesh, places: np.ndarray) -> Cell:
-        """The light in a cell, whose walls are at ``places`` (F, 15, 3)."""
+        """The light in a cell, whose walls are at ``places`` (F + G, 15, 3)."""
         taxel, cell = self.taxels[number], self.cells[number]
-        walls = ScatteringWalls(places, cell.isotropic, cell.lambertian, len(cell.package))
+        walls = ScatteringWalls(places, self.patches(number).rest, cell.isotropic, cell.lambertian, len(cell.package))
         parts = walls, taxel.led, taxel.phototransistor, taxel.body
         return kept_cell(mesh, pickle.dumps(parts)) if len(places) <= MOST_KEPT else Cell(mesh, *parts)
 
@@ -285,18 +291,38 @@ def _mesh_of(pad: Pad | PadFile) -> VolumeMesh:
     return pad_mesh(pad, pad.default_mesh_size)
 
 
+def _cells_of(mesh: VolumeMesh, pad: Pad | PadFile) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (K,) of the cells of a pad, and their places (K, 2) in mm."""
+    if isinstance(pad, Pad):
+        return np.arange(1, pad.rows * pad.columns + 1), np.array(pad.cell_centres)
+    numbers = np.unique(mesh.face_cell[mesh.face_cell > 0])
+    of_cells = [mesh.points[mesh.faces[mesh.face_cell == number]] for number in numbers]
+    return numbers, np.array([points.mean(axis=(0, 1))[:2] for points in of_cells])
+
+
+def _nearest(numbers: np.ndarray, places: np.ndarray, place: np.ndarray) -> int:
+    return int(numbers[np.linalg.norm(places - place, axis=1).argmin()])
+
+
 @lru_cache(maxsize=32)
-def _patches(elements: VolumeMesh, walls: VolumeMesh, pad: Pad | PadFile, faces: tuple[int, ...]) -> WallPatches:
+def _patches(
+    elements: VolumeMesh, walls: VolumeMesh, pad: Pad | PadFile, faces: tuple[int, ...], cell: int
+) -> WallPatches:
     """Cached for the states of a path, as its points have to be located in the elements."""
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
-    return WallPatches(elements, walls, pad, np.array(faces), LATTICE)
+    return WallPatches(elements, walls, pad, np.array(faces), cell, LATTICE)
+
+
+def _kept_mesh(pattern: np.ndarray, degree: int) -> Mesh:
+    with _MESHING:
+        return _found_mesh(pattern.tobytes(), degree)
 
 
 @lru_cache(maxsize=20)
-def _kept_mesh(rest: bytes, degree: int) -> Mesh:
-    """Cached for other states of the pad, as its pairs of points take half the time of a solution."""
-    return Mesh(np.frombuffer(rest).reshape(-1, len(LATTICE), 3), degree)
+def _found_mesh(pattern: bytes, degree: int) -> Mesh:
+    """Cached for other cells and states of the pad, as its pairs of points take half the time of a solution."""
+    return Mesh(np.frombuffer(pattern).reshape(-1, len(LATTICE), 3), degree)
 
 
 @lru_cache(maxsize=80)

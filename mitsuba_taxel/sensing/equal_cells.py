@@ -57,8 +57,7 @@ def equal_cells(
 
 
 def equal_at_rest(cells: DiffuseCells) -> list[int]:
-    """As :func:`equal_cells`, of a pad without a load: built-in cells are equal but for their place, whatever the
-    patches on their walls."""
+    """As :func:`equal_cells`, of a pad without a load: built-in cells are equal but for their place."""
     first = list(range(len(cells.taxels)))
     if not isinstance(cells.pad.pad, Pad):
         return first

@@ -21,7 +21,7 @@ from mitsuba_taxel.transport.direct import Direct
 from mitsuba_taxel.transport.emission import Emission, emission
 from mitsuba_taxel.transport.ends import End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
-from mitsuba_taxel.transport.pairs import Pairs, pairs_of
+from mitsuba_taxel.transport.pairs import pairs_of
 from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.reception import Reception
 from mitsuba_taxel.transport.rules import triangle_rule
@@ -38,8 +38,8 @@ class ScatteringWalls:
 
     Attributes
     ----------
-    places : (F, 15, 3) ndarray
-        In mm.
+    places, rest : (F, 15, 3) ndarray
+        Deformed and undeformed positions in mm.
     isotropic, lambertian : (F,) ndarray
         Share of the incident light that each scatters with this law.
     of_box : int
@@ -48,6 +48,7 @@ class ScatteringWalls:
     """
 
     places: np.ndarray
+    rest: np.ndarray
     isotropic: np.ndarray
     lambertian: np.ndarray
     of_box: int = 0
@@ -64,31 +65,34 @@ class Mesh:
     Parameters
     ----------
     rest : (F, 15, 3) ndarray
-        Positions of the undeformed patches in mm.
+        Positions of the undeformed patches in mm, anywhere in space.
     degree : int
         Of the polynomials: 2, or 1 for a coarser solution.
+
+    Attributes
+    ----------
+    own : (T,) ndarray
+        Number of the patch of each target.
+    targets : PatchPoints
+        The points at which W is known.
+    pairs : Pairs
+        Of targets and the points of the integral over all patches for each.
+    first_pairs : (T + 1,) ndarray
+        Number of the first pair of each target, and of all pairs.
+    shares : (P, T) csr_matrix
+        Weights of the known values of W for the value at each point of the integral.
     """
 
     def __init__(self, rest: np.ndarray, degree: int = 2) -> None:
         rule, _ = triangle_rule(degree)
-        self.rest, self.degree = rest, degree
+        self.degree = degree
         self.own = np.repeat(np.arange(len(rest)), len(rule))
         self.targets = PatchPoints(self.own, np.tile(rule, (len(rest), 1)))
+        self.pairs = pairs_of(self.targets.places(rest), rest, self.own, degree, DISTANCE)
+        self.first_pairs = np.searchsorted(self.pairs.target, np.arange(len(self.own) + 1))
+        self.shares = self._shares()
 
-    @cached_property
-    def pairs(self) -> Pairs:
-        """Pairs of targets, the points at which W is known, and the points of the integral over all patches for
-        each."""
-        return pairs_of(self.targets.places(self.rest), self.rest, self.own, self.degree, DISTANCE)
-
-    @cached_property
-    def first_pairs(self) -> np.ndarray:
-        """(T + 1,) number of the first pair of each target, and of all pairs."""
-        return np.searchsorted(self.pairs.target, np.arange(len(self.own) + 1))
-
-    @cached_property
-    def shares(self) -> sparse.csr_matrix:
-        """(P, T) weights of the known values of W for the value at each point of the integral."""
+    def _shares(self) -> sparse.csr_matrix:
         points, size = self.pairs.shares.shape
         known = self.pairs.points.face[:, None] * size + np.arange(size)
         starts = np.arange(0, known.size + 1, size)
@@ -185,7 +189,7 @@ class Cell:
 
     def _emission_of(self, led: End) -> Emission:
         seen = self._walls.seen
-        return emission(led, seen, self._mesh.rest[: len(seen)], self._mesh.degree)
+        return emission(led, seen, self._walls.rest[: len(seen)], self._mesh.degree)
 
     def _exchanged(self, between: Exchange) -> np.ndarray:
         """(T, T) K."""

@@ -212,7 +212,7 @@ def reading_and_strain(cells, amounts, degree):
             for each in (mesh, moved)
         )
         changed = pad.changed(**{name: pad.dimensions[name] + by for name, by in dimensions.items()})
-        patches = WallPatches(mesh, moved, changed, cells.cells[0].faces, LATTICE)
+        patches = WallPatches(mesh, moved, changed, cells.cells[0].faces, 1, LATTICE)
     loaded = LoadedPad(mesh, material, state.load)
     solution, _ = loaded.solve(loaded.gather(state.displacement, state.pressure), value)
     displacement, _ = loaded.split(solution.unknowns)

@@ -7,7 +7,7 @@ import pytest
 
 from mitsuba_taxel import Scene
 from mitsuba_taxel.sensing import derivatives
-from mitsuba_taxel.sensing.deterministic_light import FINE, QUADRATURE
+from mitsuba_taxel.sensing.deterministic_light import FINE
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
 from mitsuba_taxel.sensing.equal_cells import equal_at_rest, equal_cells
 from mitsuba_taxel.sensing.scene_rates import rates
@@ -32,12 +32,17 @@ def test_cells_are_equal_where_pad_load_and_ends_are(rows, columns, force, first
     assert equal_cells(cells, state, [state.displacement], list(state.deviations)) == first
 
 
-def test_cells_at_rest_are_equal_wherever_they_are():
-    """Though the patches on their walls differ, by which readings do by less than is stated."""
-    cells = DiffuseCells(pair(2, 3, [0, 0, 0]).load())
+@pytest.mark.parametrize("reflectance", [0.0, 0.7])
+def test_cells_at_rest_are_equal_wherever_they_are(reflectance):
+    """So are the pairs of points between their walls, and packages, which are found once."""
+    scene = pair(2, 3, [0, 0, 0]).source
+    scene["package"]["bsdf"] = {"type": "wall", "reflectance": reflectance}
+    cells = DiffuseCells(Scene(scene).load())
     assert equal_at_rest(cells) == 6 * [0]
-    alone = [cells.solved(k, cells.light_mesh(k, FINE), cells.patches(k).rest).reading for k in range(6)]
-    assert 0 < np.ptp(alone) < 2 * QUADRATURE * alone[0]
+    meshes = [cells.light_mesh(k, FINE) for k in range(6)]
+    assert all(mesh is meshes[0] for mesh in meshes)
+    alone = [cells.solved(k, meshes[k], cells.patches(k).rest).reading for k in range(6)]
+    assert np.ptp(alone) < 1e-6 * alone[0]  # places of LEDs are in single precision
 
 
 @pytest.mark.parametrize(("changed", "first"), [({"spacing": 0.9}, [0, 0]), ({"pitch": 3.6}, [0, 1])])

@@ -86,8 +86,9 @@ def hexagon(count):
 
 def cell(places, isotropic, spacing, law, rest=None, degree=2, hole=0.0, reflectance=1.0):
     shares = [np.full(len(places), reflectance * share) for share in (isotropic, 1 - isotropic)]
-    mesh = Mesh(places if rest is None else rest, degree)
-    return Cell(mesh, ScatteringWalls(places, *shares), led(spacing, law, hole), phototransistor(spacing))
+    rest = places if rest is None else rest
+    walls = ScatteringWalls(places, rest, *shares)
+    return Cell(Mesh(rest, degree), walls, led(spacing, law, hole), phototransistor(spacing))
 
 
 @pytest.mark.parametrize(

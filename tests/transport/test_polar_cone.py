@@ -114,7 +114,8 @@ def test_a_wide_plate_reads_the_same_wherever_its_patches_are(height, x, y):
     at, weights = rectangle_rule(0.52, 0.3, 4, 4)
     sensor = End(np.column_stack([at + (0.7, 0.0), np.zeros(len(at))]), weights, UP, CosineFactor(1.0, 0.0))
     places = 2.275 * plate(height / 2.275, 7) + (x, y, 0.0)
-    found = Cell(Mesh(places), ScatteringWalls(places, np.zeros(len(places)), np.ones(len(places))), led, sensor)
+    walls = ScatteringWalls(places, places, np.zeros(len(places)), np.ones(len(places)))
+    found = Cell(Mesh(places), walls, led, sensor)
     expected = received(height, angle, led, sensor)
     assert found.reading == pytest.approx(expected, rel=6e-5)
     assert np.abs(found.gradient().sum(axis=(0, 1))[:2]).max() < 1e-3 * expected

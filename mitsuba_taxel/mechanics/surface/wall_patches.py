@@ -26,6 +26,8 @@ _locator = lru_cache(maxsize=2)(PointLocator)
 class WallPatches:
     """Faces of a mesh, each with points of a lattice, which move with elements of this or another mesh.
 
+    Cells of built-in pads are equal, so that the faces of one of them serve for any.
+
     Parameters
     ----------
     elements : VolumeMesh
@@ -35,7 +37,9 @@ class WallPatches:
     pad : Pad or PadFile
         Pad with the undeformed round walls.
     faces : (F,) ndarray
-        Numbers of the faces of ``walls``.
+        Numbers of the faces of ``walls``, which belong to one cell.
+    cell : int
+        Number of the cell whose walls are meant: that of the faces or, in a built-in pad, any.
     lattice : (K, 2) ndarray
         Coordinates (s, t) along two sides of a face.
     """
@@ -44,12 +48,23 @@ class WallPatches:
     walls: VolumeMesh
     pad: Pad | PadFile
     faces: np.ndarray
+    cell: int
     lattice: np.ndarray
+
+    @cached_property
+    def pattern(self) -> np.ndarray:
+        """(F, K, 3) mm, undeformed, in the cell of the faces."""
+        return self._placed(self.walls.points, self.pad)
+
+    @cached_property
+    def shift(self) -> np.ndarray:
+        """(3,) mm from there to the cell that is meant."""
+        return self._shift(self.pad)
 
     @cached_property
     def rest(self) -> np.ndarray:
         """(F, K, 3) mm, undeformed."""
-        return self._placed(self.walls.points, self.pad)
+        return self.pattern + self.shift
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
         """(F, K, 3) displacement or its rate, from that of the elements' nodes (N, 3)."""
@@ -62,7 +77,10 @@ class WallPatches:
         pad = replace(self.pad)  # with derived dimensions as if they were given
         velocity = mesh_velocity(pad, self.walls, parameter)
         places = rate_by(
-            pad, parameter, STEP, lambda changed, step: self._placed(self.walls.points + step * velocity, changed)
+            pad,
+            parameter,
+            STEP,
+            lambda changed, step: self._placed(self.walls.points + step * velocity, changed) + self._shift(changed),
         )
         past = places - self.carried(mesh_velocity(pad, self.elements, parameter))
         gradient = self._location.gradient(displacement).reshape(*places.shape, 3)
@@ -73,6 +91,14 @@ class WallPatches:
         """Location of the points in the elements."""
         beside = BESIDE * np.ptp(self.elements.points[:, 2])
         return _locator(self.elements).locate(self.rest.reshape(-1, 3), beside)
+
+    def _shift(self, pad: Pad | PadFile) -> np.ndarray:
+        drawn = int(self.walls.face_cell[self.faces[0]])
+        if drawn == self.cell:
+            return np.zeros(3)
+        assert isinstance(pad, Pad)
+        (x, y), (x0, y0) = pad.cell_centres[self.cell - 1], pad.cell_centres[drawn - 1]
+        return np.array([x - x0, y - y0, 0.0])
 
     def _placed(self, nodes: np.ndarray, pad: Pad | PadFile) -> np.ndarray:
         shapes = shape_functions(np.column_stack([1 - self.lattice.sum(axis=1), self.lattice]))
