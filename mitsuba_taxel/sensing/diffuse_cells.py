@@ -7,7 +7,7 @@ import pickle
 import threading
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -83,7 +83,7 @@ class DiffuseCells:
     """A loaded scene of one pad whose cells contain one taxel each.
 
     Patches for the light are the faces of a mesh of the default size, whatever the size of the finite elements. In
-    built-in pads they are those of the cell in the middle for all cells, whose pairs of points are found once.
+    built-in pads they are those of the cell with the fewest for all cells, whose pairs of points are found once.
 
     Parameters
     ----------
@@ -114,7 +114,9 @@ class DiffuseCells:
             for name, wall in walls_by_region(self.pad.bsdf()).items()
             if name in REGIONS
         }
-        self.cells = [self._cell(taxel, shares) for taxel in self.taxels]
+        scatters = np.isin(self._mesh.face_region, [region for region, share in shares.items() if any(share)])
+        places = _places_of(self._mesh, self.pad.pad, scatters)
+        self.cells = [self._cell(taxel, shares, scatters, places) for taxel in self.taxels]
         self._refuse_other_cells()
 
     def _into_pad(self, points: np.ndarray, is_direction: bool = False) -> np.ndarray:
@@ -136,16 +138,14 @@ class DiffuseCells:
                     part = f"the {name} of a {kind_of(shape)}" if name else f"a {kind_of(shape)}"
                     raise NotDiffuse(f"{part} sends light back, and only walls of pad and packages are followed")
 
-    def _cell(self, taxel: Taxel, shares: dict[int, tuple[float, float]]) -> CellWalls:
-        mesh, pad = self._mesh, self.pad.pad
-        numbers, centres = _cells_of(mesh, pad)
-        number = _nearest(numbers, centres, taxel.middle)
-        drawn = _nearest(numbers, centres, np.zeros(2)) if isinstance(pad, Pad) else number
-        scatter = [region for region, share in shares.items() if any(share)]
-        faces = np.flatnonzero((mesh.face_cell == drawn) & np.isin(mesh.face_region, scatter))
+    def _cell(
+        self, taxel: Taxel, shares: dict[int, tuple[float, float]], scatters: np.ndarray, places: _Places
+    ) -> CellWalls:
+        nearest = np.linalg.norm(places.centres - taxel.middle, axis=1).argmin()
+        faces = np.flatnonzero(scatters & (self._mesh.face_cell == places.drawn[nearest]))
         if not len(faces):
             raise NotDiffuse("no wall of a cell sends light back")
-        each = np.array([shares[region] for region in mesh.face_region[faces].tolist()])
+        each = np.array([shares[region] for region in self._mesh.face_region[faces].tolist()])
         package = np.empty((0, len(LATTICE), 3))
         if taxel.package is not None:
             package, of_package = taxel.package.cut(self._cuts(taxel.package))
@@ -155,7 +155,7 @@ class DiffuseCells:
                 f"light without random numbers takes too long between the {len(each)} patches of a cell: "
                 f"{MOST_FACES} at most are allowed."
             )
-        return CellWalls(number, faces, package, *each.T)
+        return CellWalls(int(places.number[nearest]), faces, package, *each.T)
 
     def _cuts(self, package: PackageFaces) -> np.ndarray:
         """Parts of a package's faces, which are no larger than the patches of walls."""
@@ -291,17 +291,24 @@ def _mesh_of(pad: Pad | PadFile) -> VolumeMesh:
     return pad_mesh(pad, pad.default_mesh_size)
 
 
-def _cells_of(mesh: VolumeMesh, pad: Pad | PadFile) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (K,) of the cells of a pad, and their places (K, 2) in mm."""
+class _Places(NamedTuple):
+    """Cells of a pad: their numbers (K,), their places (K, 2) in mm, and the numbers (K,) of those whose faces are the
+    patches."""
+
+    number: np.ndarray
+    centres: np.ndarray
+    drawn: np.ndarray
+
+
+def _places_of(mesh: VolumeMesh, pad: Pad | PadFile, scatters: np.ndarray) -> _Places:
+    """The cells of a pad, with faces (F,) some of which scatter light."""
     if isinstance(pad, Pad):
-        return np.arange(1, pad.rows * pad.columns + 1), np.array(pad.cell_centres)
+        centres = np.array(pad.cell_centres)
+        fewest = np.bincount(mesh.face_cell[scatters], minlength=1 + len(centres))[1:].argmin()
+        return _Places(np.arange(1, 1 + len(centres)), centres, np.full(len(centres), 1 + fewest))
     numbers = np.unique(mesh.face_cell[mesh.face_cell > 0])
     of_cells = [mesh.points[mesh.faces[mesh.face_cell == number]] for number in numbers]
-    return numbers, np.array([points.mean(axis=(0, 1))[:2] for points in of_cells])
-
-
-def _nearest(numbers: np.ndarray, places: np.ndarray, place: np.ndarray) -> int:
-    return int(numbers[np.linalg.norm(places - place, axis=1).argmin()])
+    return _Places(numbers, np.array([points.mean(axis=(0, 1))[:2] for points in of_cells]), numbers)
 
 
 @lru_cache(maxsize=32)
