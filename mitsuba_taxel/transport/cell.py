@@ -133,7 +133,7 @@ class Cell:
     @property
     def reading(self) -> float:
         """Power on the phototransistor, in W per W of the LED."""
-        return float(self.emitted @ self.response) + (0.0 if self._direct is None else self._direct.value)
+        return float(self.emitted @ self.response) + self._direct.value
 
     def flows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Samples of the light paths: from the LED, from wall to wall, and to the phototransistor.
@@ -181,10 +181,7 @@ class Cell:
         beyond = len(self._at) - len(values)
         return np.pad(values, [(0, beyond), *[(0, 0)] * (values.ndim - 1)]) if beyond else values
 
-    def _direct_of(self, emission: Emission, phototransistor: End, reception: Reception) -> Direct | None:
-        """What interpolation leaves out of the reading, if the LED's law is peaked."""
-        if not emission.led.law.is_peaked:
-            return None
+    def _direct_of(self, emission: Emission, phototransistor: End, reception: Reception) -> Direct:
         return Direct(emission, phototransistor, self._walls.isotropic, self._walls.lambertian, reception.value)
 
     def _emission_of(self, led: End) -> Emission:
@@ -210,7 +207,7 @@ class Cell:
         response = np.einsum("pq,pq->p", pairs.shares, self.response.reshape(-1, size)[pairs.points.face])
         given = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
         slopes = self._between_walls(self._box).slopes(given, wider)  # whose pairs take four times a cell's memory
-        adjoint = self._adjoint[self._seen] - (0 if self._direct is None else self._emission.power)
+        adjoint = self._adjoint[self._seen] - self._emission.power
         by_start, by_normal = map(self._of_all, self._reception.gradient(adjoint, wider))
         by_start -= mesh.by_target(slopes.by_end)
         by_start += 0 if slopes.by_both is None else mesh.by_target(slopes.by_both)
@@ -221,10 +218,14 @@ class Cell:
             for each in (slopes.by_end, slopes.by_area)
         )
         total = pairs.points.gradient(places, by_end, by_facing) + mesh.targets.gradient(places, by_start, by_area)
-        seen, direct = total[: len(self._walls.seen)], self._direct
-        seen += self._emission.gradient(self.response[self._seen], None if direct is None else direct.missing)
-        seen += 0 if direct is None else direct.gradient(wider)
+        total[: len(self._walls.seen)] += self._emission.gradient(*self._at_lit_points) + self._direct.gradient(wider)
         return total
+
+    @property
+    def _at_lit_points(self) -> list[np.ndarray]:
+        """Responses at points lit inside the cone and at its edge."""
+        lit, response = self._emission, self.response[self._seen]
+        return [lit.at(each, response) + self._direct.missing(each) for each in (lit.inside, lit.edge)]
 
     def bent(self, velocity: np.ndarray, side: int) -> np.ndarray:
         """(F,) derivatives of the light between points of one plane, which :meth:`gradient` leaves out, by the patch
@@ -265,18 +266,13 @@ class Cell:
         if led != self._led:
             lit = self._emission_of(led)
             change += (lit.power - self._emission.power) @ self.response[self._seen]
-            change += self._more(self._direct_of(lit, self._phototransistor, self._reception))
+            change += self._direct_of(lit, self._phototransistor, self._reception).value - self._direct.value
         if phototransistor != self._phototransistor:
             received = Reception(phototransistor, self._seen_starts)
             change += self._adjoint[self._seen] @ (received.value - self._reception.value)
-            change += self._more(self._direct_of(self._emission, phototransistor, received))
+            change += self._direct_of(self._emission, phototransistor, received).value - self._direct.value
         if box != self._box:
             exchange = self._exchanged(self._between_walls(box))
             change += self._adjoint @ ((exchange - self._exchange) @ self.response)
-        if self._direct is not None:
-            change += self._direct.by_patch() @ (scattered[: len(self._walls.seen)] - 1)
+        change += self._direct.by_patch() @ (scattered[: len(self._walls.seen)] - 1)
         return float(change + self._adjoint @ ((scattered[self._mesh.own] - 1) * self.response))
-
-    def _more(self, direct: Direct | None) -> float:
-        """Change of what interpolation leaves out."""
-        return 0.0 if direct is None or self._direct is None else direct.value - self._direct.value

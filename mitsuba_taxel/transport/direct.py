@@ -1,13 +1,11 @@
-"""Light that a phototransistor receives directly from walls lit by a peaked LED.
+"""Light that a phototransistor receives directly from lit walls.
 
-Polynomials on patches interpolate the response of the walls. Where most of an LED's light falls on a part of one patch,
-their error does not average out, and neither does that of slopes as the walls move below the peak. Most of it is that
-of the direct response, which needs no solution: it is interpolated by polynomials of fourth degree there.
+Polynomials on patches interpolate the response of the walls. Most of an LED's light falls on a few of them, so that
+their errors do not average out, and neither do those of slopes as the walls move. Most of it is that of the direct
+response, which needs no solution: it is interpolated by polynomials of fourth degree.
 """
 
 from __future__ import annotations
-
-from functools import cached_property
 
 import numpy as np
 
@@ -18,8 +16,10 @@ from mitsuba_taxel.transport.patches import DEGREE, LATTICE, PatchPoints
 from mitsuba_taxel.transport.reception import Reception
 from mitsuba_taxel.transport.rules import monomials
 
-_COEFFICIENTS = np.linalg.inv(monomials(LATTICE, DEGREE))
-"""(15, 15) from values on the lattice to the polynomial through them."""
+_NODES = 1 / 3 + 0.8 * (LATTICE - 1 / 3)
+"""(15, 2) coordinates (s, t) where the response is known: within patches, as it may end at their rim."""
+_COEFFICIENTS = np.linalg.inv(monomials(_NODES, DEGREE))
+"""(15, 15) from values there to the polynomial through them."""
 
 
 class Direct:
@@ -39,9 +39,9 @@ class Direct:
         self, emission: Emission, phototransistor: End, isotropic: np.ndarray, lambertian: np.ndarray, known: np.ndarray
     ) -> None:
         self._emission, self._known = emission, known
-        count, size = len(emission.places), len(LATTICE)
+        count, size = len(emission.places), len(_NODES)
         own = np.repeat(np.arange(count), size)
-        self._points = PatchPoints(own, np.tile(LATTICE, (count, 1)))
+        self._points = PatchPoints(own, np.tile(_NODES, (count, 1)))
         at, area = self._points.placed(emission.places)
         self._length = np.linalg.norm(area, axis=1, keepdims=True)
         self._normal = area / self._length
@@ -61,10 +61,10 @@ class Direct:
         finer, coarser = (each.reshape(len(self._emission.places), -1).sum(axis=1) for each in both)
         return finer - coarser
 
-    @cached_property
-    def missing(self) -> tuple[np.ndarray, np.ndarray]:
-        """Direct responses at points lit inside the cone and at its edge, less those of the coarser interpolation."""
-        return self._missing(self._emission.inside), self._missing(self._emission.edge)
+    def missing(self, lit: LitPoints) -> np.ndarray:
+        """(N,) direct responses at lit points, less those of the coarser interpolation."""
+        finer = self._reception.value.reshape(-1, len(_NODES))[lit.points.face]
+        return np.einsum("nq,nq->n", _shares(lit), finer) - self._emission.at(lit, self._known)
 
     def gradient(self, wider: float) -> np.ndarray:
         """(F, 15, 3) derivatives by the patches' positions through the finer direct response alone."""
@@ -72,11 +72,7 @@ class Direct:
         across = by_normal - (by_normal * self._normal).sum(axis=1, keepdims=True) * self._normal
         return self._points.gradient(self._emission.places, by_start, across / self._length)
 
-    def _missing(self, lit: LitPoints) -> np.ndarray:
-        finer = self._reception.value.reshape(-1, len(LATTICE))[lit.points.face]
-        return np.einsum("nq,nq->n", _shares(lit), finer) - self._emission.at(lit, self._known)
-
 
 def _shares(lit: LitPoints) -> np.ndarray:
-    """(N, 15) weights of the values on the lattice for those at lit points."""
+    """(N, 15) weights of the values at nodes for those at lit points."""
     return monomials(lit.points.at, DEGREE) @ _COEFFICIENTS

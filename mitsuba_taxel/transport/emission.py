@@ -67,13 +67,11 @@ class Emission:
         """(N,) shares of the LED's power for each of the points inside its cone."""
         return _Rays(self.led, self.inside, self.places).value
 
-    def gradient(self, values: np.ndarray, beside: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
-        """(F, 15, 3) derivatives, by the patches' positions, of the integral of the power times ``values`` (F * Q,),
-        plus, at the points inside the cone and at its edge, what is known ``beside`` them."""
+    def gradient(self, inside: np.ndarray, edge: np.ndarray) -> np.ndarray:
+        """(F, 15, 3) derivatives, by the patches' positions, of the integral of the power times values that are given
+        at the points inside the cone and at its edge."""
         rays, rim = _Rays(self.led, self.inside, self.places), _Rays(self.led, self.edge, self.places)
-        inside, edge = (0.0, 0.0) if beside is None else beside
-        at = (self.at(self.inside, values) + inside)[:, None]
-        passed = ((self.at(self.edge, values) + edge) * rim.value)[:, None]
+        at, passed = inside[:, None], (edge * rim.value)[:, None]
         by_places = self.inside.points.gradient(self.places, at * rays.by_place, at * rays.by_area)
         return by_places + self.edge.points.gradient(self.places, passed * rim.of_cosine, np.zeros_like(rim.of_cosine))
 

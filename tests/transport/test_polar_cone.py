@@ -86,7 +86,7 @@ def test_a_square_plate_receives_the_mean_angle_of_its_outline(x, y, height, ang
 def test_its_derivatives_by_the_plates_position(x, y, height, moved):
     step, angle = 1e-3, math.radians(88)
     light = lit(x, y, height, 88.0, moved)
-    found = light.gradient(np.ones(len(light.power))).sum(axis=(0, 1))
+    found = light.gradient(*(np.ones(len(each.weight)) for each in (light.inside, light.edge))).sum(axis=(0, 1))
     ends = np.array(
         [[on_plate(x - s * a, y - s * b, height + s * c, angle) for s in (step, -step)] for a, b, c in np.eye(3)]
     )
