@@ -209,10 +209,10 @@ class DiffuseCells:
     def _occluded(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         """(N,) whether anything but the package stands between points."""
         _, hit = self._first(start, end - start)
-        occluded = np.array(hit.is_valid())
+        occluded = hit.is_valid()
         for package in filter(is_package, self.scene.shapes()):
-            occluded &= ~np.array(hit.shape == mi.ShapePtr(package))
-        return occluded
+            occluded &= hit.shape != mi.ShapePtr(package)
+        return np.array(occluded)
 
     def _covered(self, start: np.ndarray, way: np.ndarray, deepest: float) -> np.ndarray:
         """(N, 1) shares of ways from points, up to where they leave the silicone if it covers these by ``deepest`` mm
