@@ -7,6 +7,8 @@ superquantile, or conditional value at risk: R. T. Rockafellar and S. Uryasev, J
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from mitsuba_taxel.mechanics.elements.elements import Elements
@@ -14,6 +16,7 @@ from mitsuba_taxel.mechanics.path.state import State
 
 SHARE = 0.01
 """Share of the volume of the undeformed silicone over which the largest strains are averaged."""
+_elements = lru_cache(maxsize=1)(Elements)  # the states of a study follow each other on one mesh
 
 
 class LargestStrain:
@@ -26,7 +29,7 @@ class LargestStrain:
     """
 
     def __init__(self, state: State) -> None:
-        self._elements = Elements(state.mesh, state.material)
+        self._elements = _elements(state.mesh, state.material)
         every = self._elements.gradient(slice(None), state.displacement)
         gradient = every + np.eye(3)
         squared = np.swapaxes(gradient, -1, -2) @ gradient
@@ -47,7 +50,9 @@ class LargestStrain:
 
         The volume that counts changes too; the envelope theorem leaves its threshold, the last strain, out.
         """
-        growth = np.trace(self._elements.gradient(slice(None), velocity), axis1=-2, axis2=-1)
+        growth = np.zeros_like(self._elements.weight)
+        if velocity.any():
+            growth = np.trace(self._elements.gradient(slice(None), velocity), axis1=-2, axis2=-1)
         total = float((self._elements.weight * growth).sum()) / self._volume
         change, spread = (self._at_points(field) for field in (displacement, velocity))
         along = ((np.eye(3) + self._moved) @ self._axis[:, :, None])[..., 0] / (1 + self._strain)[:, None]
