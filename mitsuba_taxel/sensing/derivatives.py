@@ -203,10 +203,11 @@ class _OfCell:
             by_patch = self._by_patch(coarse, gradient)
             there = by_patch.sum(axis=1)
             spread = self._of_wider_horizon(coarse, gradient)
-            share = self._whole.cells.taxels[self._number].light_share
+            share = self._whole.cells.light_share(self._number)
             changes = [share * LIGHT_SHARE * (values - there), HORIZON_SHARE * spread, self._of_sides(coarse)]
             of_derivatives = np.linalg.norm(changes, axis=0)
-            light = np.array([reading_error(fine.reading, coarse.reading, share), *of_derivatives])
+            edged = self._whole.cells.cells[self._number].has_edges
+            light = np.array([reading_error(fine.reading, coarse.reading, share, edged), *of_derivatives])
             if second is not None:
                 against = self._against(second, coarse.reading, by_patch, gradient)
         return _Found(fine.reading, values, light, against, fine.flows())

@@ -48,6 +48,9 @@ CLEARANCE = 3e-3
 """Offset of the ends of rays between walls, relative to the longest: the distance of triangles from the walls."""
 COVER, BEYOND = 5.0, 1.01
 """Deepest ends of such rays within the silicone, relative to that, and how much further on they begin."""
+EDGED = 10.0
+"""How much larger errors of light are relative to the difference of two solutions where walls that scatter meet at
+sharp edges, near which polynomials do not follow the light between them: compared with random paths."""
 _MESHING = threading.Lock()
 """Held while the pairs of points of a cell are found, which others wait for."""
 
@@ -66,6 +69,8 @@ class CellWalls:
         Of the cell in its pad, from 1.
     faces : (F,) ndarray
         Numbers of the mesh faces that define the patches: those of the cell or, in a built-in pad, of an equal one.
+    has_edges : bool
+        Whether they meet at sharp edges.
     package : (G, 15, 3) ndarray
         Patches on the package.
     isotropic, lambertian : (F + G,) ndarray
@@ -74,6 +79,7 @@ class CellWalls:
 
     number: int
     faces: np.ndarray
+    has_edges: bool
     package: np.ndarray
     isotropic: np.ndarray
     lambertian: np.ndarray
@@ -155,7 +161,8 @@ class DiffuseCells:
                 f"light without random numbers takes too long between the {len(each)} patches of a cell: "
                 f"{MOST_FACES} at most are allowed."
             )
-        return CellWalls(int(places.number[nearest]), faces, package, *each.T)
+        edged = _have_edges(self._mesh, self.pad.pad, tuple(faces.tolist()))
+        return CellWalls(int(places.number[nearest]), faces, edged, package, *each.T)
 
     def _cuts(self, package: PackageFaces) -> np.ndarray:
         """Parts of a package's faces, which are no larger than the patches of walls."""
@@ -254,11 +261,16 @@ class DiffuseCells:
         if one is not None and other is not None and len(one.shares) == len(other.shares):
             package, shares = other.cut(before._cuts(one))
             of_walls = np.column_stack([cell.isotropic, cell.lambertian])[: len(cell.faces)]
-            cell = CellWalls(cell.number, cell.faces, package, *_with_package(of_walls, shares).T)
+            each = _with_package(of_walls, shares).T
+            cell = CellWalls(cell.number, cell.faces, cell.has_edges, package, *each)
         same = cell.number == known.number and np.array_equal(cell.faces, known.faces)
         if not (same and cell.package.shape == known.package.shape):
             raise NotDiffuse("a wall begins to send light back, or dies to touch, as the parameter changes")
         return cell
+
+    def light_share(self, number: int) -> float:
+        """Factor of the errors of a cell's light, as the difference of two solutions tells them."""
+        return self.taxels[number].light_share * (EDGED if self.cells[number].has_edges else 1.0)
 
     def walls_alike(self, one: int, other: int) -> bool:
         """Whether the walls of two cells scatter equally, judged by all of their properties."""
@@ -309,6 +321,14 @@ def _places_of(mesh: VolumeMesh, pad: Pad | PadFile, scatters: np.ndarray) -> _P
     numbers = np.unique(mesh.face_cell[mesh.face_cell > 0])
     of_cells = [mesh.points[mesh.faces[mesh.face_cell == number]] for number in numbers]
     return _Places(numbers, np.array([points.mean(axis=(0, 1))[:2] for points in of_cells]), numbers)
+
+
+@lru_cache(maxsize=32)
+def _have_edges(mesh: VolumeMesh, pad: Pad | PadFile, faces: tuple[int, ...]) -> bool:
+    """Cached for all cells with the same faces."""
+    from mitsuba_taxel.mechanics.surface.tessellation import have_edges
+
+    return have_edges(mesh, np.array(faces), pad)
 
 
 @lru_cache(maxsize=32)

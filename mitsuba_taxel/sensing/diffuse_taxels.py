@@ -65,7 +65,7 @@ class Taxel:
 
     @property
     def light_share(self) -> float:
-        """Factor of the errors of its light, as the difference of two solutions tells them."""
+        """Factor of the errors of its light by its laws; see :meth:`DiffuseCells.light_share`."""
         return KINKED if self.led.law.has_kinks or self.phototransistor.law.has_kinks else 1.0
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from diffuse_scene import pad_scene
 from one_cell import one_cell
 
 from mitsuba_taxel import Pad, PadSensor, Scene, measure, sweep
@@ -28,6 +29,27 @@ def test_domes_read_as_the_sphere_within_the_stated_error(llvm_mono, cell, law):
     truth = DOMES[cell].diffuse_power(law, 18)
     assert readings.points == 0 and not readings.standard_error.any()
     assert abs(readings.power[0] - truth) < min(2 * readings.total_error[0], 1e-4 * truth)
+
+
+@pytest.mark.parametrize(
+    ("cell", "roof", "side", "edged"),
+    [
+        ("parallelepiped", "isotropic", "isotropic", True),
+        ("cylindrical", "lambertian", "isotropic", True),
+        ("spherical", "lambertian", "lambertian", True),
+        ("hemispheric", "isotropic", "lambertian", False),
+    ],
+)
+def test_walls_that_meet_at_edges_read_as_random_paths_within_the_stated_error(cell, roof, side, edged):
+    """Which is a tenth as large without edges, as in hemispheric cells; there is nothing but the light's here."""
+    source = pad_scene(cell=cell, wall={"scattering": roof}, mesh_size=1.25).source
+    source["pad"]["bsdf"]["side"] = {"type": "wall", "scattering": side, "reflectance": 0.9}
+    live = Scene(source).load()
+    assert diffuse_cells.DiffuseCells(live).cells[0].has_edges == edged
+    found = deterministic_light(live, False)
+    readings = measure(live, points=8192, mechanics_error=False)
+    assert abs(found.power - readings.power) < 2 * found.error + 3 * readings.standard_error
+    assert (found.error > 3e-4 * found.power) == edged
 
 
 def with_law(scene, law):

@@ -252,8 +252,19 @@ def placed(
     return points, np.broadcast_to(np.eye(3), (len(points), 3, 3))
 
 
+def have_edges(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile) -> bool:
+    """Whether walls, the ``chosen`` faces of a mesh, meet at sharp edges or do not hang together."""
+    return bool(smooth_sheets(mesh.faces[chosen, :3], _at_sides(mesh, chosen, pad), 0 * chosen, CREASE).any())
+
+
 def _sheets(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | None) -> np.ndarray:
     """Number of the smooth sheet of each of the ``chosen`` faces."""
+    crease = FACET if isinstance(pad, PadFile) and not pad.is_drawn else CREASE
+    return smooth_sheets(mesh.faces[chosen, :3], _at_sides(mesh, chosen, pad), mesh.face_region[chosen], crease)
+
+
+def _at_sides(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | None) -> np.ndarray:
+    """(F, 3, 3) unit normals of the ``chosen`` faces at the middles of their sides."""
     middles = 0.5 * (np.eye(3) + np.roll(np.eye(3), -1, axis=0))
     normals = []
     for middle in middles[:, None]:
@@ -264,6 +275,4 @@ def _sheets(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | None) -> 
         )
         _, gradient = placed(mesh, chosen, at, pad)
         normals.append(unit(np.cross(*(np.einsum("qij,qj->qi", gradient, tangent) for tangent in along))))
-    crease = FACET if isinstance(pad, PadFile) and not pad.is_drawn else CREASE
-    region = mesh.face_region[chosen]
-    return smooth_sheets(mesh.faces[chosen, :3], np.stack(normals, axis=1), region, crease)
+    return np.stack(normals, axis=1)
