@@ -48,7 +48,7 @@ CLEARANCE = 3e-3
 """Offset of the ends of rays between walls, relative to the longest: the distance of triangles from the walls."""
 COVER, BEYOND = 5.0, 1.01
 """Deepest ends of such rays within the silicone, relative to that, and how much further on they begin."""
-EDGED = 10.0
+EDGED = 25.0
 """How much larger errors of light are relative to the difference of two solutions where walls that scatter meet at
 sharp edges, near which polynomials do not follow the light between them: compared with random paths."""
 _MESHING = threading.Lock()

@@ -254,16 +254,17 @@ def placed(
 
 def have_edges(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile) -> bool:
     """Whether walls, the ``chosen`` faces of a mesh, meet at sharp edges or do not hang together."""
-    return bool(smooth_sheets(mesh.faces[chosen, :3], _at_sides(mesh, chosen, pad), 0 * chosen, CREASE).any())
+    normals = _side_normals(mesh, chosen, pad)
+    return bool(smooth_sheets(mesh.faces[chosen, :3], normals, np.zeros_like(chosen), CREASE).any())
 
 
 def _sheets(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | None) -> np.ndarray:
     """Number of the smooth sheet of each of the ``chosen`` faces."""
     crease = FACET if isinstance(pad, PadFile) and not pad.is_drawn else CREASE
-    return smooth_sheets(mesh.faces[chosen, :3], _at_sides(mesh, chosen, pad), mesh.face_region[chosen], crease)
+    return smooth_sheets(mesh.faces[chosen, :3], _side_normals(mesh, chosen, pad), mesh.face_region[chosen], crease)
 
 
-def _at_sides(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | None) -> np.ndarray:
+def _side_normals(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | None) -> np.ndarray:
     """(F, 3, 3) unit normals of the ``chosen`` faces at the middles of their sides."""
     middles = 0.5 * (np.eye(3) + np.roll(np.eye(3), -1, axis=0))
     normals = []
