@@ -32,6 +32,10 @@ class ComputationError(RuntimeError):
         super().__init__(one_line(message))
 
 
+class UnusedDefault(UserWarning):
+    """A ``<default>`` of a scene that nothing uses."""
+
+
 def one_line(message: object) -> str:
     """A message on one line, shortened in the middle if too long."""
     line = " ".join(str(message).split())

@@ -60,7 +60,7 @@ def _unused_defaults(root: Element, parameters: Mapping[str, str]) -> Iterator[F
         name = element.attributes.get("name", "")
         if element.tag == "default" and name not in used:
             message = f"the <default> {name} is used nowhere: take it out, or write ${name} where it belongs."
-            yield element.finding("error", message)
+            yield element.finding("warning", message)
 
 
 def _given_twice(element: Element) -> Iterator[Finding]:

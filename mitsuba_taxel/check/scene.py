@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
 import mitsuba as mi
 
 from mitsuba_taxel.backend import activate_variant, in_turn
-from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.check.document import Element, Unreadable, leave_out, read_document, used_names
+from mitsuba_taxel.base.errors import InputError, UnusedDefault
+from mitsuba_taxel.check.document import Element, Unreadable, leave_out, read_document
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.geometry import check_geometry
 from mitsuba_taxel.check.light import check_light, check_modelled, check_prepared
@@ -55,7 +56,9 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
     twice = list(defaults_given_twice(root))
     if twice:
         return twice
-    scene = Scene(path, parameters)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnusedDefault)  # `check_names` reports them, with their lines
+        scene = Scene(path, parameters)
     leave_out(root, left_out(scene.parameters))
     activate_variant()
     findings = list(check_names(root, scene.parameters))
@@ -75,13 +78,9 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
 
 def _parse(scene: Scene, path: Path, root: Element, findings: list[Finding]) -> Any:
     """The scene parsed by Mitsuba; None, and findings, if that fails."""
-    used = used_names(root)
-    # Mitsuba stops at an unused parameter, which `check_names` has reported already.
-    absent = left_out(scene.parameters)
-    given = {name: value for name, value in scene.parameters.items() if name in used | absent}
     config = parser_config(mi.variant())
     try:
-        state = parse_scene(config, path, given)
+        state = parse_scene(config, path, scene.parameters)
         mi.parser.transform_all(config, state)
         return state
     except RuntimeError as error:

@@ -42,17 +42,11 @@ def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[
     if not absent:
         return mi.parser.parse_file(config, str(path), **parameters)
     (_, root), *included = read_scene_file(path)
-    before = _used(root)
     _leave_out(root, absent)
     used = _used(root).union(*(_used(inner) for _, inner in included))
     for name in sorted(absent & used):
         raise InputError(f"{name} = {NONE} is not allowed: a file that {path.name} includes uses it.")
-    unused = before - used
-    for element in root.iter():
-        for default in [one for one in element.findall("default") if one.get("name") in unused]:
-            element.remove(default)
-    kept = {name: value for name, value in parameters.items() if name not in unused}
-    return mi.parser.parse_string(config, ElementTree.tostring(root, encoding="unicode"), **kept)
+    return mi.parser.parse_string(config, ElementTree.tostring(root, encoding="unicode"), **parameters)
 
 
 def _leave_out(element: ElementTree.Element, absent: set[str]) -> None:

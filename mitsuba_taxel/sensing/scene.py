@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import re
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +16,7 @@ from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.arguments import is_number, path_of, refusal, require, table_of, text_of
 from mitsuba_taxel.base.atomic import WriteError, write_text
 from mitsuba_taxel.base.display import Displayed
-from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.errors import ComputationError, InputError, UnusedDefault
 from mitsuba_taxel.parts.part import SUFFIX
 from mitsuba_taxel.sensing.left_out import NONE, parse_scene, used_by
 from mitsuba_taxel.sensing.scene_file import read_scene_file
@@ -55,6 +56,11 @@ class Scene(Displayed):
     ------
     InputError
         if the file does not exist, is not valid XML, or does not have a given parameter.
+
+    Warns
+    -----
+    UnusedDefault
+        if the file has ``<default>``s that nothing uses; ``unused`` has their names.
     """
 
     def __init__(
@@ -71,15 +77,21 @@ class Scene(Displayed):
         self.mesh_size = mesh_size
         self.defaults: dict[str, str] = {}
         given = {name: str(value) for name, value in table_of("parameters", parameters, "values").items()}
+        self.unused: tuple[str, ...] = ()
         allowed: set[str] = set()
         if isinstance(self.source, Path):
-            self.defaults, allowed = _declared_parameters(self.source)
+            self.defaults, used = _declared_parameters(self.source)
+            allowed = used | set(self.defaults)
+            self.unused = tuple(name for name in self.defaults if name not in used)
         for name, value in given.items():
             if name not in allowed | ({MESHED_AS} if self.defaults else set()):
                 names = ", ".join(sorted(allowed)) or "none"
                 raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
             text_of(name, value)
         self.parameters = {**self.defaults, **given}
+        if self.unused:
+            words = f"{self.name}: nothing uses the <default> {', '.join(self.unused)}"
+            warnings.warn(f"{words}: without effect.", UnusedDefault, stacklevel=2)
         self.leaves_mesh_open = False  # known once the scene has been loaded
 
     @classmethod
@@ -320,7 +332,7 @@ def shipped_scenes() -> Path:
 
 
 def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
-    """Defaults of an XML scene, and the names of all parameters that it uses."""
+    """Defaults of an XML scene, and the names that it uses as ``$name``."""
     defaults: dict[str, str] = {}
     used: set[str] = set()
     for file, root in read_scene_file(path):
@@ -331,7 +343,7 @@ def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
                 raise InputError(f"{file.name}: the <default> {name} is given twice: take one of them out.")
             own[name] = element.get("value", "")
         defaults, used = {**own, **defaults}, used.union(*(used_by(element.attrib) for element in root.iter()))
-    return defaults, used | set(defaults)
+    return defaults, used
 
 
 def far_transforms(props: mi.Properties) -> dict[str, str]:
@@ -370,6 +382,7 @@ def parser_config(variant: str) -> mi.parser.ParserConfig:
     config.parallel = False  # meshing and solving are not parallel, and slower if they try
     config.merge_meshes = False  # merged meshes lose their names
     config.merge_equivalent = False  # merged emitters cannot be attached to two shapes
+    config.unused_parameters = mi.LogLevel.Trace  # `Scene` warns of them
     return config
 
 
@@ -403,7 +416,6 @@ def _one_line(error: RuntimeError, scene: Scene) -> InputError | ComputationErro
     tail = lines[-1:] if "Traceback" in lines[0] else [line.lstrip("- ") for line in lines[1:]]
     text = re.sub(r": \[\w+\] ", ": ", " ".join([head, *tail])).rstrip("!")
     text = text.replace("unreferenced property", "unknown parameter").replace(f"{scene.source} ", "")
-    text = text.replace("Found unused parameters:", "<default>s that are used nowhere, take them out:")
     unparsed = re.search(r'could not parse \w[\w ]* value "(.*)"', text)
     if unparsed:
         guilty = [name for name, value in scene.parameters.items() if value.strip() == unparsed[1].strip()]

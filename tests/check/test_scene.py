@@ -46,7 +46,7 @@ def test_parameters_count(tmp_path):
 
 def test_an_unused_default_is_found(tmp_path):
     (finding,) = check(tmp_path, PAD.replace("$fz", "-5"))
-    assert (finding.severity, finding.line) == ("error", 2) and "fz is used nowhere" in finding.message
+    assert (finding.severity, finding.line) == ("warning", 2) and "fz is used nowhere" in finding.message
 
 
 def test_files_that_are_included(tmp_path):

@@ -13,9 +13,11 @@ import pytest
 from one_cell import one_cell
 
 from mitsuba_taxel import ComputationError, InputError, PadSensor, Scene, Wall, crosstalk, measure
+from mitsuba_taxel.base.errors import UnusedDefault
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.sensing import find_scene
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.studies.plan.batch import make_batch
 
 
 @pytest.fixture
@@ -161,3 +163,22 @@ def test_scenes_by_name_by_path_and_as_dictionaries_are_the_same(llvm_mono):
 def test_what_is_no_scene_or_part_is_refused_by_name(call, said):
     with pytest.raises(InputError, match=f"^{said}"):
         call()
+
+
+UNUSED = '<default name="spp" value="16"/> <default name="mesh" value="2"/> <default'
+
+
+def test_defaults_that_nothing_uses_are_warned_of_and_change_nothing(tmp_path, llvm_mono):
+    """Exporters write them, and mi.load_file takes them."""
+    plain = find_scene("plate.xml").read_text()
+    (tmp_path / "used.xml").write_text(plain)
+    (tmp_path / "more.xml").write_text(plain.replace("<default", UNUSED, 1))
+    with pytest.warns(UnusedDefault, match=r"more\.xml: nothing uses the <default> spp, mesh"):
+        more = Scene.from_file(tmp_path / "more.xml", z="1.5")
+    assert more.unused == ("spp", "mesh")
+    one, other = (measure(scene, points=64) for scene in (Scene.from_file(tmp_path / "used.xml", z="1.5"), more))
+    assert np.array_equal(one.power, other.power)
+    more.write_xml(tmp_path / "written.xml")
+    assert "spp" not in (tmp_path / "written.xml").read_text()
+    with pytest.warns(UnusedDefault), pytest.raises(InputError, match="spp cannot be varied: nothing in more.xml uses"):
+        make_batch(tmp_path / "more.xml", {"spp": "1,2"})

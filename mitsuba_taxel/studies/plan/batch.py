@@ -170,6 +170,8 @@ def make_batch(
     asked = (target_error, points, time_budget, mesh_size, seed, maps, by, target_slope, circuit)
     batch = Batch(name, file, fixed, axes, *asked, meshes=meshes)
     scene = batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # or no such names
+    for parameter in (name for axis in axes for name in axis.values if name in scene.unused):
+        raise InputError(f"{parameter} cannot be varied: nothing in {scene.name} uses its <default>.")
     alone = [axis.dim for axis in axes if axis.dim != STEP]
     past = [histories(axis.values, scene.parameters, alone) if axis.dim == STEP else None for axis in axes]
     filled = [

@@ -6,10 +6,12 @@ import multiprocessing
 import os
 import signal
 import threading
+import warnings
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
+from mitsuba_taxel.base.errors import UnusedDefault
 from mitsuba_taxel.base.threads import set_thread_count
 
 
@@ -57,6 +59,7 @@ def _begin(sharing: int) -> None:
     for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to all; the parent decides when to end
         signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
+    warnings.simplefilter("ignore", UnusedDefault)  # the parent has told
     keep_to_share(sharing)
 
 
