@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +46,17 @@ def test_python_and_scene_agree(tmp_path, monkeypatch):
 
     (tmp_path / "scene.xml").write_text(blocks("xml")[0])
     np.testing.assert_allclose(measure(tmp_path / "scene.xml", **few).power, in_python.power, rtol=1e-5)
+
+
+def test_mitsuba_loads_the_scene_as_the_readme_says(tmp_path):
+    """In a program of its own: the variant is chosen there."""
+    (tmp_path / "scene.xml").write_text(blocks("xml")[0])
+    choice = re.search(r'`(mi\.set_variant\("\w+"\))`', README)
+    assert "`import mitsuba_taxel`" in README and choice
+    program = f"import mitsuba_taxel\nimport mitsuba as mi\n{choice[1]}\n"
+    program += "print(len(mi.load_file('scene.xml', parallel=False).emitters()))"
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stdout.split()) == (0, ["1"]), done.stderr
 
 
 def test_links_lead_somewhere():

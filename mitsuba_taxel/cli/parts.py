@@ -24,7 +24,7 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
     """List the parts of the catalogue, or show one, by its name or from your own file.
 
     Body, windows and dies, values of the datasheet and their source; what it does not state; and the current under a
-    mirror compared with that of the datasheet.
+    mirror or white card compared with that of the datasheet.
     """
     from mitsuba_taxel.parts import leaving_share, part_names, read_part
 
@@ -49,7 +49,7 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
         from dataclasses import asdict
 
         print_json(
-            {**asdict(part), "leaving_share": leaving_share(part), "mirror_curve": _curve(part), "edges_mm": edges}
+            {**asdict(part), "leaving_share": leaving_share(part), "model_curve": _curve(part), "edges_mm": edges}
         )
     else:
         _show(part)
@@ -71,13 +71,13 @@ def _curve(part) -> list[tuple[float, float, float]]:
     """Height, current of the datasheet and that of the dies, relative to the largest."""
     import numpy as np
 
-    from mitsuba_taxel.parts import mirror_curve
+    from mitsuba_taxel.parts import distance_model
 
     if not part.distance_curve:
         return []
     heights, given = np.array(part.distance_curve).T
-    most = mirror_curve(part, np.linspace(heights.min(), heights.max(), 200)[:60]).max()
-    model = mirror_curve(part, heights)
+    most = distance_model(part, np.linspace(heights.min(), heights.max(), 200)[:60]).max()
+    model = distance_model(part, heights)
     return list(zip(heights.tolist(), given.tolist(), (model / max(most, model.max())).tolist(), strict=True))
 
 
@@ -132,7 +132,7 @@ def _show(part) -> None:
         print_text_table(("number", "where it is from; all others are from the source above"), part.sources.items())
     curve = _curve(part)
     if curve:
-        print("\nCurrent under a mirror, relative to the largest")
+        print(f"\nCurrent under a {part.distance_reflector}, relative to the largest")
         print_table(
             ("height [mm]", "datasheet", "these dies"), ((f"{z:g}", f"{a:.1%}", f"{b:.1%}") for z, a, b in curve)
         )

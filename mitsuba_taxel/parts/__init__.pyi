@@ -1,3 +1,9 @@
+from .card import (
+    card_curve as card_curve,
+)
+from .card import (
+    distance_model as distance_model,
+)
 from .mirror import (
     MirrorRays as MirrorRays,
 )

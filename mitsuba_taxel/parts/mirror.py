@@ -24,11 +24,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.parts.part import Part, Side
-
-POINTS = 2**13
-"""Pairs of points of the dies: curves are accurate to about 0.2 %."""
-ANGLES = 4000
+from mitsuba_taxel.parts.part import Part
+from mitsuba_taxel.parts.refraction import (
+    die_points,
+    emitted_rays,
+    passes_window,
+    refracted,
+    relative_radiance,
+    sobol_points,
+    transmittance,
+)
 
 
 class MirrorRays(NamedTuple):
@@ -57,17 +62,18 @@ def mirror_rays(part: Part, height: float) -> MirrorRays:
     if not height > 0:
         raise InputError(f"height = {height!r} is not allowed: a number of mm above 0 is needed.")
     emitter, detector = part.emitter, part.detector
-    shares = _shares()
-    start, end = _points(emitter, shares[:, :2]), _points(detector, shares[:, 2:])
+    shares = sobol_points(4)
+    start, end = die_points(emitter, shares[:, :2]), die_points(detector, shares[:, 2:])
     apart = end - start
     distance = np.linalg.norm(apart, axis=1)
     depths = emitter.die_depth + detector.die_depth
-    angle, density = _bent(part.resin_index, height, depths, distance)
+    angle, geometry = refracted(part.resin_index, 2 * height, depths, distance)
+    density = geometry * (transmittance(part.resin_index, np.cos(angle)) / part.resin_index) ** 2
     inside = np.sin(angle) / np.sqrt(part.resin_index**2 - np.sin(angle) ** 2)
     along = apart / distance[:, None] * inside[:, None]
     out, back = start + emitter.die_depth * along, end - detector.die_depth * along
-    seen = _is_open(emitter, out) & _is_open(detector, back)
-    density = density * _emitted(emitter, np.cos(angle)) * detector.relative_to_lambert(np.cos(angle))
+    seen = passes_window(emitter, out) & passes_window(detector, back)
+    density = density * relative_radiance(emitter, np.cos(angle)) * detector.relative_to_lambert(np.cos(angle))
     area = detector.die_width * detector.die_length
     return MirrorRays((out + back) / 2, np.where(seen, density, 0.0) * area / np.pi / len(density))
 
@@ -80,13 +86,12 @@ def mirror_curve(part: Part, heights: Any) -> np.ndarray:
 
 def leaving_share(part: Part) -> float:
     """Share of the light that leaves the emitter's window, of what its die sends into the resin."""
-    emitter, shares = part.emitter, _shares()
-    turn, sine = 2 * np.pi * shares[:, 2], np.sqrt(shares[:, 3] + 0.5)  # in air, after Lambert's law
+    emitter = part.emitter
+    start, heading, sine = emitted_rays(emitter, sobol_points(4))
     beneath = sine / np.sqrt(part.resin_index**2 - sine**2)
-    aside = emitter.die_depth * beneath[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    seen = _is_open(emitter, _points(emitter, shares[:, :2]) + aside)
+    seen = passes_window(emitter, start + emitter.die_depth * beneath[:, None] * heading)
     cosine = np.sqrt(1 - sine**2)
-    leaving = _transmittance(part.resin_index, cosine) * _emitted(emitter, cosine)
+    leaving = transmittance(part.resin_index, cosine) * relative_radiance(emitter, cosine)
     return float((leaving * seen).mean() / part.resin_index**2)
 
 
@@ -105,47 +110,3 @@ def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5
     order = np.argsort(rays.places[:, axis])
     covered = np.cumsum(rays.power[order])
     return np.interp(asked * covered[-1], covered, rays.places[order, axis])
-
-
-def _emitted(emitter: Side, cosine: np.ndarray) -> np.ndarray:
-    """Radiance of a die in a direction in air, relative to that of a Lambertian one of the same power."""
-    return 0.5 * (1 + (emitter.exponent or 1.0)) * emitter.relative_to_lambert(cosine)
-
-
-def _bent(index: float, height: float, depths: float, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angles in air of the rays between points at a distance R, and T^2 / (2 n^2) d(sin^2)/dR / R."""
-    angle = np.linspace(0, np.pi / 2, ANGLES + 2)[1:-1]
-    sine, cosine = np.sin(angle), np.cos(angle)
-    beneath = np.sqrt(index**2 - sine**2)
-    reach = 2 * height * sine / cosine + depths * sine / beneath
-    rate = 2 * height / cosine**2 + depths * cosine * index**2 / beneath**3
-    density = _transmittance(index, cosine) ** 2 * sine * cosine / rate / reach / index**2
-    return np.interp(distance, reach, angle), np.interp(distance, reach, density)
-
-
-def _transmittance(index: float, cosine: np.ndarray) -> np.ndarray:
-    """Fresnel's, of unpolarised light."""
-    within = np.sqrt(1 - (1 - cosine**2) / index**2)
-    across = (cosine - index * within) / (cosine + index * within)
-    along = (index * cosine - within) / (index * cosine + within)
-    return 1 - (across**2 + along**2) / 2
-
-
-def _shares() -> np.ndarray:
-    """(N, 4) from -1/2 to 1/2, evenly spread."""
-    from scipy.stats import qmc
-
-    return qmc.Sobol(4, seed=np.random.default_rng(0)).random(POINTS) - 0.5
-
-
-def _points(side: Side, shares: np.ndarray) -> np.ndarray:
-    return np.array([side.x, side.y]) + shares * [side.die_width, side.die_length]
-
-
-def _is_open(side: Side, places: np.ndarray) -> np.ndarray:
-    """Whether places (N, 2) lie in a window."""
-    x, y = np.abs(places - side.window_centre).T
-    half = side.window_width / 2
-    if side.window_shape == "rectangle":
-        return (x <= half) & (y <= side.window_length / 2)
-    return np.hypot(x, np.maximum(y - (side.window_length / 2 - half), 0.0)) <= half

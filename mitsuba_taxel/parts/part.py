@@ -15,6 +15,8 @@ from mitsuba_taxel.base.toml import read_toml
 from mitsuba_taxel.parameters import REQUIRED, Checked, choice, number
 
 SUFFIX = ".toml"
+REFLECTORS = ("mirror", "white card")
+"""With which datasheets measure distance curves."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,9 @@ class Part:
     electrical : dict[str, float]
         Figures of the datasheet, by a name with its unit.
     distance_curve : tuple[tuple[float, float], ...]
-        Of the datasheet: height of a mirror above the windows in mm, and current relative to the largest.
+        Of the datasheet: height of a reflector above the windows in mm, and current relative to the largest.
+    distance_reflector : str
+        That of the curve: "mirror", or "white card", which scatters by Lambert's law.
     unknown : tuple[str, ...]
         What is not known, as the datasheet does not state it.
     sources : dict[str, str]
@@ -112,6 +116,7 @@ class Part:
     detector: Side
     electrical: dict[str, float] = field(default_factory=dict)
     distance_curve: tuple[tuple[float, float], ...] = ()
+    distance_reflector: str = "mirror"
     unknown: tuple[str, ...] = ()
     sources: dict[str, str] = field(default_factory=dict)
 
@@ -141,6 +146,10 @@ def _part(name: str, content: dict[str, Any]) -> Part:
     for key in content:
         if key not in _KINDS:
             raise InputError(f"part {name}: {key} is not known: allowed are {', '.join(_KINDS)}.")
+    for key, table in content.items():
+        for entry in table if isinstance(table, dict) else ():
+            if entry in _KINDS and entry not in content and not (key == "sources" and isinstance(table[entry], str)):
+                raise InputError(f"part {name}: {entry} stands in [{key}]: move it above the first line in brackets.")
     for key, (check, needed, required) in _KINDS.items():
         if key in content and not check(content[key]):
             raise InputError(f"part {name}: {key} = {content[key]!r} is not allowed: {needed} is needed.")
@@ -206,6 +215,7 @@ _KINDS: dict[str, tuple[Callable[[Any], bool], str, bool]] = {
         "rows of two numbers",
         False,
     ),
+    "distance_reflector": (lambda value: value in REFLECTORS, " or ".join(map(repr, REFLECTORS)), False),
     "unknown": (lambda value: is_row(value, _is_text), "a row of words", False),
     "sources": (lambda v: isinstance(v, dict) and all(map(_is_text, v.values())), "a table of words", False),
 }

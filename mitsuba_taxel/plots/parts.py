@@ -1,4 +1,4 @@
-"""Drawings of photo-reflectors from above, and their current under a mirror."""
+"""Drawings of photo-reflectors from above, and their current under a mirror or a white card."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mitsuba_taxel.parts import Part, Side, mirror_curve
+from mitsuba_taxel.parts import Part, Side, distance_model
 from mitsuba_taxel.plots.figures import COLOURS, panel_axes
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def plot_part(part: Part) -> Figure:
     """A part: body, windows and dies from above; beside, the current under a mirror
-    over its height, relative to the largest, and points of the datasheet."""
+    or white card over its height, relative to the largest, and points of the datasheet."""
     ((above, curve),) = panel_axes(1, 2, sharex=False, size=(5.2, 4.2))
     _draw_from_above(above, part)
     _draw_curve(curve, part)
@@ -56,10 +56,10 @@ def _outline(side: Side) -> np.ndarray:
 def _draw_curve(ax: Axes, part: Part) -> None:
     given = np.array(part.distance_curve or np.empty((0, 2)))
     heights = np.geomspace(0.1, max(given[:, 0].max(initial=0.0), 3.0), 80)
-    power = mirror_curve(part, heights)
-    ax.plot(heights, 100 * power / power.max(), color=COLOURS[0], label="these dies, under a mirror")
+    power = distance_model(part, heights)
+    ax.plot(heights, 100 * power / power.max(), color=COLOURS[0], label=f"these dies, {part.distance_reflector}")
     if len(given):
         ax.plot(*(given * (1, 100)).T, "o", color=COLOURS[1], markersize=4, label="datasheet")
-    ax.set_xlabel("height of the mirror above the windows [mm]")
+    ax.set_xlabel(f"height of the {part.distance_reflector} above the windows [mm]")
     ax.set_ylabel("current [% of the largest]")
     ax.legend(fontsize="small")

@@ -60,6 +60,8 @@ def test_a_part_of_ones_own(tmp_path):
         ("[emitter]", "[sources]\n'emitter.y' = 'a ruler'\n[emitter]", "sources has emitter.y, which"),
         ("[emitter]", "[sources]\nbody = 1\n[emitter]", "a table of words is needed"),
         ("[emitter]", "emitter", "is not valid TOML"),
+        ("[detector]", "distance_curve = [[1, 1]]\n[detector]", "distance_curve stands in [emitter]: move it above"),
+        ("[emitter]", "[sources]\ndistance_curve = [[1, 1]]\n[emitter]", "distance_curve stands in [sources]: move"),
     ],
 )
 def test_what_is_no_part_is_refused(tmp_path, before, after, said):
@@ -75,7 +77,7 @@ def test_the_program(tmp_path):
     assert listed.returncode == 0 and "Vishay VCNT2020" in listed.stdout
     one = run_program(tmp_path, "parts", "vcnt2020", "-o", "part.png", "--json")
     answer = json.loads(one.stdout)
-    assert (tmp_path / "part.png").stat().st_size and len(answer["mirror_curve"]) == 13
+    assert (tmp_path / "part.png").stat().st_size and len(answer["model_curve"]) == 13
     assert "Largest difference: 2.4% of the peak" in run_program(tmp_path, "parts", "vcnt2020").stdout
     for words, culprit in (
         (("parts", "x1"), "part = 'x1' is not known"),

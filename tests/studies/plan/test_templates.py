@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import InputError, Scene, measure
-from mitsuba_taxel.parts import Part, Side
+from mitsuba_taxel.electronics.circuit import read_circuit
+from mitsuba_taxel.parts import Part, Side, read_part
 from mitsuba_taxel.sensing import find_scene
 from mitsuba_taxel.specification import specifications
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector
@@ -171,6 +172,17 @@ def test_the_part_states_what_may_be_stated_and_can_be_used(template):
     assert {field.name for field in fields(Part)} - set(stated) == {"name", "distance_curve"}
     assert {field.name for field in fields(Side)} - set(stated["emitter"]) == {"exponent"}
     assert PhotoReflector(part=str(template["part"])).package.body == tuple(stated["body"])
+
+
+@pytest.mark.parametrize(("kind", "read"), [("part", read_part), ("circuit", read_circuit)])
+def test_lines_that_are_commented_out_can_be_commented_in(template, tmp_path, kind, read):
+    text = template[kind].read_text(encoding="utf-8")
+    optional = [line for line in text.splitlines() if re.match(r"# *\w+ = ", line)]
+    assert optional
+    for line in optional:
+        name = line.removeprefix("# ").split()[0]
+        (tmp_path / "own.toml").write_text(text.replace(line, line.removeprefix("# ")), encoding="utf-8")
+        assert getattr(read(tmp_path / "own.toml"), name)
 
 
 @pytest.mark.parametrize(
