@@ -53,6 +53,9 @@ def register_for_every_variant() -> None:
     """Register the plugins for the current variant, if any, and for each that will be set later."""
     import mitsuba as mi
 
+    from mitsuba_taxel.backend.libraries import put_own_libraries_first
+
+    put_own_libraries_first(mi.file_resolver())
     # Mitsuba looks up the kind of a plugin in `scalar_rgb`; unknown ones it may merge, or not write as XML.
     for name, file in plugin_files().items():
         getattr(mi.scalar_rgb, _REGISTER[file.parent.name])(name, _refusal(name, "scalar_rgb"))

@@ -10,6 +10,8 @@ from pathlib import Path
 import mitsuba as mi
 
 from mitsuba_taxel.backend import plugin_kind
+from mitsuba_taxel.backend.libraries import check_plugin_types
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.document import ELEMENTS, KINDS, Element, filled_in, used_names
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.sensing.left_out import used_by
@@ -86,6 +88,11 @@ def _of_object(element: Element, parameters: Mapping[str, str]) -> Iterator[Find
 def error_in_plugin(element: Element, parameters: Mapping[str, str]) -> str:
     """Error in the type of an object; empty if it is a plugin of the right kind for its element."""
     plugin = filled_in(element.attributes.get("type", ""), parameters)
+    if plugin and "$" not in plugin:
+        try:
+            check_plugin_types([plugin])
+        except InputError as error:
+            return str(error)
     kind = plugin_kind(plugin) if plugin in specifications() else _kind_of(plugin)
     if kind not in ("", element.tag):
         return f"{plugin} is a plugin for <{kind}>, not for <{element.tag}>."

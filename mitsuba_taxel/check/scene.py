@@ -83,6 +83,10 @@ def _parse(scene: Scene, path: Path, root: Element, findings: list[Finding]) -> 
         state = parse_scene(config, path, scene.parameters)
         mi.parser.transform_all(config, state)
         return state
+    except InputError as error:  # a plugin's library; `check_names` has seen those that lie beside the scene
+        if str(error) not in {finding.message for finding in findings}:
+            findings.append(Finding("error", str(error), path.name, 0))
+        return None
     except RuntimeError as error:
         said = str(error)
     for found in (*refused_values(root, scene.parameters), _of_parser(said, path)):

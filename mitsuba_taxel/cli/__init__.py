@@ -72,6 +72,7 @@ def main() -> None:
     """
     _keep_stdout_for_results()
     _let_blas_have_one_thread()
+    os.environ.setdefault("PYTHONSAFEPATH", "1")  # processes of this one import nothing from the working directory
     warnings.showwarning = _show_warning
     settings = SimpleNamespace(debug=False, ended=_signals_as_interrupts())
     try:

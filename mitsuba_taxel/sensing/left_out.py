@@ -34,8 +34,19 @@ def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[
     Raises
     ------
     InputError
-        if an included file uses such a parameter.
+        if an included file uses such a parameter, or the scene brings the library of a plugin.
     """
+    import mitsuba as mi
+
+    from mitsuba_taxel.backend.libraries import check_plugin_types, put_own_libraries_first
+
+    state = _parsed(config, path, parameters)
+    put_own_libraries_first(mi.file_resolver())  # a <path> stands before them
+    check_plugin_types(node.props.plugin_name() for node in state.nodes)
+    return state
+
+
+def _parsed(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[str, str]) -> mi.parser.ParserState:
     import mitsuba as mi
 
     absent = left_out(parameters)

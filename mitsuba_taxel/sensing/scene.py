@@ -166,7 +166,8 @@ class Scene(Displayed):
         path = path_of("path", path)
         config = parser_config(activate_variant())
         try:
-            text = mi.parser.write_string(self.parsed(config))
+            with self.files_beside_it():
+                text = mi.parser.write_string(self.parsed(config))
         except RuntimeError as error:
             raise _one_line(error, self) from error
         try:
@@ -176,14 +177,17 @@ class Scene(Displayed):
 
     @contextmanager
     def files_beside_it(self) -> Iterator[None]:
-        """Resolve files named in a scene relative to its folder."""
+        """Resolve files named in a scene relative to its folder; libraries of plugins come from those trusted alone."""
         import mitsuba as mi
 
+        from mitsuba_taxel.backend.libraries import put_own_libraries_first
+
         before = mi.file_resolver()
+        resolver = mi.FileResolver(before)  # a copy: parsing <path> adds to it
         if isinstance(self.source, Path):
-            resolver = mi.FileResolver(before)
             resolver.prepend(str(self.source.resolve().parent))
-            mi.set_file_resolver(resolver)
+        put_own_libraries_first(resolver)
+        mi.set_file_resolver(resolver)
         try:
             yield
         finally:
@@ -198,9 +202,11 @@ class Scene(Displayed):
         """The parsed description, before anything is built."""
         import mitsuba as mi
 
+        from mitsuba_taxel.backend.libraries import check_plugin_types
         from mitsuba_taxel.backend.plugin_objects import find_file
 
         if isinstance(self.source, dict):
+            check_plugin_types(_types(self.source))
             state = mi.parser.parse_dict(config, self.source)
         else:
             state = parse_scene(config, self.source, self._own_parameters)
@@ -263,6 +269,15 @@ def _refuse_none(part: dict[str, Any], within: str = "scene") -> None:
             raise InputError(f"{within}: {name} = None is not allowed: leave it out.")
         if isinstance(value, dict):
             _refuse_none(value, name)
+
+
+def _types(part: Mapping[str, Any]) -> Iterator[str]:
+    """Types of the plugins in a dictionary."""
+    for name, value in part.items():
+        if name == "type" and isinstance(value, str):
+            yield value
+        elif isinstance(value, Mapping):
+            yield from _types(value)
 
 
 def _take_load(props: mi.Properties) -> tuple[tuple[float, ...], tuple[list[float], list[tuple[float, ...]]]]:

@@ -102,10 +102,10 @@ def rates(scene: Scene, name: str) -> Rates:
         if there is no such parameter, it is not a number, or has no derivative.
     """
     config = parser_config(activate_variant())
-    parameter = _found(scene, name, config)
-    step = STEP * (abs(parameter.value) or 1.0)
     refusals = []
     with scene.files_beside_it():
+        parameter = _found(scene, name, config)
+        step = STEP * (abs(parameter.value) or 1.0)
         for stencil in STENCILS:
             try:
                 stencil_of_step = [(weight / step, offset * step) for weight, offset in stencil]
