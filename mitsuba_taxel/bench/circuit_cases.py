@@ -49,7 +49,7 @@ class CircuitCase(TimedCase):
         except InputError as error:
             return CircuitRow(self.name, f"refused: {error}", wrong="it should be read")
         exact = emitter_voltage(circuit, self.power)
-        wanted = min(circuit.buffer_gain * float(exact), circuit.supply)
+        wanted = min(circuit.buffer_gain * float(exact), circuit.supply, circuit.full_scale)
         voltage, counts = float(found.voltage), int(found.counts)
         return CircuitRow(
             case=self.name,

@@ -71,4 +71,9 @@ from .tangential import (
 from .tangential import (
     tangential_maps as tangential_maps,
 )
-from .volts import volts_table as volts_table
+from .volts import (
+    volts_notes as volts_notes,
+)
+from .volts import (
+    volts_table as volts_table,
+)

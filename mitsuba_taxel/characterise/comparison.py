@@ -19,7 +19,7 @@ from mitsuba_taxel.characterise.shape_error import off_by_shape
 from mitsuba_taxel.characterise.summary import common_channel
 from mitsuba_taxel.characterise.volts import volts_table
 from mitsuba_taxel.characterise.wording import as_word, with_error
-from mitsuba_taxel.electronics import Circuit, in_volts
+from mitsuba_taxel.electronics import Circuit, in_volts, saturation_force
 from mitsuba_taxel.electronics.volts import circuit_of_study
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ class _Variant(NamedTuple):
     reading: Experiment
     off: list[Experiment]
     numbers: tuple[Any, ...]  # the random numbers: seed and points
+    saturated: float = math.inf  # least magnitude of force in N at which a taxel saturates
 
 
 def compare(
@@ -81,7 +82,8 @@ def compare(
     of the errors of mechanics and geometry, with their estimated signs, between variants that differ in numerical
     parameters only; variants of other shapes or scenes have independent errors.
 
-    Readings are in volts if there is a circuit, else in watts.
+    Readings are in volts if there is a circuit, else in watts. A variant that saturates within the range of forces is
+    not ranked, as its figures are those of its circuit.
 
     Parameters
     ----------
@@ -101,7 +103,8 @@ def compare(
     Raises
     ------
     InputError
-        if there are fewer than two variants, or they lack a figure; or if only some of the studies have a circuit.
+        if there are fewer than two variants, all saturate, or they lack a figure; or if only some of the studies have a
+        circuit.
     """
     limits = dict(at_most or {})
     for name in (by, *limits):
@@ -112,6 +115,7 @@ def compare(
     variants = _in_range(_along(list(_variants(studies, circuits)), force), up_to, notes)
     if len(variants) < 2:
         raise InputError(f"{len(variants)} variants along a force are not enough: at least two to compare are needed.")
+    variants = _unsaturated(variants, up_to, notes)
     variants, channel = _one_channel(variants)
     names = list(dict.fromkeys([by, *limits]))
     value, light, shifts, units = _figures(variants, names)
@@ -174,9 +178,30 @@ def _variants(studies: Mapping[str, xr.Dataset | xr.DataTree], circuits: Mapping
             every = (leaf, *off_by_shape(leaf))
             shown = (in_volts(one, circuits[name]) for one in every) if circuits else every
             found, *off = map(experiments, shown)
+            watts = experiments(leaf) if circuits else found
             for number, one in enumerate(found):
                 if one.loading_runs:
-                    yield _Variant({**labels, **one.where}, one, [all_[number] for all_ in off], numbers)
+                    saturated = _saturated(watts[number], circuits[name]) if circuits else math.inf
+                    yield _Variant({**labels, **one.where}, one, [all_[number] for all_ in off], numbers, saturated)
+
+
+def _saturated(watts: Experiment, circuit: Circuit) -> float:
+    """Least magnitude of force at which a taxel brings the output to the circuit's limit; infinite if none does."""
+    rest = 0.0 if watts.rest is None else watts.rest.mean(axis=0)
+    forces = [saturation_force(circuit, run.force, run.value + rest) for run in watts.runs if len(run.force)]
+    return float(np.nanmin(np.abs(forces), initial=math.inf))
+
+
+def _unsaturated(variants: list[_Variant], up_to: float | None, notes: list[str]) -> list[_Variant]:
+    """Variants that do not saturate within the range of force; the others are noted and left out."""
+    most = math.inf if up_to is None else up_to * SLACK
+    blind = [one for one in variants if one.saturated <= most and math.isfinite(one.saturated)]
+    for one in blind:
+        where = "at rest" if one.saturated == 0 else f"from {one.saturated:.4g} N on"
+        notes.append(f"Left out, as its output is saturated {where}: {_words(one.where)}.")
+    if len(blind) == len(variants):
+        raise InputError(f"no variant can be ranked: all {len(blind)} saturate. {notes[-1]}")
+    return [one for one in variants if one not in blind]
 
 
 def _along(variants: list[_Variant], force: str | None) -> list[_Variant]:

@@ -14,9 +14,13 @@ from mitsuba_taxel.characterise.load_lines import loading_lines, runs
 from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
 from mitsuba_taxel.characterise.slopes import slopes
 from mitsuba_taxel.electronics import Circuit, in_volts, respond, saturation_force, total_noise
+from mitsuba_taxel.electronics.noise import FINE, RESOLUTION
 
 if TYPE_CHECKING:
     import pandas
+
+MOST_NAMED = 5
+"""Saturated taxels that are named individually."""
 
 
 def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float = math.inf) -> pandas.DataFrame:
@@ -28,8 +32,9 @@ def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float 
     Columns: ``force``; the other varied parameters; ``taxel``; ``rest_V``, ``rest_counts`` and ``noise_V`` (1 sigma) at
     the least force; ``mean_slope_V_per_N`` and its ``_error``, between the ends of the line, and
     ``mean_slope_counts_per_N``; ``noise_force_N``, the noise as a force at the first step, and ``least_noise_force_N``,
-    the least of all steps; ``saturation_N``, the least force where the output reaches the circuit's limit, by linear
-    interpolation of the power, NaN if it does not.
+    the least of all steps, both infinite beyond the converter's full scale, where nothing is read; ``saturation_N``,
+    the least force where the output reaches the circuit's limit, by linear interpolation of the power, NaN if it does
+    not.
     """
     import pandas
 
@@ -41,6 +46,28 @@ def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float 
             for row in _rows(leaf, circuit, up_to)
         ]
     )
+
+
+def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
+    """What limits the numbers of a :func:`volts_table`: saturated taxels, and noise that the converter does not see."""
+    if circuit is None or not len(table):
+        return []
+    notes = []
+    saturated = table[table.saturation_N.notna()]
+    if len(saturated):
+        at_rest = (saturated.saturation_N == 0) | (saturated.rest_counts == 2**circuit.adc_bits - 1)
+        places = [
+            f"taxel {taxel} {'at rest' if rest else f'from {force:.4g} N on'}"
+            for taxel, force, rest in zip(saturated.taxel, saturated.saturation_N, at_rest, strict=True)
+        ]
+        more = f" and {len(places) - MOST_NAMED} more" if len(places) > MOST_NAMED else ""
+        notes.append(
+            f"Saturated (output of {circuit.limit:.4g} V or more; full scale {circuit.full_scale:.4g} V): "
+            f"{', '.join(places[:MOST_NAMED])}{more}. Slopes and noise as a force hold up to there only."
+        )
+    if (table.noise_V < FINE * circuit.step).any():
+        notes.append(RESOLUTION.format(step=circuit.step))
+    return notes
 
 
 def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[str, Any]]:
@@ -66,6 +93,8 @@ def _figures(circuit: Circuit, power: Branch, slope: np.ndarray, error: np.ndarr
     steps = np.abs(np.diff(shown.voltage, axis=0) / np.diff(force)[:, None])
     with np.errstate(divide="ignore"):
         hidden = np.divide((noise[1:] + noise[:-1]) / 2, steps)
+    blind = shown.rate == 0
+    hidden[blind[1:] | blind[:-1]] = np.inf
     least, largest = np.abs(force).argmin(), np.abs(force).argmax()
     return {
         "rest_V": shown.voltage[least],

@@ -27,7 +27,13 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.base.errors import InputError
-    from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs, volts_table
+    from mitsuba_taxel.characterise import (
+        characteristics,
+        simulated_experiments,
+        symmetric_pairs,
+        volts_notes,
+        volts_table,
+    )
     from mitsuba_taxel.characterise.wording import remarks_explained
     from mitsuba_taxel.electronics.volts import circuit_of_study
     from mitsuba_taxel.plots.characteristics import write_characteristics
@@ -46,6 +52,7 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
         electronics = electronics or circuit_of_study(study)
         experiments, off, maps, notes = simulated_experiments(study, electronics)
         volts = None if electronics is None else volts_table(study, electronics)
+        notes += [] if volts is None else volts_notes(volts, electronics)
     if not experiments:
         raise InputError(f"{source} holds no readings along a force: a study that varies fx, fy or fz is needed.")
     folder = folder or (source.parent if measured else source)

@@ -154,7 +154,7 @@ def _as_json(study) -> dict[str, object]:
 
 
 def _show(name: str, study) -> None:
-    from mitsuba_taxel.characterise import slope_summary, volts_table
+    from mitsuba_taxel.characterise import slope_summary, volts_notes, volts_table
     from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows, remarks_explained, table_rows
     from mitsuba_taxel.electronics.volts import circuit_of_study
     from mitsuba_taxel.sensing.wording import budget_line, light_of_study
@@ -169,7 +169,10 @@ def _show(name: str, study) -> None:
     for line in remarks_explained(slopes[slopes.figure.isin(SHOWN)]):
         print(line)
     if len(slopes) and (circuit := circuit_of_study(study)):
-        print_figures(AS_SHOWN, *figure_rows(volts_table(study, circuit)))
+        volts = volts_table(study, circuit)
+        print_figures(AS_SHOWN, *figure_rows(volts))
+        for line in volts_notes(volts, circuit):
+            print(line)
     print(f"{int(study.power.notnull().sum())} readings, each {light_of_study(study)}.")
     for note in study.attrs["notes"].splitlines():
         print(note)

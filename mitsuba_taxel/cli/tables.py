@@ -110,11 +110,16 @@ def print_volts(taxels: Iterable[int], volts) -> None:
         (f"{voltage:.6f}" for voltage in volts.voltage),
         (f"{error:.1e}" for error in volts.error),
         (f"{value:.2e}" for value in volts.noise),
-        map(str, volts.counts),
+        (
+            f"{counts} saturated" if full else str(counts)
+            for counts, full in zip(volts.counts, volts.saturated, strict=True)
+        ),
         strict=True,
     )
     print_table(("taxel", "voltage [V]", "total error [V]", "noise [V]", "counts"), rows)
     print(f"One count: {volts.step:.4g} V")
+    for note in volts.notes:
+        print(note)
     if volts.derivatives is not None:
         _print_shown_derivatives(volts.derivatives)
 

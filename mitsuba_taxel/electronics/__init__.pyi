@@ -23,6 +23,9 @@ from .saturation import (
     change_to_saturation as change_to_saturation,
 )
 from .saturation import (
+    saturated_words as saturated_words,
+)
+from .saturation import (
     saturating_power as saturating_power,
 )
 from .saturation import (

@@ -10,6 +10,14 @@ import numpy as np
 from mitsuba_taxel.electronics.circuit import BOLTZMANN, CHARGE, Circuit
 from mitsuba_taxel.electronics.response import respond
 
+FINE = math.sqrt(1 / 4 + 1 / 12)
+"""Total noise, in steps of the converter, below which all noise before it is less than half a step: a steady signal
+then stays within one step."""
+RESOLUTION = (
+    "Noise before the converter is less than half of its step of {step:.4g} V: noise as a force is a resolution (a "
+    "step / sqrt(12)), which is the same in repeated samples and which no mean improves."
+)
+
 
 def noise_parts(circuit: Circuit, power: Any) -> dict[str, np.ndarray]:
     """Standard deviations in V for optical powers in W, by their source.
@@ -31,7 +39,7 @@ def noise_parts(circuit: Circuit, power: Any) -> dict[str, np.ndarray]:
         thermal = 4 * BOLTZMANN * circuit.kelvin * width * shown.resistance * through_load
     flicker = circuit.flicker_noise * math.sqrt(math.log1p((circuit.bandwidth / circuit.flicker_from) ** 2) / 2)
     alike = np.ones_like(shown.voltage)
-    free = shown.rate > 0
+    free = shown.output_rate > 0
     with np.errstate(invalid="ignore"):
         parts = {
             "shot": np.where(free, shown.passed * per_current * np.sqrt(shot), 0.0),

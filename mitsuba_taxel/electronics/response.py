@@ -33,11 +33,17 @@ class Response(NamedTuple):
     photocurrent : ndarray
         I_L in A, dark current included.
     voltage : ndarray
-        At the converter, in V.
+        As the converter reads it, in V: at most its full scale.
     rate : ndarray
-        Its derivative with respect to the power, in V/W.
+        Its derivative with respect to the power, in V/W: 0 from the full scale on.
     counts : ndarray of int
         From 0 to the converter's largest.
+    saturated : ndarray of bool
+        Where the output is at the circuit's limit (:attr:`Circuit.limit`).
+    output : ndarray
+        Voltage before the converter, in V: at most the supply. Noise adds to this one.
+    output_rate : ndarray
+        Its derivative with respect to the power, in V/W.
     resistance : ndarray
         Small-signal resistance of the emitter's node in Ohm: the load in parallel with the phototransistor; 0 for an
         open emitter without any current, which stays at 0 V.
@@ -49,6 +55,9 @@ class Response(NamedTuple):
     voltage: np.ndarray
     rate: np.ndarray
     counts: np.ndarray
+    saturated: np.ndarray
+    output: np.ndarray
+    output_rate: np.ndarray
     resistance: np.ndarray
     passed: np.ndarray
 
@@ -72,11 +81,21 @@ def respond(circuit: Circuit, power: Any) -> Response:
     emitter = _emitter_voltage(circuit, current, conductance, u, passed)
     known = conductance + current * steepness / circuit.thermal_voltage
     resistance = np.divide(1.0, known, out=np.zeros_like(known), where=known > LEAST_CONDUCTANCE)
-    voltage = circuit.buffer_gain * emitter
-    free = (emitter < circuit.supply) & (voltage < circuit.supply)
-    rate = np.where(free, circuit.buffer_gain * passed * resistance * circuit.current_per_power, 0.0)
-    voltage = np.minimum(voltage, circuit.supply)
-    return Response(current, voltage, rate, counts_of(circuit, voltage), resistance, passed)
+    output = circuit.buffer_gain * emitter
+    free = (emitter < circuit.supply) & (output < circuit.supply)
+    output_rate = np.where(free, circuit.buffer_gain * passed * resistance * circuit.current_per_power, 0.0)
+    output = np.minimum(output, circuit.supply)
+    return Response(
+        photocurrent=current,
+        voltage=np.minimum(output, circuit.full_scale),
+        rate=np.where(output < circuit.full_scale, output_rate, 0.0),
+        counts=counts_of(circuit, output),
+        saturated=output >= circuit.limit,
+        output=output,
+        output_rate=output_rate,
+        resistance=resistance,
+        passed=passed,
+    )
 
 
 def lit(power: Any) -> np.ndarray:

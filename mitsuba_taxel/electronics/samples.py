@@ -10,13 +10,13 @@ from mitsuba_taxel.electronics.response import counts_of, lit, respond
 
 
 def sampled(circuit: Circuit, power: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """One sample for each optical power in W, of any shape: voltage at the converter in V, and its counts.
+    """One sample for each optical power in W, of any shape: voltage before the converter in V, and its counts.
 
-    The voltage has all noise but that of the converter, which the counts contain. Missing and negative powers are read
-    as 0.
+    The voltage has all noise but that of the converter, whose steps and range the counts contain. Missing and negative
+    powers are read as 0.
     """
     power = lit(power)
     parts = noise_parts(circuit, power)
     deviation = np.sqrt(sum(part**2 for name, part in parts.items() if name != "quantisation"))
-    voltage = respond(circuit, power).voltage + deviation * random.standard_normal(power.shape)
-    return voltage, counts_of(circuit, voltage)
+    output = respond(circuit, power).output + deviation * random.standard_normal(power.shape)
+    return output, counts_of(circuit, output)

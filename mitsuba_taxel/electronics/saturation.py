@@ -8,13 +8,27 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.electronics.circuit import Circuit
-from mitsuba_taxel.electronics.response import power_at
+from mitsuba_taxel.electronics.response import lit, power_at, respond
 
 
 def saturating_power(circuit: Circuit) -> float:
     """Optical power in W from which the output is at the circuit's limit; infinite if no power reaches it."""
     found = float(power_at(circuit, np.nextafter(circuit.limit, 0.0)))
     return math.inf if math.isnan(found) else found
+
+
+def saturated_words(circuit: Circuit, power: Any) -> str:
+    """How many readings (..., T) in W bring the output to the circuit's limit, in words; empty if none does."""
+    power = np.asarray(power, dtype=float)
+    saturated = respond(circuit, lit(power)).saturated & np.isfinite(power)
+    if not saturated.any():
+        return ""
+    most = int(saturated.reshape(-1, saturated.shape[-1]).sum(axis=0).argmax())
+    return (
+        f"the output is saturated (at {circuit.limit:.4g} V or more) in {saturated.sum()} of "
+        f"{np.isfinite(power).sum()} readings, most often of taxel {most + 1}: these tell little of the force, or "
+        "nothing from the full scale on"
+    )
 
 
 def saturation_force(circuit: Circuit, force: Any, power: Any) -> np.ndarray:

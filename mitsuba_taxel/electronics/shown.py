@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.electronics.circuit import Circuit
-from mitsuba_taxel.electronics.noise import total_noise
+from mitsuba_taxel.electronics.noise import FINE, RESOLUTION, total_noise
 from mitsuba_taxel.electronics.response import respond
 from mitsuba_taxel.electronics.saturation import change_to_saturation
 
@@ -51,6 +51,8 @@ class Shown(NamedTuple):
     voltage, error, noise : (T,) ndarray
         In V: voltage at the converter, its error due to the power's total error, and 1 sigma of the electronics.
     counts : (T,) ndarray of int
+    saturated : (T,) ndarray of bool
+        Where the output is at the circuit's limit.
     step : float
         Voltage of one count, in V.
     derivatives : ShownDerivatives or None
@@ -61,13 +63,33 @@ class Shown(NamedTuple):
     error: np.ndarray
     noise: np.ndarray
     counts: np.ndarray
+    saturated: np.ndarray
     step: float
     derivatives: ShownDerivatives | None
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
         """The numbers by a name with its unit."""
-        return {"voltage_V": self.voltage, "voltage_error_V": self.error, "noise_V": self.noise, "counts": self.counts}
+        return {
+            "voltage_V": self.voltage,
+            "voltage_error_V": self.error,
+            "noise_V": self.noise,
+            "counts": self.counts,
+            "saturated": self.saturated,
+        }
+
+    @property
+    def notes(self) -> list[str]:
+        """What limits the numbers: saturation, and noise that the converter does not see."""
+        notes = []
+        if self.saturated.any():
+            notes.append(
+                "saturated: the output is at the circuit's limit; from the converter's full scale on readings tell "
+                "nothing."
+            )
+        if (self.noise < FINE * self.step).any():
+            notes.append(RESOLUTION.format(step=self.step))
+        return notes
 
 
 def shown(circuit: Circuit, readings: Any) -> Shown:
@@ -76,7 +98,7 @@ def shown(circuit: Circuit, readings: Any) -> Shown:
     response, noise = respond(circuit, power), total_noise(circuit, power)
     error = response.rate * readings.total_error
     derivatives = None if readings.derivatives is None else _shown(circuit, readings.derivatives, noise)
-    return Shown(response.voltage, error, noise, response.counts, circuit.step, derivatives)
+    return Shown(response.voltage, error, noise, response.counts, response.saturated, circuit.step, derivatives)
 
 
 def _shown(circuit: Circuit, derivatives: Any, noise: np.ndarray) -> ShownDerivatives:

@@ -11,13 +11,14 @@ from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
 from mitsuba_taxel.electronics.noise import total_noise
 from mitsuba_taxel.electronics.response import lit, respond
 
-VOLTS = ("voltage", "voltage_error", "counts", "noise")
+VOLTS = ("voltage", "voltage_error", "counts", "noise", "saturated")
 """Variables that a circuit adds to a study."""
 
 
 def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
-    """A study with added ``voltage``, ``voltage_error`` (due to the total error of the power), ``counts`` and
-    ``noise``, and the circuit as the attribute ``circuit``; unchanged without a circuit."""
+    """A study with added ``voltage``, ``voltage_error`` (due to the total error of the power), ``counts``, ``noise``
+    and ``saturated`` (1 where the output is at the circuit's limit), and the circuit as the attribute ``circuit``;
+    unchanged without a circuit."""
     if circuit is None:
         return study
     power = study.power.values
@@ -34,6 +35,7 @@ def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
         voltage_error=column(shown.rate * study.total_error.values, "V", "error of voltage by that of power"),
         counts=column(shown.counts, "1", "counts of the converter"),
         noise=column(total_noise(circuit, light), "V", "1 sigma of voltage by the electronics"),
+        saturated=column(shown.saturated, "1", "whether the output is at the circuit's limit"),
     ).assign_attrs(circuit=json.dumps(circuit.as_table()))
 
 

@@ -22,6 +22,12 @@ FURTHEST = 10.0
 FIRST_CONTACT, RANGE = "first_contact", "range"
 TO_THE_END = (RANGE, FIRST_CONTACT)
 """Figures that depend on where pads first touch anything."""
+SATURATION = "saturation"
+OF_CHANGES = (
+    "sensitivity", "relative_sensitivity", "nonlinearity", "cross_talk", "cross_sensitivity", "noise_equivalent_force",
+    "resolution",
+)  # fmt: skip
+"""Figures of changes of readings, which a saturated output does not show."""
 ALIKE = 1e-6
 """Sine of the angle between changes of all readings with two forces below which these cannot be told apart."""
 TINY = 1e-150
@@ -78,12 +84,13 @@ class Seen:
     circuit: Circuit | None
 
     def readings(self, line: str) -> np.ndarray:
-        """(K, T) in W, or in V with a circuit."""
+        """(K, T) in W, or in V with a circuit: those before the converter, which go on beyond its full scale, so that a
+        descent finds its way back. A constraint keeps the best design below."""
         power = self.lines[line].power
         if self.circuit is None:
             return power
         shown = respond(self.circuit, np.maximum(power.real, 0.0))
-        return shown.voltage + 1j * shown.rate * power.imag
+        return shown.output + 1j * np.where(power.real < 0, 0.0, shown.output_rate) * power.imag
 
     def slopes(self, line: str) -> np.ndarray:
         """(T,) mean slopes along a line, between its ends."""
@@ -276,7 +283,7 @@ KINDS: dict[str, Kind] = {
     "cross_sensitivity": Kind(cross_sensitivity, "1", ("by",)),
     "rest": Kind(rest, "{u}", steps=1),
     "largest_reading": Kind(largest_reading, "{u}", steps=1),
-    "saturation": Kind(saturation, "1", steps=1),
+    SATURATION: Kind(saturation, "1", steps=1),
     RANGE: Kind(measuring_range, "{f}"),
     "noise_equivalent_force": Kind(noise_equivalent_force, "{f}", ("noise",)),
     "resolution": Kind(resolution, "{f}", ("noise", "of"), lines=2),

@@ -13,7 +13,7 @@ from mitsuba_taxel.electronics import saturation_force
 from mitsuba_taxel.optimum.again import Again, Beyond
 from mitsuba_taxel.optimum.course import HELD, Course, with_rates, worst_of
 from mitsuba_taxel.optimum.designs import Read
-from mitsuba_taxel.optimum.figures import TO_THE_END, Seen, end_of, noise_equivalent_force
+from mitsuba_taxel.optimum.figures import SATURATION, TO_THE_END, Seen, end_of, noise_equivalent_force
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.optimum.search import BALANCED, Stationarity
 
@@ -258,6 +258,8 @@ def _doubts(
         warnings.append(f"the first design does not keep {broken}: the best one is that of those that do")
     elif probability < 0.95:
         warnings.append(f"that the best design is better is certain by {probability:.0%} only")
+    if any(one.figure.kind == SATURATION and worst_of(one, reads["before"]) > 1 for one in course.plan.limits):
+        warnings.append("the first design saturates: its figures are those of a converter without a full scale")
     failures = course.designs.failures
     if failures:
         warnings.append(

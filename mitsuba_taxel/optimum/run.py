@@ -13,7 +13,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.optimum.again import judged_again
 from mitsuba_taxel.optimum.course import Course, OptimisationProgress, worst_of
 from mitsuba_taxel.optimum.designs import Designs, pads_of
-from mitsuba_taxel.optimum.figures import RANGE, Figure
+from mitsuba_taxel.optimum.figures import OF_CHANGES, RANGE, SATURATION, Figure
 from mitsuba_taxel.optimum.front import front
 from mitsuba_taxel.optimum.outputs import write
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
@@ -25,6 +25,8 @@ from mitsuba_taxel.studies.run.pool import open_pool
 
 IN_VIEW = 2.0
 """Least angle in degrees of roofs with a profile to rays from the middle of their cell's opening."""
+UNSATURATED = 0.99
+"""Largest output, relative to the limit of the circuit."""
 
 
 def optimise(
@@ -64,7 +66,7 @@ def optimise(
     check_progress(progress)
     plan = read_plan(file)
     begun = plan.begun()
-    plan = _in_view(plan, begun)
+    plan = _unsaturated(_in_view(plan, begun))
     make_folder(folder)
     with open_pool(workers, scheduler) as pool:
         course = Course(plan, Designs(plan, pool, folder / "designs", retry_failed), progress)
@@ -90,6 +92,22 @@ def _in_view(plan: Plan, designs: list[Design]) -> Plan:
     if stated or not any(pad.profile for one in designs for pad in pads_of(plan.scene(one))):
         return plan
     return replace(plan, limits=[*plan.limits, Limit(Figure("view_angle", {}, "degrees"), -1, IN_VIEW)])
+
+
+def _unsaturated(plan: Plan) -> Plan:
+    """The plan with a constraint that keeps the output below the circuit's limit, along each line that a figure of
+    changes uses, unless it has one: such figures of a saturated sensor are those of a converter that it does not
+    have."""
+    if plan.circuit is None:
+        return plan
+    own = [limit for limit in plan.limits if limit.figure.kind == SATURATION and limit.sign * limit.bound <= 1]
+    stated = {limit.figure.told["along"] for limit in own if limit.sign > 0}
+    used = [
+        one.told[key] for one in plan.figures if one.kind in OF_CHANGES for key in ("along", "by") if key in one.told
+    ]
+    lines = dict.fromkeys(line for along in used for line in ([along] if isinstance(along, str) else along))
+    added = [Limit(Figure(SATURATION, {"along": line}, "1"), 1, UNSATURATED) for line in lines if line not in stated]
+    return replace(plan, limits=[*plan.limits, *added])
 
 
 def readable_starts(course: Course, begun: list[Design]) -> list[Design]:

@@ -13,7 +13,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.electronics import Circuit, respond
+from mitsuba_taxel.electronics import Circuit, respond, saturated_words
 from mitsuba_taxel.electronics.pieces import straight_pieces
 from mitsuba_taxel.electronics.response import lit
 from mitsuba_taxel.electronics.volts import circuit_of_study
@@ -77,7 +77,8 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
         notes.append(
             f"voltage: error {rms:.2g} V (at worst {worst:.2g} V), on the same; one count: {circuit.step:.4g} V"
         )
-        about["voltage"] = "voltage in V at the converter, without noise; counts of the converter"
+        notes += filter(None, [saturated_words(circuit, study.power.values)])
+        about["voltage"] = "voltage in V as the converter reads it, without noise; counts of the converter"
         about["voltage_error"] = json.dumps({"rms": rms, "worst": worst, "of": "V", "tested": found.tested})
         about["circuit"] = study.attrs["circuit"]
     content = _model(found, about, volts=None if circuit is None else _volts(circuit, float(study.power.max())))

@@ -14,10 +14,10 @@ def figures(
     """Figures of readings in W (..., forces, taxels), each (..., taxels); in V behind a circuit.
 
     ``rest``: at the least force. ``sensitivity``: mean slope from there to the largest force. With a circuit,
-    ``noise_force``: the noise at the least force over that slope; ``saturation_force``: the least force at which the
-    output reaches the circuit's limit, with power linear between the forces, NaN if it does not. ``crosstalk``: the
-    change in between, relative to the reading at rest, over that of the taxel ``loaded`` (an index), for which it is
-    NaN; only for several taxels.
+    ``noise_force``: the noise at the least force over that slope, infinite where the converter is at its full scale;
+    ``saturation_force``: the least force at which the output reaches the circuit's limit, with power linear between the
+    forces, NaN if it does not. ``crosstalk``: the change in between, relative to the reading at rest, over that of the
+    taxel ``loaded`` (an index), for which it is NaN; only for several taxels.
     """
     readings = shown_readings(power, circuit)
     first, last = np.abs(force).argmin(), np.abs(force).argmax()
@@ -28,7 +28,9 @@ def figures(
         found["sensitivity"] = slope = change / (force[last] - force[first])
         if circuit is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
-                found["noise_force"] = total_noise(circuit, lit(power[..., first, :])) / np.abs(slope)
+                at_rest = lit(power[..., first, :])
+                hidden = total_noise(circuit, at_rest) / np.abs(slope)
+                found["noise_force"] = np.where(respond(circuit, at_rest).rate > 0, hidden, np.inf)
             found["saturation_force"] = saturation_force(circuit, force, power)
         if readings.shape[-1] > 1 and loaded is not None:
             with np.errstate(divide="ignore", invalid="ignore"):

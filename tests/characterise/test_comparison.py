@@ -102,19 +102,22 @@ def test_behind_a_linear_circuit_watts_are_volts():
     assert limited == [[0, 0], [1, 0]]
 
 
-def test_a_variant_that_saturates_is_behind_in_volts():
-    """Twice as sensitive in watts, but at 3.3 V from 2.3 W and 0.1 N on."""
+def test_a_variant_that_saturates_is_not_ranked_in_volts():
+    """More sensitive in watts, but at 3.3 V from 2.3 W and 0.1 N on."""
     bright = study([23.0, 0.01], 1e-6)
-    (first, second), told = (compare({"one": bright}, "mean_slope", circuit=each) for each in (None, CIRCUIT)), {}
-    assert list(first.table.cell) == ["a", "b"] == list(second.table.cell)
-    assert second.table.mean_slope[0] == pytest.approx(-0.23, rel=1e-3)
+    first, second = (compare({"one": bright}, "mean_slope", circuit=each) for each in (None, CIRCUIT))
+    assert list(first.table.cell) == ["a", "b"] and list(second.table.cell) == ["b"]
+    assert second.notes == ["Left out, as its output is saturated from 0.1 N on: cell = a."]
+    assert len(compare({"one": bright}, "mean_slope", circuit=CIRCUIT, up_to=10).table) == 1
+    with pytest.raises(InputError, match="no variant can be ranked: all 2 saturate.*from 0.1 N on: study = y, cell"):
+        compare(dict.fromkeys("xy", bright.isel(cell=[0])), "mean_slope", circuit=CIRCUIT)
     told = second.volts.set_index("cell")
     assert told.saturation_N["a"] == pytest.approx(-0.1, rel=1e-3) and np.isnan(told.saturation_N["b"])
     assert told.mean_slope_counts_per_N["b"] == pytest.approx(-0.01 * 16 / 3.3, rel=1e-3)
     dazzled = bright.assign(replicate_power=bright.replicate_power + 3 * (bright.cell == "a"))
     assert list(compare({"one": dazzled}, "mean_slope").table.cell) == ["a", "b"]
     found = compare({"one": dazzled}, "mean_slope", circuit=CIRCUIT)
-    assert list(found.table.cell) == ["b", "a"] and found.table.mean_slope[1] == 0
+    assert list(found.table.cell) == ["b"] and "saturated at rest: cell = a" in found.notes[0]
     assert found.volts.set_index("cell").saturation_N["a"] == 0
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas
 import pytest
 import xarray as xr
 
 from mitsuba_taxel import Circuit
-from mitsuba_taxel.characterise import experiments, simulated_experiments, volts_table
+from mitsuba_taxel.characterise import experiments, simulated_experiments, volts_notes, volts_table
 from mitsuba_taxel.electronics import in_volts, power_at, saturating_power, total_noise
 
 CIRCUIT = Circuit(supply=3.3, load_resistance=22e3, transfer=8.0, saturation_voltage=0.1)
@@ -39,6 +41,23 @@ def test_closed_forms(study):
     assert np.isnan(table.saturation_N[1]) and table.saturation_N[3] == 0
     assert table.saturation_N[2] == pytest.approx(-(limit - 1e-5) / 4e-6, rel=1e-6)
     assert table.least_noise_force_N[2] < table.noise_force_N[3]
+
+
+def test_no_slope_and_no_force_of_a_saturated_converter(study):
+    """A full scale of 0.5 V lies below the second and third taxel at rest; the step of 12 bits hides the noise."""
+    cut = replace(CIRCUIT, adc_reference=0.5)
+    table = volts_table(study, cut).set_index("taxel")
+    assert table.rest_V.tolist() == pytest.approx([0.176, 0.5, 0.5]) and table.rest_counts[2] == 4095
+    assert (table.mean_slope_counts_per_N[[2, 3]] == 0).all() and np.isfinite(table.noise_force_N[1])
+    assert np.isinf(table.noise_force_N[[2, 3]]).all() and np.isinf(table.least_noise_force_N[[2, 3]]).all()
+    saturated, fine = volts_notes(table.reset_index(), cut)
+    assert saturated.startswith(
+        "Saturated (output of 0.5 V or more; full scale 0.5 V): taxel 1 from -9.205 N on, taxel 2"
+    )
+    assert "taxel 2 at rest, taxel 3 at rest" in saturated and "half of its step of 0.0001221 V" in fine
+    noisy = replace(CIRCUIT, other_noise=1e-2)
+    assert volts_notes(volts_table(study.isel(taxel=[0]), noisy), noisy) == []
+    assert len(volts_notes(volts_table(study, noisy), noisy)) == 1 and volts_notes(table, None) == []
 
 
 def test_of_a_run_through_zero_neighbouring_forces_count(study):

@@ -80,6 +80,17 @@ def test_counts(circuit, bits):
     assert counts_of(one, 1e9) == most and respond(one, 1e3).counts == most
 
 
+def test_nothing_is_read_beyond_the_full_scale(circuit):
+    """0.5 V, reached at 0.5 / (22e3 * 8) W: the output goes on up to the supply, what is read of it does not."""
+    one = circuit(adc_reference=0.5)
+    edge = 0.5 / (22e3 * 8)
+    shown = respond(one, edge * np.array([0.5, 0.999, 1.001, 2, 1e3]))
+    np.testing.assert_allclose(shown.voltage, [0.25, 0.4995, 0.5, 0.5, 0.5], rtol=1e-6)
+    np.testing.assert_allclose(shown.rate, [22e3 * 8, 22e3 * 8, 0, 0, 0], rtol=1e-6)
+    assert shown.saturated.tolist() == [False, False, True, True, True] and (shown.counts[2:] == 4095).all()
+    assert shown.output[3] == pytest.approx(1.0, rel=1e-3) and shown.output_rate[3] > 1e5
+
+
 def test_dark_and_without_dark_current(circuit):
     assert respond(circuit(), 0.0).voltage == 0
     assert respond(circuit(led_current=0.0, led_efficiency=0.2, dark_current=1e-9), 1.0).voltage == pytest.approx(22e-6)

@@ -29,3 +29,12 @@ def test_samples_spread_by_the_noise_and_counts_by_that_of_the_converter_too(cir
 def test_light_that_is_missing_or_negative_is_dark(circuit, power):
     voltage, counts = sampled(circuit(bandwidth=1e-9), np.array([power]), np.random.default_rng(0))
     assert abs(voltage[0]) < 1e-9 and counts[0] == 0
+
+
+def test_noise_adds_before_the_converter_and_the_full_scale_cuts_after_it(circuit):
+    """At the full scale half of all samples are cut off; at twice as much all of them are, whatever the noise."""
+    one = circuit(adc_reference=0.5, other_noise=0.05)
+    voltage, counts = sampled(one, np.tile([0.5, 1.0] / np.array(22e3 * 8), (4000, 1)), np.random.default_rng(1))
+    full = (counts == 4095).sum(axis=0)
+    assert abs(full[0] - 2000) < stats.norm.isf(ALARM / 2) * np.sqrt(1000) and full[1] == 4000
+    assert voltage[:, 1].mean() == pytest.approx(1.0, abs=0.01)

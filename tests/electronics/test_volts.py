@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsuba_taxel.electronics import in_volts, respond, saturating_power, shown, total_noise, with_volts
-from mitsuba_taxel.electronics.volts import circuit_of_study
+from mitsuba_taxel.electronics import (
+    in_volts,
+    respond,
+    saturated_words,
+    saturating_power,
+    shown,
+    total_noise,
+    with_volts,
+)
+from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 
@@ -34,7 +42,8 @@ def test_a_study_beside_its_powers(circuit, study):
     np.testing.assert_allclose(told.voltage.values[:2], respond(one, POWER[:2]).voltage)
     np.testing.assert_allclose(told.voltage_error.values[0], 0.01 * POWER[0] * 22e3 * 8, rtol=1e-9)
     np.testing.assert_allclose(told.noise.values[:2], total_noise(one, POWER[:2]))
-    for name in ("voltage", "voltage_error", "counts", "noise"):
+    assert told.saturated.values[:, 0].tolist() == [0, 0, 1]
+    for name in VOLTS:
         assert np.isnan(told[name].values[2, 1]) and np.isfinite(told[name].values[2, 0])
     assert circuit_of_study(told) == one and circuit_of_study(study) is None and with_volts(study, None) is study
 
@@ -77,3 +86,27 @@ def test_derivatives_follow_the_chain_rule(circuit):
         noise[1, 1],
         margin[1, 1],
     )
+
+
+def test_a_saturated_reading_is_named_and_has_no_derivative(circuit):
+    """One taxel below a full scale of 0.5 V, one above; and a converter that is coarser than the noise."""
+    one, none = circuit(adc_reference=0.5, bandwidth=1.0), np.zeros(2)
+    power, slopes = np.array([1e-6, 5e-6]), np.full((2, 1), 1e-7)
+    derivatives = Derivatives(("fz",), ("W/N",), slopes, 0.1 * slopes, power, none, 0.1, np.ones(2), 0.5, np.ones(1))
+    told = shown(one, Readings(np.tile(power, (32, 1)), 64, 0, derivatives=derivatives))
+    assert told.saturated.tolist() == [False, True] and told.columns["saturated"] is told.saturated
+    assert told.derivatives.counts[1, 0] == 0 and np.isinf(told.derivatives.noise_equivalent[1, 0])
+    assert [note.split(":")[0] for note in told.notes] == [
+        "saturated",
+        "Noise before the converter is less than half of its step of 0.0001221 V",
+    ]
+    assert shown(circuit(other_noise=0.01), Readings(np.tile(power, (32, 1)), 64, 0)).notes == []
+
+
+def test_readings_that_saturate_are_counted_in_words(circuit):
+    one = circuit(adc_reference=0.5)
+    assert saturated_words(one, POWER) == (
+        "the output is saturated (at 0.5 V or more) in 4 of 5 readings, most often of taxel 1: these tell little of "
+        "the force, or nothing from the full scale on"
+    )
+    assert saturated_words(one, 0.01 * POWER) == ""

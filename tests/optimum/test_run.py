@@ -342,3 +342,18 @@ def test_shapes_of_which_one_has_a_profile(tmp_path):
     assert found.best["r2"] == "none" and found.variables.best.isna().tolist() == [False, True]
     assert "nan" not in (tmp_path / "out" / "optimum.md").read_text()
     assert set(found.slopes.variable) == {"h"} and list(found.variables["at"]) == ["high", ""]
+
+
+def test_the_best_design_behind_a_circuit_is_not_saturated(tmp_path):
+    """Noise as a force falls with the LED's power, up to where the converter of 0.3 V ends, less 1 %: the light is
+    proportional to that power, and 100 Ohm make 0.3 V of 3 mW. The first design is beyond."""
+    (tmp_path / "cell.xml").write_text(CELL)
+    study = STUDY.split("[[")[0].replace('maximise = "sensitivity"', 'minimise = "noise_equivalent_force"')
+    study = study.replace("led_power = [0.5, 2]", "led_power = { low = 0.3, high = 2, start = 1 }")
+    circuit = "[circuit]\nsupply = 3.3\nload_resistance = 100\ntransfer = 1\nadc_reference = 0.3\nother_noise = 4e-4\n"
+    (tmp_path / "study.toml").write_text(study + circuit)
+    found = optimise(tmp_path / "study.toml", tmp_path / "out")
+    limit = found.figures.set_index("figure").loc["saturation along normal <= 0.99"]
+    assert limit.before > 1 and limit.best == pytest.approx(0.99, abs=2e-3)
+    assert float(found.best["youngs_modulus"]) == pytest.approx(3) and limit.multiplier > 0
+    assert any(one.startswith("the first design saturates") for one in found.warnings)

@@ -190,14 +190,15 @@ def _readings_html(readings: Readings) -> str:
 
 
 def _study(study: xr.Dataset, name: str) -> str:
-    from mitsuba_taxel.characterise import sensitivity_table, volts_table
+    from mitsuba_taxel.characterise import sensitivity_table, volts_notes, volts_table
     from mitsuba_taxel.electronics.volts import circuit_of_study, in_volts
     from mitsuba_taxel.studies import study_error_budget
 
     circuit, sensitivities = circuit_of_study(study), _numbers(sensitivity_table(study))
     volts: list[str] = []
     if circuit is not None:
-        volts = [_plot(in_volts(study, circuit), "Voltage"), _numbers(volts_table(study, circuit))]
+        shown = volts_table(study, circuit)
+        volts = [_plot(in_volts(study, circuit), "Voltage"), _numbers(shown), *map(_line, volts_notes(shown, circuit))]
     failures = study.attrs["failures"].splitlines()
     lines = [*study.attrs["notes"].splitlines(), *(f"failed: {line}" for line in failures[:MOST_LINES])]
     if len(failures) > MOST_LINES:

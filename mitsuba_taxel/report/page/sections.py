@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.units import prefixed
-from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs, volts_table
+from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs, volts_notes, volts_table
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS
 from mitsuba_taxel.characterise.wording import merit_tables, pair_rows, remarks_explained, with_error
 from mitsuba_taxel.electronics.volts import circuit_of_study, in_volts
@@ -96,7 +96,7 @@ def _readings(study: xr.Dataset) -> str:
     shown = [("power", "total_error", "W"), ("voltage", "voltage_error", "V")]
     shown = [each for each in shown if each[0] in study]
     counts = ["counts"] if "counts" in study else []
-    numbers = [*(name for each in shown for name in each[:2]), *counts]
+    numbers = [*(name for each in shown for name in each[:2]), *counts, *(["saturated"] if counts else [])]
     frame = study[numbers].to_dataframe().reset_index()
     keys = [name for name in frame.columns if name not in numbers]
     units = [f" [{study[name].attrs['units']}]" if "units" in study[name].attrs else "" for name in keys]
@@ -108,7 +108,7 @@ def _readings(study: xr.Dataset) -> str:
                 with_error(record[name] / factor, record[error] / factor)
                 for (name, error, _), (factor, _) in zip(shown, scales, strict=True)
             ),
-            *(_word(record[name]) for name in counts),
+            *(_word(record[name]) + (" saturated" if record["saturated"] == 1 else "") for name in counts),
         ]
         for record in frame.head(MOST_ROWS).to_dict("records")
     ]
@@ -135,12 +135,13 @@ def merit(study: xr.Dataset, key: str) -> str:
         return ""
     figures, pairs = characteristics(found.experiments, found.off), symmetric_pairs(found.maps)
     volts = None if circuit is None else volts_table(study, circuit)
+    limits = [] if volts is None else volts_notes(volts, circuit)
     parts = []
     for title, (headings, rows) in merit_tables(figures, volts).items():
         if rows:
             left = _left_out(len(rows), "taxel characterise lists")
             parts.append(table(f"{title}{left}", headings, rows[:MOST_ROWS]))
-    parts += [paragraph(line, "quiet") for line in remarks_explained(figures, pairs)]
+    parts += [paragraph(line, "quiet") for line in (*remarks_explained(figures, pairs), *limits)]
     words = "Change of readings against force, and its slope below, also relative to rest; the tables hold the numbers."
     caption = "Change since rest, and slope; on the right in percent of the reading at rest. Bars: light."
     parts.append(plot(partial(plot_sensitivity, found.experiments), words, caption))

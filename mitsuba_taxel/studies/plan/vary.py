@@ -27,7 +27,7 @@ TAKEN = frozenset(
     "responsivity deviation roof_error slope_error geometry_error smooth_power smooth_power_error derivative "
     "derivative_error largest_strain largest_strain_derivative clearance clearance_derivative first_contact "
     "first_contact_derivative touched ended mesh map "
-    "voltage voltage_error counts noise".split()
+    "voltage voltage_error counts noise saturated".split()
 )
 """Names of dimensions and variables of the results, which no varied parameter may have."""
 

@@ -10,6 +10,8 @@ import pandas as pd
 import xarray as xr
 
 from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.electronics import saturated_words
+from mitsuba_taxel.electronics.volts import circuit_of_study
 
 MOST_NAMED = 20
 """Largest number of omitted jobs that are listed individually."""
@@ -108,7 +110,10 @@ def _meaning(column: str) -> tuple[str, str]:
         )
     if stem.startswith("voltage_") and unit == "V":
         taxel = stem.removeprefix("voltage_")
-        return "V", f"voltage of taxel {taxel} before the converter, for that power, with the noise of the circuit"
+        return (
+            "V",
+            f"voltage of taxel {taxel} before the converter, for that power, with the noise of the circuit",
+        )
     if stem == "counts":
         return "", f"counts of the converter for voltage_{unit}_V"
     if column == "scene":
@@ -168,6 +173,9 @@ def _caveats(studies: Mapping[str, xr.Dataset]) -> str:
         "how it extrapolates.",
         "All data are simulated: hysteresis, drift, temperature and the spread between sensors are not included.",
     ]
+    circuits = [(circuit_of_study(study), study) for study in studies.values()]
+    saturated = (saturated_words(circuit, study.power.values) for circuit, study in circuits if circuit is not None)
+    caveats += [f"Before the noise, {words}." for words in saturated if words]
     return "\n".join([*(f"- {caveat}" for caveat in caveats), *(f"- Note of the study: {note}" for note in notes)])
 
 
