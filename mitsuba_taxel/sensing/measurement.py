@@ -18,6 +18,16 @@ from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.darkness import dark_errors
 from mitsuba_taxel.sensing.mechanics_error import roof_errors
+from mitsuba_taxel.sensing.prepared_scenes import (
+    FLAT,
+    FacetsEstimate,
+    MechanicsEstimate,
+    PreparedFor,
+    Settings,
+    ShapeErrors,
+    mesh_size_of,
+    prepared_without_random_numbers,
+)
 from mitsuba_taxel.sensing.readings import Crosstalk, Readings
 from mitsuba_taxel.sensing.runs import (
     CHOSEN_INTEGRATOR,
@@ -33,12 +43,7 @@ from mitsuba_taxel.sensing.runs import (
 )
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.targets import (
-    FLAT,
     NEGLIGIBLE,
-    FacetsEstimate,
-    MechanicsEstimate,
-    PreparedFor,
-    Settings,
     deviation_points,
     geometry_of,
     geometry_points,
@@ -143,26 +148,14 @@ def measured(
         random = points is not None or irradiance or (time_budget is not None and target_error is None)
         prepared = _prepared(scene, target_error, points, seed, clock, mechanics_error, continued, random)
         run = Run(prepared.ready, seed, irradiance, continued)
-        if prepared.power is None:
+        if prepared.errors.power is None:
             run.extend_to(prepared.settings.points, clock)
-    powers = run.powers if prepared.power is None else np.tile(prepared.power, (REPLICATES, 1))
-    if not np.all(np.isfinite(powers)):
-        raise ComputationError("readings are not finite: sizes or powers in the scene differ too much.")
-    live = prepared.ready.scene
-    result = Readings(
-        powers,
-        run.points,
-        seed,
-        seconds,
-        parameters=prepared.ready.parameters,
-        irradiance=run.image,
-        responsivity=_responsivity(live),
-        deviation=prepared.mechanics.deviation,
-        dark_error=_dark_error(prepared.ready, powers, run.points),
-        facets=_facets(prepared.geometry, powers.shape[1]) if mechanics_error or prepared.power is not None else None,
-        mesh_size=prepared.settings.mesh_size,
-        roof_errors=roof_errors(live) if mechanics_error else [],
-    )
+            run.extend_to_error(prepared.light_error, clock)
+    result = _result(prepared, run, seconds, mechanics_error)
+    if prepared.alternative is not None:
+        exact = _result(prepared.alternative, Run(prepared.alternative.ready, seed), seconds, mechanics_error)
+        if _rank(exact) <= _rank(result):
+            result, prepared = exact, prepared.alternative
     if changes:
         result = replace(result, derivatives=_derivatives(scene, changes, prepared, result, points is not None))
     bare = target_error is None and points is None and time_budget is None
@@ -172,9 +165,38 @@ def measured(
     return result, prepared.ready
 
 
+def _result(prepared: PreparedFor, run: Run, seconds: dict[str, float], mechanics_error: bool) -> Readings:
+    """Readings by random paths, or those of a scene that is known without."""
+    errors, live = prepared.errors, prepared.ready.scene
+    powers = run.powers if errors.power is None else np.tile(errors.power, (REPLICATES, 1))
+    if not np.all(np.isfinite(powers)):
+        raise ComputationError("readings are not finite: sizes or powers in the scene differ too much.")
+    return Readings(
+        powers,
+        run.points,
+        run.seed,
+        seconds,
+        parameters=prepared.ready.parameters,
+        irradiance=run.image,
+        responsivity=_responsivity(live),
+        deviation=errors.mechanics.deviation,
+        dark_error=_dark_error(prepared.ready, powers, run.points),
+        facets=_facets(errors.geometry, powers.shape[1]) if mechanics_error or errors.power is not None else None,
+        mesh_size=prepared.settings.mesh_size,
+        roof_errors=roof_errors(live) if mechanics_error else [],
+    )
+
+
+def _rank(result: Readings) -> tuple[bool, float]:
+    """The smaller, the better: largest relative error, without that of the mechanics where that is unknown."""
+    budget = result.error_budget
+    unknown = math.isnan(budget["total"])
+    return unknown, math.hypot(budget["light"], budget["geometry"]) if unknown else budget["total"]
+
+
 def _notes(prepared: PreparedFor) -> list[str]:
     """Notes on the scene, and on the integrator if it was chosen and is used."""
-    return [note for note in prepared.ready.notes if prepared.power is None or note != CHOSEN_INTEGRATOR]
+    return [note for note in prepared.ready.notes if prepared.errors.power is None or note != CHOSEN_INTEGRATOR]
 
 
 def _changes(scene: AnyScene, names: Sequence[str]) -> list[Rates]:
@@ -236,22 +258,26 @@ def _prepared(
         scene = scene.with_mesh_size(continued.mesh_size)
     elif target_error is not None:
         return prepare_for(scene, target_error, seed, clock, random)
-    mesh_size = scene.mesh_size if isinstance(scene, Scene) else None
     ready = prepare(scene)
-    found = None if random or continued else without_random_numbers(ready, LIGHT_ERROR, mechanics_error)
-    if found is not None:
-        return PreparedFor(ready, found.mechanics, found.geometry, Settings(0, mesh_size), found.power)
+    alternative = None
+    if not (random or continued) and (certain := without_random_numbers(ready, mechanics_error)):
+        alternative = prepared_without_random_numbers(ready, scene, certain)
+        if certain.light_share <= LIGHT_ERROR:
+            return alternative
     geometry = FLAT
     if mechanics_error:
         wanted = 0.0 if points else target_error or LIGHT_ERROR
         geometry = geometry_of(ready, seed, geometry_points(points or MOST_POINTS), NEGLIGIBLE * wanted)
+    light_error = math.inf
     if points is None and (target_error is not None or clock.end == math.inf):
-        points = points_for(ready, target_error or LIGHT_ERROR, seed, clock, geometry.pilot)
+        light_error = target_error or LIGHT_ERROR
+        points = points_for(ready, light_error, seed, clock, geometry.pilot)
     points = points or MOST_POINTS
     mechanics = MechanicsEstimate(None, 0.0)
     if mechanics_error:
         mechanics = mechanics_of(ready, seed, deviation_points(clock, points))
-    return PreparedFor(ready, mechanics, geometry, Settings(points, mesh_size))
+    settings = Settings(points, mesh_size_of(scene))
+    return PreparedFor(ready, ShapeErrors(mechanics, geometry), settings, light_error, alternative)
 
 
 @in_turn

@@ -118,6 +118,14 @@ class Run:
         while self.points < wanted and (not self.points or clock is None or clock.allows(2 * self.seconds)):
             self._step(self.points or min(FIRST_POINTS, wanted))
 
+    def extend_to_error(self, wanted: float, clock: Clock) -> None:
+        """Double the points while the relative standard error is above the ``wanted`` one, for which pilot runs with
+        other random numbers found too few."""
+        while self.points < MOST_POINTS and clock.allows(2 * self.seconds):
+            if Readings(self.powers, self.points, self.seed).relative_error <= wanted:
+                return
+            self._step(self.points)
+
     def _step(self, points: int) -> None:
         start = time.perf_counter()
         powers, image, points = _trace(self.ready, points, self.seed, self.points, self.with_image)

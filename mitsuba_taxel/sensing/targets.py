@@ -2,14 +2,14 @@
 
 The target applies to the root of the sum of squares of both errors. Elements, and with them the triangles of curved
 walls, are refined until the shape's error is within its share; the light gets the rest. Light without random numbers
-needs none. Both are determined by pilot runs, whose random numbers do not enter the result.
+needs none, and a pad without a load has no error of the mechanics: a target is shared among the errors that exist.
+Both are determined by pilot runs, whose random numbers do not enter the result.
 """
 
 from __future__ import annotations
 
 import math
 from statistics import NormalDist
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,18 @@ from mitsuba_taxel.sensing.checked import found_points
 from mitsuba_taxel.sensing.darkness import may_be_lit
 from mitsuba_taxel.sensing.facets import curved_pads, with_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
-from mitsuba_taxel.sensing.readings import Readings, geometry_share, largest_share, mechanics_share
+from mitsuba_taxel.sensing.prepared_scenes import (
+    FLAT,
+    LIGHT_SHARE,
+    FacetsEstimate,
+    MechanicsEstimate,
+    PreparedFor,
+    Settings,
+    ShapeErrors,
+    mesh_size_of,
+    prepared_without_random_numbers,
+)
+from mitsuba_taxel.sensing.readings import Readings, geometry_share, mechanics_share
 from mitsuba_taxel.sensing.runs import (
     FIRST_POINTS,
     MOST_POINTS,
@@ -46,8 +57,6 @@ MECHANICS_SHARE = 0.85
 falls nearly as 1/points."""
 DARK_POINTS = 1 << 16
 """Points per taxel and replicate after which a scene in which no light was found counts as dark."""
-LIGHT_SHARE = 0.5
-"""Share of the light in a target error that the mechanics does not reach."""
 DEVIATION_POINTS, MOST_DEVIATION_POINTS = 256, 1 << 14
 """Points per taxel and replicate of the traces for the mechanics' error, first and at most: domes need many."""
 DEVIATION_SHARE = 4
@@ -72,77 +81,6 @@ _SCATTER, _SAFETY = 0.13, 1.3
 scenes."""
 
 
-class Settings(NamedTuple):
-    """Settings of a reading: points per taxel and replicate, 0 if it needs no random numbers; mesh size of pads in mm,
-    None for the scene's own."""
-
-    points: int
-    mesh_size: float | None
-
-
-class MechanicsEstimate(NamedTuple):
-    """Error of readings by that of the mechanics.
-
-    Attributes
-    ----------
-    deviation : (T,) ndarray or None
-        In W, as in `Readings`; None if no pad is loaded.
-    share : float
-        Corresponding relative error; NaN if unknown.
-    """
-
-    deviation: np.ndarray | None
-    share: float
-
-
-class FacetsEstimate(NamedTuple):
-    """Error of readings by the flat triangles of curved walls.
-
-    Attributes
-    ----------
-    facets : (T,) ndarray or None
-        In W, as in `Readings`; None if no wall is curved.
-    share : float
-        Corresponding relative error.
-    pilot : Run or None
-        The first run of :func:`points_for`, if it exists already.
-    """
-
-    facets: np.ndarray | None
-    share: float
-    pilot: Run | None
-
-
-FLAT = FacetsEstimate(None, 0.0, None)
-
-
-class PreparedFor(NamedTuple):
-    """A scene prepared for a target error, the error of its shape, and the points to trace or the power in W."""
-
-    ready: Prepared
-    mechanics: MechanicsEstimate
-    geometry: FacetsEstimate
-    settings: Settings
-    power: np.ndarray | None = None
-
-
-class ShapeErrors(NamedTuple):
-    """The errors of a scene's shape, and the power of each taxel in W where it is known without random numbers."""
-
-    mechanics: MechanicsEstimate
-    geometry: FacetsEstimate
-    power: np.ndarray | None = None
-
-    @property
-    def share(self) -> float:
-        """Relative error of all readings together, or of the worst one where light has no noise: then it is all."""
-        facets, power = self.geometry.facets, self.power
-        worst = self.geometry.share
-        if power is not None and facets is not None:
-            worst = FACETS_SHARE * largest_share(np.abs(facets), power)
-        return math.hypot(self.mechanics.share, worst)
-
-
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> FacetsEstimate:
     """Error of a scene's readings by facets, from two short traces, of as many points as in :func:`mechanics_of`."""
     if not curved_pads(ready.scene):
@@ -162,8 +100,8 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
         points = min(points * more, most)
 
 
-def without_random_numbers(ready: Prepared, most_error: float, mechanics_error: bool = True) -> ShapeErrors | None:
-    """Readings of diffuse cells and their errors; None if the scene needs random paths for this relative error.
+def without_random_numbers(ready: Prepared, mechanics_error: bool = True) -> ShapeErrors | None:
+    """Readings of diffuse cells and their errors; None if the scene needs random paths.
 
     What discretises the light is part of the geometry.
     """
@@ -174,7 +112,7 @@ def without_random_numbers(ready: Prepared, most_error: float, mechanics_error: 
     from mitsuba_taxel.sensing.deterministic_light import deterministic_light  # imports the solvers
 
     found = deterministic_light(ready.scene, mechanics_error)
-    if found is None or not np.all(found.error <= min(most_error, TRUSTED) * found.power):
+    if found is None or not np.all(found.error <= TRUSTED * found.power):
         return None
     mechanics, facets = MechanicsEstimate(None, 0.0), found.error / FACETS_SHARE
     if found.deviation is not None:
@@ -248,22 +186,28 @@ def prepare_for(
     """
     scene = described(scene)
     ready, seconds = _timed(scene)
+    alternative: PreparedFor | None = None  # of the meshes so far, that with the smallest error
 
     def judged() -> ShapeErrors:
-        certain = None if random else without_random_numbers(ready, LIGHT_SHARE * target_error)
+        nonlocal alternative
+        certain = None if random else without_random_numbers(ready)
         if certain is not None:
-            return certain
+            least = math.nan if alternative is None else alternative.errors.share
+            if certain.share < least or math.isnan(least):
+                alternative = prepared_without_random_numbers(ready, scene, certain)
+            if certain.suffices(target_error):
+                return certain
         tolerance = NEGLIGIBLE * target_error
         mechanics = mechanics_of(ready, seed, deviation_points(clock), tolerance)
         return ShapeErrors(mechanics, geometry_of(ready, seed, tolerance=tolerance))
 
-    found = judged()
+    errors = judged()
     tried: list[tuple[float, float]] = []
     for _ in range(MOST_MESHES):
         if not isinstance(scene, Scene):
             break
-        tried.append((smallest_mesh_size(ready), found.share))
-        wanted = target_error if found.power is not None else MECHANICS_SHARE * target_error
+        tried.append((smallest_mesh_size(ready), errors.share))
+        wanted = target_error if errors.power is not None else MECHANICS_SHARE * target_error
         finer = finer_mesh(scene, ready, tried, wanted)
         if finer is None or (clock and not clock.allows(2 * seconds * (tried[-1][0] / finer) ** COST_ORDER)):
             break
@@ -273,15 +217,16 @@ def prepare_for(
         except ComputationError:  # on a finer mesh the load path may end a little earlier
             break
         scene = candidate
-        found = judged()
-    mechanics, geometry, power = found
-    mesh_size = scene.mesh_size if isinstance(scene, Scene) else None
-    if power is not None:
-        return PreparedFor(ready, mechanics, geometry, Settings(0, mesh_size), power)
-    known = math.hypot(0.0 if math.isnan(mechanics.share) else mechanics.share, geometry.share)
-    left = math.sqrt(max(target_error**2 - known**2, (LIGHT_SHARE * target_error) ** 2))
-    points = points_for(ready, left, seed, clock, geometry.pilot)
-    return PreparedFor(ready, mechanics, geometry, Settings(points, mesh_size))
+        errors = judged()
+    if alternative is not None and errors.power is not None:
+        return alternative
+    known = errors.known_share
+    light = math.sqrt(max(target_error**2 - known**2, (LIGHT_SHARE * target_error) ** 2))
+    at_hand = math.inf if alternative is None else math.sqrt(max(alternative.errors.known_share**2 - known**2, 0))
+    points = points_for(ready, light, seed, clock, errors.geometry.pilot, at_hand)
+    if alternative is not None and not points:
+        return alternative
+    return PreparedFor(ready, errors, Settings(points, mesh_size_of(scene)), light, alternative)
 
 
 def _timed(scene: AnyScene) -> tuple[Prepared, float]:
@@ -341,12 +286,24 @@ def rungs_to(wanted_error: float, tried: list[tuple[float, float]], order: float
 
 
 def points_for(
-    ready: Prepared, target_error: float, seed: int, clock: Clock | None = None, first: Run | None = None
+    ready: Prepared,
+    target_error: float,
+    seed: int,
+    clock: Clock | None = None,
+    first: Run | None = None,
+    known_error: float = math.inf,
 ) -> int:
     """Points per taxel and replicate for a relative standard error of the light, found by pilot runs.
 
-    ``first`` is the first of them, if it exists already. Else their random numbers do not depend on ``seed``, so that
-    what they find is that of the scene, and is found once.
+    Parameters
+    ----------
+    clock : Clock, optional
+        If its time does not suffice, the result is `MOST_POINTS`, and the clock decides.
+    first : Run, optional
+        The first pilot run, if it exists already. Else their random numbers do not depend on ``seed``, so that what
+        they find is that of the scene, and is found once.
+    known_error : float
+        Relative error without random numbers: the result is 0 if that of paths would not fall below it in time.
     """
     found = found_points(ready.scene) if first is None else {}
     if target_error in found:
@@ -363,8 +320,10 @@ def points_for(
         if error <= target_error or points >= MOST_POINTS:
             break
         if clock and not clock.allows(8 * run.seconds):
-            return MOST_POINTS  # out of reach: the clock decides
-        # The error falls at most as 1/points, so at least this many doublings are needed.
+            # The error falls at most as 1/points, and so as 1/time.
+            reached = error * run.seconds / clock.left if clock.left > 0 else error
+            return MOST_POINTS if reached < known_error else 0
+        # At least this many doublings are needed.
         doublings = max(1, math.floor(math.log2(min(error / target_error, 16.0))))
         points = min(points << doublings, MOST_POINTS)
     found[target_error] = points

@@ -13,10 +13,10 @@ from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices
 from mitsuba_taxel.mechanics.path.pad_path import PadPath
 from mitsuba_taxel.mechanics.path.state import StateComparison
-from mitsuba_taxel.sensing import targets
+from mitsuba_taxel.sensing import measurement, targets
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.readings import mechanics_share
-from mitsuba_taxel.sensing.runs import FIRST_POINTS, prepare
+from mitsuba_taxel.sensing.runs import FIRST_POINTS, Clock, prepare
 from mitsuba_taxel.sensing.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.targets import MOST_RUNGS, RUNG, _powers, _timed, mechanics_of, rungs_to
 
@@ -133,8 +133,47 @@ def test_a_mesh_that_the_scene_chose_is_kept_and_what_that_misses_is_said(llvm_m
 
 
 def test_a_time_budget_leaves_a_finer_mesh_alone(llvm_mono):
-    reading = measure(sensor("cylindrical"), target_error=1e-4, time_budget=1e-3)
+    reading = measure(sensor("cylindrical", roof=Wall("mirror")), target_error=1e-4, time_budget=1e-3)
     assert reading.mesh_size is None and reading.points >= 256
+
+
+@pytest.mark.parametrize(("cell", "force", "target"), [("hemispheric", 0.0, 1e-5), ("cylindrical", -2.0, 1e-4)])
+def test_a_missed_target_returns_no_more_error_than_without_one(llvm_mono, cell, force, target):
+    """In this time random paths have an error of half a percent."""
+    scene = sensor(cell, (0.0, 0.0, force))
+    plain, aimed = measure(scene), measure(scene, target_error=target, time_budget=1e-3)
+    assert target < aimed.relative_total_error <= plain.relative_total_error
+    assert any(note.startswith(f"target error {target:g} not reached") for note in aimed.notes)
+
+
+def test_paths_that_end_with_a_larger_error_are_dropped(llvm_mono, monkeypatch):
+    """Where the pilot runs expected a smaller one of them."""
+    monkeypatch.setattr(targets, "points_for", lambda *args: FIRST_POINTS)
+    monkeypatch.setattr(Clock, "allows", lambda clock, seconds: False)
+    scene = sensor(force=(0.0, 0.0, 0.0))
+    aimed = measure(scene, target_error=1e-5)
+    assert aimed.points == 0 and np.array_equal(aimed.power, measure(scene).power)
+
+
+def test_without_a_load_the_light_may_take_the_whole_target(llvm_mono):
+    scene = sensor("cylindrical", (0.0, 0.0, 0.0))
+    total = measure(scene).relative_total_error
+    aimed = measure(scene, target_error=1.1 * total)
+    assert aimed.points == 0 and aimed.mesh_size is None and aimed.relative_total_error == total
+
+
+@pytest.mark.parametrize("target", [None, 0.01])
+def test_points_are_doubled_where_pilot_runs_found_too_few(llvm_mono, monkeypatch, target):
+    few = 16
+    for module in (targets, measurement):
+        monkeypatch.setattr(module, "points_for", lambda *args: few)
+    scene = sensor(force=(0.0, 0.0, 0.0), roof=Wall("mirror"))
+    wanted = target or measurement.LIGHT_ERROR
+    assert measure(scene, points=few).relative_error > wanted
+    reading = measure(scene, target_error=target)
+    assert few < reading.points and reading.relative_error <= wanted
+    assert measure(scene, points=reading.points // 2).relative_error > wanted
+    assert not any("not reached" in note for note in reading.notes)
 
 
 def test_a_solution_that_was_kept_does_not_make_a_finer_mesh_look_cheap(llvm_mono):

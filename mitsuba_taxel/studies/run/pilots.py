@@ -12,8 +12,9 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.measurement import LIGHT_ERROR
+from mitsuba_taxel.sensing.prepared_scenes import Settings
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Run, prepare
-from mitsuba_taxel.sensing.targets import Settings, points_for, prepare_for, without_random_numbers
+from mitsuba_taxel.sensing.targets import points_for, prepare_for, without_random_numbers
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import describe
@@ -62,8 +63,9 @@ class _Pilot:
         scene = self.batch.scene(values).with_mesh_size(self.mesh_size)
         if self.batch.target_error is None:
             ready = prepare(scene)
-            found = None if self.random else without_random_numbers(ready, LIGHT_ERROR, mechanics_error=False)
-            points = 0 if found else points_for(ready, LIGHT_ERROR, self.batch.seed)
+            certain = None if self.random else without_random_numbers(ready, mechanics_error=False)
+            enough = certain is not None and certain.light_share <= LIGHT_ERROR
+            points = 0 if enough else points_for(ready, LIGHT_ERROR, self.batch.seed)
         else:
             curves = math.prod(axis.size for axis in self.batch.axes) / self._curve_size
             allowed = None if self.batch.time_budget is None else Clock(self.clock.left / curves)

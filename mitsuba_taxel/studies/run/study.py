@@ -14,8 +14,8 @@ from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.electronics import Circuit, with_volts
 from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel.sensing.prepared_scenes import Settings
 from mitsuba_taxel.sensing.runs import FIRST_POINTS
-from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read_study
 from mitsuba_taxel.studies.plan.growth import grown
 from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension, sides_of

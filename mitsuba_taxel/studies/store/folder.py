@@ -30,8 +30,8 @@ from mitsuba_taxel.mechanics import RoofError
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.contact_value import FirstContact
 from mitsuba_taxel.sensing.derivative_values import Derivatives
+from mitsuba_taxel.sensing.prepared_scenes import Settings
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
-from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.plan.growth import TARGETS, moves
 from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, Job, JobResult

@@ -11,8 +11,8 @@ from mitsuba_taxel.base.arguments import path_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics import with_volts
 from mitsuba_taxel.electronics.circuit import circuit_of
+from mitsuba_taxel.sensing.prepared_scenes import Settings
 from mitsuba_taxel.sensing.scene import is_file, why_unreadable
-from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.batch import read_study
 from mitsuba_taxel.studies.plan.vary import combinations, make_axes
 from mitsuba_taxel.studies.run.dataset import assemble
