@@ -12,6 +12,9 @@ from mitsuba_taxel.pads.pad import REGIONS
 
 ROUNDING = 1e-6
 """Distance from a sphere or cylinder, relative to its radius, attributed to rounding."""
+FLATTEST = 100.0
+"""Radius of a wall relative to its extent, above which it counts as flat: through points of a plane there are spheres
+and cylinders of any radius above some 1e5 extents, onto which nodes are not projected but scattered."""
 
 
 def on_round_faces(
@@ -88,6 +91,8 @@ def round_walls(mesh: VolumeMesh) -> list[tuple[int, int, tuple[np.ndarray, floa
 def _round(nodes: np.ndarray, axes: int) -> tuple[np.ndarray, float] | None:
     """Centre and radius of the sphere (3 axes) or upright cylinder (2) through nodes (N, 3); None if there is none."""
     centre, radius = _fitted(nodes[:, :axes])
+    if radius > FLATTEST * np.linalg.norm(np.ptp(nodes[:, :axes], axis=0)):
+        return None
     off = np.abs(np.linalg.norm(nodes[:, :axes] - centre, axis=1) / radius - 1).max()
     return (centre, radius) if off < ROUNDING else None
 
