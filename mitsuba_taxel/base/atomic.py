@@ -76,7 +76,7 @@ def remove_stale(folder: Path) -> None:
     """Remove the temporary files that processes of this machine left in a folder when they were killed."""
     for file in folder.glob(f"{PREFIX}*"):
         owner = re.match(rf"{re.escape(PREFIX)}{re.escape(_host())}-(\d+)-", file.name)
-        if owner and not _is_alive(int(owner[1])):
+        if owner and not file.is_dir() and not _is_alive(int(owner[1])):
             file.unlink(missing_ok=True)
 
 

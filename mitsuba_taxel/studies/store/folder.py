@@ -24,7 +24,7 @@ import numpy as np
 import tomli_w
 
 from mitsuba_taxel.base import archive, toml
-from mitsuba_taxel.base.atomic import WriteError, reason_of, replacing, write_text
+from mitsuba_taxel.base.atomic import PREFIX, WriteError, reason_of, remove_stale, replacing, write_text
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
 from mitsuba_taxel.sensing import Readings
@@ -42,6 +42,8 @@ GROWING, GROWN = ".growing", ".grown"
 """Folders of a study that is being extended: incomplete, and complete."""
 MOST_LETTERS = 200
 """Largest length of a line of a study file in a message."""
+_SUFFIXES = (".npz", ".json")
+"""Of the files of jobs and of failures."""
 _LIST = re.compile(r"\[\n(.*?)\n\]", re.DOTALL)
 HEADING = "# The study whose results lie beside this file; it can be run again into another folder.\n"
 
@@ -78,6 +80,7 @@ class Store:
         from filelock import FileLock, Timeout
 
         make_folder(self.folder)
+        self._refuse_links()
         lock = FileLock(self.folder / LOCK)
         try:
             lock.acquire(timeout=0)
@@ -89,6 +92,16 @@ class Store:
             yield
         finally:
             lock.release()
+
+    def _refuse_links(self) -> None:
+        """Raise if what is written into lies elsewhere: a study harms nothing but its own folder."""
+        for name in (LOCK, JOBS, FAILED, MESHES, MAPS, GROWING, GROWN):
+            place = self.folder / name
+            kind = "file" if name == LOCK else "folder"
+            if place.is_symlink():
+                raise InputError(f"output folder {self.folder} is not allowed: {name} in it is a link, not a {kind}.")
+            if place.exists() and place.is_dir() is (name == LOCK):
+                raise InputError(f"output folder {self.folder} is not allowed: {name} in it is not a {kind}.")
 
     def _begin(self, content: Mapping[str, Any]) -> None:
         self._finish_growing()
@@ -102,9 +115,8 @@ class Store:
             raise InputError(f"output folder {self.folder} holds another study ({difference}): choose another folder.")
         for name in (JOBS, FAILED):
             make_folder(self.folder / name)
-        for name in (JOBS, FAILED, MESHES, MAPS):
-            for stale in (self.folder / name).glob(".*"):
-                stale.unlink()  # a temporary file of a run that was killed
+        for name in (MESHES, MAPS):
+            remove_stale(self.folder / name)
 
     def _grow(self, before: str, content: Mapping[str, Any]) -> bool:
         """Extend the stored study to one that holds all of its jobs, renumbered; False if it is another study.
@@ -122,7 +134,7 @@ class Store:
         self.aims_higher = any(stored.get(name) != content.get(name) for name in TARGETS)
         ready = self.folder / GROWING
         shutil.rmtree(ready, ignore_errors=True)
-        for name, suffix in ((JOBS, ".npz"), (FAILED, ".json")):
+        for name, suffix in zip((JOBS, FAILED), _SUFFIXES, strict=True):
             (ready / name).mkdir(parents=True)
             for number, file in _numbered(self.folder / name, suffix).items():
                 if number in numbers:
@@ -139,10 +151,17 @@ class Store:
             return
         with replacing(self.folder / STUDY) as file:
             shutil.copyfile(ready / STUDY, file)
+        # A run that is killed between two of these steps is completed by repeating them.
         for name in (JOBS, FAILED):
+            place, before = self.folder / name, ready / f"{name}_before"
             if (ready / name).is_dir():
-                shutil.rmtree(self.folder / name, ignore_errors=True)
-                (ready / name).rename(self.folder / name)
+                if place.is_dir() and not before.exists():
+                    place.rename(before)
+                (ready / name).rename(place)
+            ours = {path.name for suffix in _SUFFIXES for path in _numbered(before, suffix).values()}
+            for foreign in before.iterdir() if before.is_dir() else ():
+                if foreign.name not in ours and not foreign.name.startswith(PREFIX):
+                    foreign.rename(place / foreign.name)
         shutil.rmtree(ready)
 
     def _note_run(self, workers: str) -> None:
@@ -191,7 +210,7 @@ class Store:
 
     def forget_failures(self) -> None:
         """Remove all failures, so that their jobs are repeated."""
-        for file in (self.folder / FAILED).glob("*.json"):
+        for file in _numbered(self.folder / FAILED, ".json").values():
             file.unlink()
 
     def keep(self, job: Job, outcome: JobResult | Failure) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ import xarray as xr
 from started_process import started
 
 from mitsuba_taxel import ComputationError, InputError, open_study, sweep
+from mitsuba_taxel.base import atomic, toml
 from mitsuba_taxel.studies.run import job, provenance
 from mitsuba_taxel.studies.store import folder as store
 from mitsuba_taxel.studies.store.status import study_status
@@ -25,6 +28,13 @@ RUN = {"points": 64, "seed": 3}
 
 def run(folder, z=Z, **options):
     return sweep("plate.xml", {"z": z}, {"hole": 0}, output=folder, **{**RUN, **options})
+
+
+def grown_content(folder, further):
+    """The content of the study in a folder, with one more value that depends on a number."""
+    content = toml.loads((folder / "study.toml").read_text())
+    content["vary"]["z"].append(f"{2 + further / 10:g}")
+    return content
 
 
 @pytest.fixture
@@ -172,6 +182,70 @@ def test_foreign_files_are_not_touched(tmp_path):
     with pytest.raises(InputError, match="not empty"):
         run(tmp_path)
     assert [file.name for file in tmp_path.iterdir() if not file.name.startswith(".")] == ["letter.txt"]
+
+
+def test_what_others_keep_in_the_folders_of_a_study_stays(finished):
+    """Hidden files and folders, notes among the jobs: as a study is begun, extended, and repeats what failed."""
+    folder, _ = finished
+    kept = [
+        folder / name / other
+        for name in ("jobs", "failed", "meshes", "maps")
+        for other in (".git", ".notes", "notes.txt", "notes.json", ".hidden/notes")
+    ]
+    for file in kept:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("kept")
+    own = folder / "meshes" / f"{atomic.PREFIX}{atomic._host()}-{2**22 + 1}-killed.ply"
+    own.touch()
+    run(folder)
+    run(folder, Z + ",0.9", retry_failed=True)
+    assert [file.read_text() for file in kept] == ["kept"] * len(kept)
+    assert not own.exists() and len(list(folder.glob("jobs/*.npz"))) == 4
+
+
+def test_a_study_that_is_killed_as_it_grows_is_completed(finished, monkeypatch):
+    """At any of the steps that replace its results."""
+    folder, _ = finished
+    (folder / "jobs" / "notes.txt").write_text("kept")
+    really, left = Path.rename, 0
+    for killed_at in range(6):
+        left = killed_at
+
+        def rename(path, target):
+            nonlocal left
+            if "out" in path.parts and left == 0:
+                raise KeyboardInterrupt
+            left -= 1
+            return really(path, target)
+
+        monkeypatch.setattr(Path, "rename", rename)
+        with contextlib.suppress(KeyboardInterrupt):
+            store.Store(folder)._begin(grown_content(folder, killed_at))
+        monkeypatch.setattr(Path, "rename", really)
+        store.Store(folder)._finish_growing()
+        assert (folder / "jobs" / "notes.txt").read_text() == "kept"
+        assert len(list(folder.glob("jobs/*.npz"))) == 3
+
+
+@pytest.mark.parametrize("name", ["jobs", "failed", "meshes", "maps", ".growing", ".grown", ".lock"])
+def test_links_are_refused_before_anything_is_written(tmp_path, finished, name):
+    folder, _ = finished
+    elsewhere = tmp_path / "elsewhere"
+    if (folder / name).exists() and name != ".lock":
+        (folder / name).rename(elsewhere)
+    else:
+        (folder / name).unlink(missing_ok=True)
+        elsewhere.touch() if name == ".lock" else elsewhere.mkdir()
+    if elsewhere.is_dir():
+        (elsewhere / ".notes").touch()
+    else:
+        elsewhere.write_text("kept")
+    before = sorted(path.name for path in elsewhere.glob("*")), (folder / "study.toml").read_text()
+    (folder / name).symlink_to(elsewhere)
+    with pytest.raises(InputError, match=rf"output folder .* is not allowed: {name} in it is a link, not a f"):
+        run(folder, Z + ",0.9")
+    assert (sorted(path.name for path in elsewhere.glob("*")), (folder / "study.toml").read_text()) == before
+    assert elsewhere.is_dir() or elsewhere.read_text() == "kept"
 
 
 def test_what_failed_is_done_again_when_asked(tmp_path, monkeypatch):
