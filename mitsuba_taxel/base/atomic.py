@@ -10,10 +10,13 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 from mitsuba_taxel.base.errors import ComputationError
 
 PREFIX = ".taxel-"
+MARGIN = 1 << 18
+"""Bytes that must be free beyond a file: the buffers of libraries are smaller."""
 _FULL = [os.strerror(code) for code in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)]
 
 
@@ -44,6 +47,7 @@ def replacing(file: Path) -> Iterator[Path]:
         try:
             yield temporary
             with temporary.open("rb+") as written:
+                _refuse_full_disk(written)
                 os.fsync(written.fileno())
             temporary.chmod(0o666 & ~_umask())
             temporary.replace(file)
@@ -55,6 +59,16 @@ def replacing(file: Path) -> Iterator[Path]:
         if reason is None:
             raise
         raise WriteError(file, reason) from error
+
+
+def _refuse_full_disk(written: BinaryIO) -> None:
+    """Raise if a file cannot grow: compiled libraries say nothing when the disk refuses the last of their buffers."""
+    size = written.seek(0, os.SEEK_END)
+    try:
+        written.write(bytes(MARGIN))
+        written.flush()
+    finally:
+        os.ftruncate(written.fileno(), size)
 
 
 def write_text(file: Path, text: str) -> None:

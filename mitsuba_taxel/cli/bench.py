@@ -225,6 +225,7 @@ def speed_command(target_error: float) -> None:
 @debug_option
 def omitted_work_command(scenes: tuple[str, ...], markdown: Path | None) -> None:
     """Read shipped scenes as they are, and with unneeded work added."""
+    from mitsuba_taxel.base.atomic import write_text
     from mitsuba_taxel.bench.omitted_work import HEADINGS, page, table
 
     rows = []
@@ -233,4 +234,4 @@ def omitted_work_command(scenes: tuple[str, ...], markdown: Path | None) -> None
         rows.append(row)
         click.echo(" | ".join(row))
     if markdown:
-        markdown.write_text(page(rows), encoding="utf-8")
+        write_text(markdown, page(rows))

@@ -89,5 +89,7 @@ def _show(columns: Sequence[object], rows: Iterable[Sequence[object]], file: Pat
         click.echo("  ".join(f"{cell!s:16}" for cell in row).rstrip())
         kept.append(row)
     if file:
-        with file.open("w", newline="") as stream:
+        from mitsuba_taxel.base.atomic import replacing
+
+        with replacing(file) as temporary, temporary.open("w", newline="") as stream:
             csv.writer(stream).writerows(kept)
