@@ -46,8 +46,9 @@ def glued_force(
     pressure: np.ndarray,
     overstress: np.ndarray | None = None,
     region: str = "bottom",
+    linear: np.ndarray | None = None,
 ) -> np.ndarray:
     """(3,) N, force of what is glued to a region on the pad, which nothing else touches there; see
     :func:`internal_forces`."""
-    forces = internal_forces(mesh, material, displacement, pressure, overstress)
+    forces = internal_forces(mesh, material, displacement, pressure, overstress, linear)
     return forces[nodes_of(mesh, region)].sum(axis=0)

@@ -225,12 +225,14 @@ class BuckledBranch:
 
     def load_at(self, amplitude: float) -> float:
         """Distance along the segment of the state of an amplitude."""
-        return float(self.curve.at(amplitude).unknowns[-1])
+        return float(self.curve.unknowns_at(amplitude)[-1])
 
-    def at(self, s: float) -> Interpolated:
-        """The state at a distance, which the branch must reach."""
-        found = self.curve.at(self._amplitude(s))
-        return replace(found, unknowns=found.unknowns[:-1])
+    def at(self, pad: LoadedPad, s: float) -> Interpolated:
+        """The state at a distance, which the branch must reach; raises Rejected if an element is inverted."""
+        curve, amplitude = self.curve, self._amplitude(s)
+        checked = all(node.stability_checked for node in curve.interval(amplitude))
+        state = pad.near_balance(curve.unknowns_at(amplitude)[:-1], self.value(s), 0, checked)
+        return Interpolated.of(state, curve.seconds_to(amplitude))
 
     def seconds_before(self, s: float) -> float:
         """Time of all states before the part that leads to a distance."""

@@ -80,7 +80,10 @@ class Node:
 
 @dataclass(frozen=True)
 class Interpolated:
-    """Unknowns between two nodes, with the worse of their figures, and the seconds of all nodes up to there."""
+    """A state at or between nodes, with its own figures, and the seconds of all nodes up to there.
+
+    ``iterations`` are 0 between nodes; ``stability_checked`` tells whether it lies between states that were checked.
+    """
 
     unknowns: np.ndarray
     min_jacobian: float
@@ -88,6 +91,12 @@ class Interpolated:
     iterations: int
     stability_checked: bool
     seconds: float
+
+    @classmethod
+    def of(cls, solution: Solution | Node, seconds: float) -> Interpolated:
+        """A solution that is known after some seconds."""
+        figures = solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked
+        return cls(solution.unknowns, *figures, seconds)
 
 
 class LoadSegment:
@@ -297,25 +306,27 @@ class LoadSegment:
             free, touching, found = (middle, touching, found) if contact is None else (free, middle, contact)
         return free, found
 
-    def at(self, s: float) -> Interpolated:
-        """The state at distance ``s``, which the segment must reach."""
-        after = self._first_from(s)
-        start, end = self._interval_to(after)
-        return Interpolated(
-            hermite(start, end, s),
-            min(start.min_jacobian, end.min_jacobian),
-            max(start.residual, end.residual),
-            end.iterations,
-            start.stability_checked and end.stability_checked,
-            sum(node.seconds for node in self.nodes[: after + 1]),
-        )
+    def at(self, pad: LoadedPad, s: float) -> Interpolated:
+        """The state at distance ``s``, which the segment must reach; raises Rejected if an element is inverted."""
+        start, end = self.interval(s)
+        if end.s == s:
+            return Interpolated.of(end, self.seconds_to(s))
+        checked = start.stability_checked and end.stability_checked
+        return Interpolated.of(pad.near_balance(hermite(start, end, s), self.value(s), 0, checked), self.seconds_to(s))
+
+    def unknowns_at(self, s: float) -> np.ndarray:
+        """The unknowns at distance ``s``, which the segment must reach."""
+        return hermite(*self.interval(s), s)
+
+    def seconds_to(self, s: float) -> float:
+        """Time of the nodes up to the first at or beyond distance ``s``."""
+        return sum(node.seconds for node in self.nodes[: self._first_from(s) + 1])
 
     def solved(self, pad: Followed, s: float) -> Node:
         """The equilibrium at distance ``s``, which the segment must reach; raises Rejected if there is none."""
-        after = self._first_from(s)
-        if self.nodes[after].s == s:
-            return self.nodes[after]
-        start, end = self._interval_to(after)
+        start, end = self.interval(s)
+        if end.s == s:
+            return end
         guess = pad.towards(start.unknowns, hermite(start, end, s))
         try:
             return self._node(pad, pad.solve_linearised, s, guess)[0]
@@ -324,7 +335,7 @@ class LoadSegment:
 
     def rate(self, s: float) -> np.ndarray:
         """Derivative of the unknowns by the distance at ``s``, which the segment must reach."""
-        return hermite_rate(*self._interval_to(self._first_from(s)), s)
+        return hermite_rate(*self.interval(s), s)
 
     def beyond(self, pad: LoadedPad, s: float) -> Node:
         """The equilibrium at a distance ``s`` little beyond the last node, which need not be stable; raises Rejected if
@@ -335,7 +346,9 @@ class LoadSegment:
     def _first_from(self, s: float) -> int:
         return next(index for index, node in enumerate(self.nodes) if node.s >= s)
 
-    def _interval_to(self, after: int) -> tuple[Node, Node]:
+    def interval(self, s: float) -> tuple[Node, Node]:
+        """The nodes before and at or beyond distance ``s``, which the segment must reach."""
+        after = self._first_from(s)
         return self.nodes[max(after - 1, 0)], self.nodes[after]
 
     def arrays(self) -> dict[str, np.ndarray]:

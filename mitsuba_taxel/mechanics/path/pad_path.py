@@ -17,6 +17,7 @@ from mitsuba_taxel.geometry.bezier_patches import Place
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.local_mesh import mesh_under
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
@@ -257,14 +258,16 @@ class PadPath:
         node = driven.solved.at(segment, s, pad)
         return pad.split(node.tangent)[0], stiffness_at(pad, segment, node)
 
-    def force(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """(3,) N, that by which a canonical state presses on what moves it by ``value``, or on the board."""
+    def force(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, share: float = 1) -> np.ndarray:
+        """(3,) N, that by which a canonical state presses on what moves it by ``value``, or on the board; ``share`` is
+        that of a :class:`SelfTouchingPad`."""
         if not self.load.goes_on:
             return glued_force(self.mesh, self.material, displacement, pressure)
         if isinstance(self.load, IndenterDisplacement):
             body = Indentation(self.mesh, self.load.indenter, self.material.youngs_modulus)
             return body.pressing(displacement, value).force
-        return glued_force(self.mesh, self.material, displacement, pressure, region="top")  # only a plate is there
+        linear = where_linear(self.mesh, self.load, share)
+        return glued_force(self.mesh, self.material, displacement, pressure, region="top", linear=linear)
 
     def canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
@@ -296,14 +299,11 @@ class PadPath:
             part, along, pad = self.segments.part_to(segment, s)
             if not part.reaches(along):
                 raise self._end(part.value(part.limit), part.reason, part.place, mirrors, self._folded(part, pad))
-            at = part.at(along)
-            if pad.solves_between and isinstance(part, LoadSegment):
-                try:
-                    node = self.solved.at(part, along, pad)
-                except Rejected as rejection:
-                    reason, nowhere = f"cannot be loaded further ({rejection})", np.full(3, np.nan)
-                    raise self._end(segment.value(s), reason, nowhere, mirrors) from rejection
-                at = replace(at, unknowns=node.unknowns, residual=node.residual, iterations=node.iterations)
+            try:
+                at = self.solved.state(part, along, pad)
+            except Rejected as rejection:
+                reason, nowhere = f"cannot be loaded further ({rejection})", np.full(3, np.nan)
+                raise self._end(segment.value(s), reason, nowhere, mirrors) from rejection
             seconds += at.seconds
             found = pad.split(at.unknowns)
             start = partial(_in_balance, pad, at.unknowns, segment.value(s))
@@ -337,7 +337,7 @@ class PadPath:
         """Where the pad has entered itself at the end of a segment, if that is no contact."""
         if self.load.goes_on or np.isfinite(part.place).all() or not (isinstance(part, LoadSegment) and part.nodes):
             return None
-        return self.contact.find_fold(pad.split(part.at(part.limit).unknowns)[0])
+        return self.contact.find_fold(pad.split(part.unknowns_at(part.limit))[0])
 
     def _end(
         self,

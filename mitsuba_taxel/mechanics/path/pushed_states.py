@@ -70,8 +70,7 @@ class PushedStates:
             INTERPOLATION_TOLERANCE,
         )
         found = pad.near_balance(unknowns, value, iterations, self._at_normal[0].stability_checked)
-        figures = (found.min_jacobian, found.residual, found.iterations, found.stability_checked)
-        return Interpolated(unknowns, *figures, time.perf_counter() - began)
+        return Interpolated.of(found, time.perf_counter() - began)
 
     def rate(self, pad: LoadedPad, segment: LoadSegment, s: float, unknowns: np.ndarray) -> np.ndarray:
         """Derivative of the ``unknowns`` of such a state by the distance; raises Rejected as :meth:`state` does."""

@@ -19,6 +19,8 @@ from mitsuba_taxel.mechanics.path.state import StateComparison
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.path.pad_path import PadPath
 
+CLOSER = 0.5
+"""Share of both, in that state."""
 REMAINDER = 2.0
 """Error by the reach, which is proportional to it, relative to the change with half of it; that by the feet falls
 faster with their size."""
@@ -49,7 +51,8 @@ def with_reach(
 
     force_error = found.force_error
     if path.load.gives_displacement:
-        here, there = path.force(value, displacement, pressure), path.force(value, closer.displacement, closer.pressure)
+        here = path.force(value, displacement, pressure)
+        there = path.force(value, closer.displacement, closer.pressure, CLOSER)
         force_error += REMAINDER * float(np.linalg.norm(there - here))
     return StateComparison(found.error, both, force_error, found.seconds + closer.seconds)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mitsuba_taxel.mechanics.path import cache
+from mitsuba_taxel.mechanics.path.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.load_segment import Interpolated, LoadSegment, Node
 from mitsuba_taxel.mechanics.path.pushed_states import PushedStates
@@ -41,6 +42,13 @@ class SolvedStates:
                 if arrays is None:
                     cache.store(name, cache.arrays_of(asked[s]))
         return asked[s]
+
+    def state(self, part: LoadSegment | BuckledBranch, s: float, pad: LoadedPad) -> Interpolated:
+        """The state at a distance ``s`` that a part of the path reaches: in balance, or interpolated within its
+        tolerance; raises Rejected if there is none."""
+        if pad.solves_between and isinstance(part, LoadSegment):
+            return Interpolated.of(self.at(part, s, pad), part.seconds_to(s))
+        return part.at(pad, s)
 
     def beside(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
         """The state at a distance ``s`` along a tangential segment, by the tangent of its normal force alone.

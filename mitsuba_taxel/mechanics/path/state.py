@@ -89,13 +89,14 @@ class State(Displayed):
     pressure : (corners,) ndarray
         In MPa, positive in tension.
     min_jacobian : float
-        Smallest volume ratio J at the ends of the interval of the state.
+        Smallest volume ratio J at the quadrature points of the elements, and at nodes of the cells' walls.
     residual : float
-        Largest out-of-balance force there, relative to the load.
+        Norm of the out-of-balance forces, relative to that of the load, or of a load that strains the pad by 2 %, if
+        that is larger; that of the interpolation where the state is interpolated between solved ones.
     newton_iterations : int
-        Iterations of the last solve.
+        Iterations of its solve; 0 where it is interpolated between solved states.
     stability_checked : bool
-        Whether the solver provided the inertia for the check of stability.
+        Whether the solver provided the inertia for the check of stability, there or at the solved states on both sides.
     solved_in : float
         Seconds of the solution of the equilibria on the way to it, even if cached.
     second_mesh : Callable

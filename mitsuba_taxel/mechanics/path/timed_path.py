@@ -20,13 +20,13 @@ import numpy as np
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.mechanics.contact.feet import said_of
+from mitsuba_taxel.mechanics.contact.feet import said_of, where_linear
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
-from mitsuba_taxel.mechanics.elements.past import Relaxing, spread
+from mitsuba_taxel.mechanics.elements.past import Past, Relaxing, spread
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.mechanics.path import cache
@@ -38,6 +38,7 @@ from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath
 from mitsuba_taxel.mechanics.path.reached import ON_ITS_WAY, Passed, Reached, Way, passed
 from mitsuba_taxel.mechanics.path.second_meshes import share_of
 from mitsuba_taxel.mechanics.path.shorter_reach import REMAINDER
+from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.mechanics.path.state import State, StateComparison, ViscoelasticMemory
 from mitsuba_taxel.mechanics.path.time_steps import (
     INTERPOLATION_TOLERANCE,
@@ -95,14 +96,13 @@ class TimedPath:
         path = self._path
         if path.bodies is not None:
             refuse_at_rest(path.contact.at_rest)
-        (time, value), shape = rows[-1], self._passed(rows)
-        at = self._solved(rows)
+        (time, value), at = rows[-1], self.reached(rows)
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
         memory = None
         if self._material.prony:
-            memory = ViscoelasticMemory(time, partial(self._overstress, rows), shape.deviation, at.missed)
+            memory = ViscoelasticMemory(time, partial(self._overstress, rows), at.deviation, at.missed)
         return State(
-            path.mesh, path.material, path.load, np.array(value), shape.displacement, shape.pressure, *figures,
+            path.mesh, path.material, path.load, np.array(value), at.displacement, at.pressure, *figures,
             second_mesh=partial(self._comparison, rows), memory=memory, traction=at.traction,
             indenter_moved=at.moved if isinstance(self._moving, IndenterDisplacement) else None, bodies=path.bodies,
         )  # fmt: skip
@@ -123,6 +123,14 @@ class TimedPath:
         relaxing = before.after(self._material, passed, pad.isochoric_stress(shape.displacement), part)
         relaxing = relaxing.off_by(relaxing.missed_on(self._material, part, bend))
         relaxing = relaxing.followed(self._material, (1 - t) * before.off + t * at.off, part)
+        pad.past = Past(1.0, relaxing.overstress(self._material), pad.part)
+        unknowns = pad.gather(shape.displacement, shape.pressure)
+        try:
+            state = pad.near_balance(unknowns, np.array(value), 0, at.stability_checked)
+        except Rejected as rejection:
+            ended = Ended(np.array(value), 0.0, f"cannot be loaded further ({rejection})")
+            raise ComputationError(self._end(ended, time, 0.0)) from rejection
+        error = pad.size_of(relaxing.stress_error(self._material))
         return replace(
             at,
             time=time,
@@ -131,6 +139,10 @@ class TimedPath:
             pressure=shape.pressure,
             velocity=shape.velocity,
             deviation=shape.deviation,
+            missed=error / at.scale if at.scale else 0.0,
+            min_jacobian=state.min_jacobian,
+            residual=state.residual,
+            iterations=0,
             stress=relaxing.stress,
             held=relaxing.held,
             error=relaxing.error,
@@ -435,9 +447,11 @@ class TimedPath:
         if goes_on and isinstance(self._moving, IndenterDisplacement):
             body = Indentation(self._path.mesh, self._moving.indenter, self._path.material.youngs_modulus)
             return -body.pressing(at.displacement, at.moved, traction=body.at_nodes(at.traction)).force
-        overstress = self._overstress(rows, at) if self._material.prony else None
-        solved = self._path.mesh, self._path.material, at.displacement, at.pressure, overstress
-        return -glued_force(*solved, region="top") if goes_on else glued_force(*solved)
+        overstress, path = self._overstress(rows, at) if self._material.prony else None, self._path
+        solved = path.mesh, path.material, at.displacement, at.pressure, overstress
+        if not goes_on:
+            return glued_force(*solved)
+        return -glued_force(*solved, region="top", linear=where_linear(path.mesh, path.load, self._share))
 
     def _name(self, rows: tuple[Row, ...]) -> str:
         path = self._path

@@ -66,7 +66,7 @@ def test_an_elastica(symmetric_block):
     assert len(branch.curve.nodes) > 5 and branch.limit == np.inf
     top = mesh.points[:, 2] == LENGTH
     for load in (1.001, 1.01, 1.03, 1.05):
-        displacement = branch.pad.split(branch.at(load * onset.node.s).unknowns)[0]
+        displacement = branch.pad.split(branch.at(branch.pad, load * onset.node.s).unknowns)[0]
         assert displacement[top, 0].mean() / LENGTH == pytest.approx(bent(load), rel=0.01)
 
 

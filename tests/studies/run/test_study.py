@@ -226,7 +226,7 @@ def test_written_mesh_gives_the_reading_of_its_pad(tmp_path):
     (row,) = deform("pad.xml", {"fz": -10}, tmp_path)
     assert (row["quantity"], row["value"], row["unit"]) == ("force", [0, 0, -10], "N")
     assert row["stable"] and row["imbalance"] < 1e-4 and 0 < row["roof_error_mm"] < 0.01
-    assert 0 < row["min_jacobian"] < 1 and row["newton_iterations"] > 0
+    assert 0 < row["min_jacobian"] < 1 and 0 < row["residual"] < 1e-4
     pad = Scene.from_file("pad.xml", fz=-10)
     lines = [line for line in pad.source.read_text().splitlines() if "<default" not in line]
     text = re.sub(r"\$(\w+)", lambda match: pad.parameters[match[1]], "\n".join(lines))
