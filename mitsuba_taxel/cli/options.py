@@ -113,7 +113,8 @@ points_option = click.option(
 time_budget_option = click.option(
     "--time-budget",
     type=_Duration(),
-    help="Total time, such as 60s, 500ms or 2min: steps that would not end in time are not started.",
+    help="Total time, such as 60s, 500ms or 2min: steps that would not end in time are not started. If scenes of a "
+    "sweep are left, the exit code is 3.",
 )
 circuit_option = click.option(
     "--circuit",

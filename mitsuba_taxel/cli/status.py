@@ -34,7 +34,7 @@ def command(folder: Path, as_json: bool) -> None:
                 str(state.total),
                 in_percent(state.error),
                 "yes" if state.running else "no",
-                "-" if state.seconds_left is None else f"{state.seconds_left:.0f} s",
+                "-" if state.seconds_left is None else "{:.0f} to {:.0f} s".format(*state.seconds_left),
             )
             for state in states
         ],

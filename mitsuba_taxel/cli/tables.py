@@ -44,8 +44,9 @@ def text_width() -> int:
 
 
 def end_beyond_target(notes: Iterable[str]) -> None:
-    """End the program with exit code 3 if notes say that a target was not reached, and repeat them on stderr."""
-    missed = [note for note in notes if re.search("target (error|slope) .* not reached", note)]
+    """End the program with exit code 3 if notes say that a target was not reached, or scenes have no reading yet, and
+    repeat them on stderr."""
+    missed = [note for note in notes if re.search("target (error|slope) .* not reached|have no reading yet", note)]
     for note in missed:
         click.echo(f"taxel: {note}", err=True)
     if missed:

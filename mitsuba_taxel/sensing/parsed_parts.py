@@ -9,7 +9,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.sensing.scene import Scene, parser_config
+from mitsuba_taxel.sensing.scene import Scene, as_own_error, parser_config
 from mitsuba_taxel.specification import specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 from mitsuba_taxel.specification.specification import Specification
@@ -27,7 +27,7 @@ def refusal_of(scene: Scene) -> InputError | None:
         except InputError as error:
             return error
         except RuntimeError as error:  # Mitsuba's own
-            return InputError(error)
+            return InputError(as_own_error(error, scene))
     return None
 
 

@@ -138,7 +138,7 @@ class Scene(Displayed):
             except RuntimeError as error:
                 if END_OF_PATH in str(error):
                     self._refuse_contact(config)
-                raise _one_line(error, self) from error
+                raise as_own_error(error, self) from error
             _EMITTERS.update(emitter for emitter in live.emitters() if hasattr(emitter, "__weakref__"))
             heed_packages(live)
             return live
@@ -169,7 +169,7 @@ class Scene(Displayed):
             with self.files_beside_it():
                 text = mi.parser.write_string(self.parsed(config))
         except RuntimeError as error:
-            raise _one_line(error, self) from error
+            raise as_own_error(error, self) from error
         try:
             write_text(path, text)
         except WriteError as error:
@@ -240,7 +240,7 @@ class Scene(Displayed):
         try:
             _move_meshes(pads, _pads(Scene(self.source, own | dict(pairs)).parsed(config)))
         except (InputError, RuntimeError) as error:
-            refused = error if isinstance(error, InputError) else _one_line(error, self)
+            refused = error if isinstance(error, InputError) else as_own_error(error, self)
             raise InputError(f"{MESHED_AS} = {stated!r} is not allowed: {refused}") from error
 
 
@@ -410,7 +410,7 @@ def _free_unused_scenes() -> None:
         gc.collect()
 
 
-def _one_line(error: RuntimeError, scene: Scene) -> InputError | ComputationError:
+def as_own_error(error: RuntimeError, scene: Scene) -> InputError | ComputationError:
     """Mitsuba's message for a scene that it cannot build, as one line without traceback or source location.
 
     Raises

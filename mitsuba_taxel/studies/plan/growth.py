@@ -3,8 +3,9 @@ one."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -86,8 +87,40 @@ def _keys(words: Sequence[str]) -> list[Any]:
     return [number[0] if (number := as_numbers([word])) else word for word in words]
 
 
-def moves(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[int, int] | None:
-    """New numbers of the jobs of a stored study in the extended one, by their old numbers; None if it is another study.
+def without_failed(stored: Mapping[str, Any], batch: Batch, done: Set[int], failed: Set[int]) -> dict[str, Any]:
+    """A stored study without the values of its varied parameters that lead nowhere: none of their scenes has a result,
+    the batch does not ask for them, and one of their scenes has failed, or they are words among numbers.
+
+    Parameters
+    ----------
+    done, failed : Set[int]
+        Numbers of the stored jobs.
+    """
+    axes = make_axes(stored.get("vary", {}), stored.get("together"))
+    shape = tuple(axis.size for axis in axes)
+    numbers = (np.array([number for number in jobs if number < prod(shape)], dtype=int) for jobs in (done, failed))
+    reached, stopped = ([set(along.tolist()) for along in np.unravel_index(each, shape)] for each in numbers)
+    asked = {axis.dim: axis.values[axis.dim] for axis in batch.axes if axis.dim != STEP}
+    asked |= {name: [word] for name, word in batch.defines.items()}
+    vary = {}
+    for place, axis in enumerate(axes):
+        if axis.dim == STEP:
+            continue
+        words, wanted = axis.values[axis.dim], asked.get(axis.dim, [])
+        keys, numeric = set(_keys(wanted)), bool(wanted) and as_numbers(wanted) is not None
+        vary[axis.dim] = [
+            word
+            for index, (key, word) in enumerate(zip(_keys(words), words, strict=True))
+            if index in reached[place]
+            or key in keys
+            or not (index in stopped[place] or (numeric and isinstance(key, str)))
+        ]
+    return {**stored, "vary": vary}
+
+
+def moves(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[int, int | None] | None:
+    """New numbers of the jobs of a stored study, by their old numbers, None for those that the new one does not hold;
+    None if it is another study.
 
     Both are contents of study files in folders of results.
     """
@@ -99,8 +132,7 @@ def moves(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[int, int] |
         return None
     old, new = _parameters(before), _parameters(now)
     places = {frozenset(parameters.items()): number for number, parameters in enumerate(new)}
-    found = [places.get(frozenset(parameters.items())) for parameters in old]
-    return None if None in found else dict(enumerate(found))  # type: ignore[arg-type]
+    return {number: places.get(frozenset(parameters.items())) for number, parameters in enumerate(old)}
 
 
 def _parameters(study: Mapping[str, Any]) -> list[dict[str, str]]:

@@ -192,14 +192,15 @@ def curve_dimension(axes: Sequence[Axis]) -> str:
     return next(iter([*forces, *numeric]), axes[0].dim)
 
 
-def sides_of(axes: Sequence[Axis], place: Sequence[int]) -> dict[str, int]:
-    """On which side of a place all other values of each numeric parameter lie: 1 if they are larger, -1 if smaller, 0
-    if there are some on both."""
-    sides = {}
-    for axis, index in zip(axes, place, strict=True):
-        for name, words in axis.values.items():
-            if numbers := as_numbers(words):
-                sides[name] = (numbers[index] == min(numbers)) - (numbers[index] == max(numbers))
+def sides_along(axis: Axis) -> list[dict[str, int]]:
+    """For each index along a dimension, on which side of it all other values of each numeric parameter lie: 1 if they
+    are larger, -1 if smaller, 0 if there are some on both."""
+    sides: list[dict[str, int]] = [{} for _ in range(axis.size)]
+    for name, words in axis.values.items():
+        if numbers := as_numbers(words):
+            least, largest = min(numbers), max(numbers)
+            for side, number in zip(sides, numbers, strict=True):
+                side[name] = (number == least) - (number == largest)
     return sides
 
 

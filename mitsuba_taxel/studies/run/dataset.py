@@ -63,6 +63,8 @@ def assemble(
     about_error = {"units": "W", "long_name": "1 sigma of power (light)"}
     about_total = {"units": "W", "long_name": "error of power (light, mechanics and geometry)"}
     notes = _notes(results)
+    if missing := math.prod(shape) - len(results) - len(failures):
+        notes.insert(0, f"{missing} of {math.prod(shape)} scenes have no reading yet: the same command computes them")
     if about["target_error"] is not None and (missed := missed_target(about["target_error"], power, total)):
         notes.insert(0, missed)
     rates = _of_derivatives(dims, results, shape, curve)

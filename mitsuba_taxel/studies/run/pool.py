@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -25,7 +25,7 @@ MOST_WORKERS = 120
 
 Curve = Sequence[Job]
 """Jobs that may share a load path."""
-Outcomes = Iterator[tuple[Job, "JobResult | Failure"]]
+Outcomes = Generator[tuple[Job, "JobResult | Failure"], None, None]
 
 
 class Pool(Protocol):
@@ -37,10 +37,13 @@ class Pool(Protocol):
         Description.
     machines : int
         Approximate speed relative to this machine, whose cores local processes share.
+    processes : int
+        Jobs that are computed at once.
     """
 
     name: str
     machines: int
+    processes: int
 
     def outcomes(self, curves: Iterable[Curve]) -> Outcomes: ...
 
@@ -75,6 +78,7 @@ def open_pool(workers: int | None = None, scheduler: str | None = None) -> Itera
 class _Here:
     name = "this process"
     machines = 1
+    processes = 1
 
     def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
         for job in chain.from_iterable(curves):
@@ -92,16 +96,20 @@ class _Processes:
 
     def __init__(self, count: int) -> None:
         self.name = f"{count} {'process' if count == 1 else 'processes'}"
-        self._count = count
+        self._count = self.processes = count
         self._executors: dict[int, ProcessPoolExecutor] = {}  # one process each, so that a process can be chosen
 
     def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
         deadly = []
-        for job, outcome in self._spread([curve for curve in curves if curve], self._count):
-            if outcome is None:
-                deadly.append(job)
-            else:
-                yield job, outcome
+        try:
+            for job, outcome in self._spread([curve for curve in curves if curve], self._count):
+                if outcome is None:
+                    deadly.append(job)
+                else:
+                    yield job, outcome
+        except GeneratorExit:  # no further outcome is wanted
+            self.stop()
+            raise
         if deadly:
             self.stop()  # idle processes hold memory as well
         for job, outcome in self._spread([deadly], 1):
@@ -183,7 +191,7 @@ class _Cluster:
 
     def __init__(self, client, address: str) -> None:
         self.name = f"scheduler {address}"
-        self.machines = max(1, len(client.scheduler_info()["workers"]))
+        self.machines = self.processes = max(1, len(client.scheduler_info()["workers"]))
         self._client, self._address = client, address
 
     def outcomes(self, curves: Iterable[Curve]) -> Outcomes:

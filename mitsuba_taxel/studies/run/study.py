@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base import stages
@@ -15,10 +16,11 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.electronics import Circuit, with_volts
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.prepared_scenes import Settings
-from mitsuba_taxel.sensing.runs import FIRST_POINTS
+from mitsuba_taxel.sensing.runs import FIRST_POINTS, Clock
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read_study
-from mitsuba_taxel.studies.plan.growth import grown
-from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension, sides_of
+from mitsuba_taxel.studies.plan.growth import grown, without_failed
+from mitsuba_taxel.studies.plan.refused_values import check_values
+from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension, sides_along
 from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
 from mitsuba_taxel.studies.run.dataset import assemble
 from mitsuba_taxel.studies.run.job import Failure, Job, describe
@@ -95,7 +97,8 @@ def sweep(
     points : int, optional
         Light paths for each taxel and randomisation, instead of a target.
     time_budget : float, optional
-        Seconds that the study should take: limits the points and the refinement of meshes.
+        Seconds that the study should take: limits the points and the refinement of meshes. Scenes that would not end in
+        time are not started, but for the first; a note says how many, and the same call goes on.
     mesh_size : float, optional
         In mm, of finite elements, for pads whose size the scene leaves open; a target error may reduce it.
     seed : int
@@ -162,6 +165,8 @@ def sweep(
     folder = None if output is None else path_of("output", output)
     check_flags(retry_failed=retry_failed, parquet=parquet)
     check_progress(progress)
+    if folder is not None:
+        check_values(batch)
     with open_pool(workers, scheduler) as pool:
         return run_batch(batch, pool, folder, retry_failed, parquet, progress)
 
@@ -175,12 +180,14 @@ def run_batch(
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
     """Read the scenes of a batch, and store them if there is a ``folder``; see :func:`sweep`."""
+    clock = Clock(batch.time_budget)
     batch = with_chosen_steps(batch)
-    if folder is not None and (stored := stored_study(folder)):
-        batch = grown(batch, stored)
+    if folder is not None and (stored := stored_study(folder)) and (done := Store(folder).done()):
+        failed = Store(folder).failures().keys()
+        batch = grown(batch, without_failed(stored, batch, set(done), failed))
     origin = provenance(batch)
     if folder is None:
-        return _dataset(batch, origin, _compute(batch, pool, None, progress))
+        return _dataset(batch, origin, _compute(batch, pool, None, progress, clock))
     from mitsuba_taxel.studies.store.tables import (
         check_parquet,
         draw_results,
@@ -192,10 +199,10 @@ def run_batch(
     if parquet:
         check_parquet()
     store = Store(folder)
-    with store.writing({**batch.as_toml(), "provenance": origin}, pool.name):
+    with store.writing({**batch.as_toml(), "provenance": origin}, pool.name, pool.processes):
         if retry_failed:
             store.forget_failures()
-        study = _dataset(batch, origin, _compute(batch, pool, store, progress))
+        study = _dataset(batch, origin, _compute(batch, pool, store, progress, clock))
         write_readings(study, folder, parquet)
         if not batch.bare:
             write_summary(study, folder)
@@ -227,7 +234,9 @@ class _Computed(NamedTuple):
     pilot_seconds: dict[str, float]
 
 
-def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[Progress], None] | None) -> _Computed:
+def _compute(
+    batch: Batch, pool: Pool, store: Store | None, progress: Callable[[Progress], None] | None, clock: Clock
+) -> _Computed:
     settings, pilot_seconds = _settings(batch, store, pool.machines)
     place = {number: index for number, (index, _) in enumerate(combinations(batch.axes))}
     curves = _curves(batch, settings, store is not None)
@@ -239,7 +248,9 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
     curves = [[_continued(job, there.get(job.number), settings) for job in curve] for curve in curves]
     errors = [kept.readings.relative_total_error for kept in results.values()]
     known = {*results, *failures}
-    for job, outcome in pool.outcomes([job for job in curve if job.number not in known] for curve in curves):
+    outcomes = pool.outcomes([job for job in curve if job.number not in known] for curve in curves)
+    spent = []
+    for job, outcome in outcomes:
         if store:
             store.keep(job, outcome)
         if isinstance(outcome, Failure):
@@ -248,9 +259,13 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
             failures.pop(job.number, None)
             results[job.number] = keepable(outcome)
             errors.append(outcome.readings.relative_total_error)
+            spent.append(sum(outcome.seconds.values()))
         if progress:
             done = len(results) + len(failures)
             progress(Progress(done, len(failures), len(jobs), max(errors, default=0.0)))
+        if not clock.allows(float(np.median(spent)) if spent else 0.0):
+            outcomes.close()
+            break
     return _Computed(
         {place[number]: kept for number, kept in sorted(results.items())},
         {place[number]: failure for number, failure in sorted(failures.items())},
@@ -279,11 +294,14 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
     checked = checked_places(batch.axes[curve])
     offered = not batch.derivatives and not settings.points and not batch.bare
     curves: dict[tuple[int, ...], list[Job]] = {}
+    sides = [sides_along(axis) for axis in batch.axes]
+    parameters: dict[str, str] = {}
     for number, (place, values) in enumerate(combinations(batch.axes)):
+        parameters = {**(parameters or batch.parameters(values)), **values}  # the scene is read once
         job = Job(
             number=number,
             file=batch.file,
-            parameters=batch.parameters(values),
+            parameters=parameters,
             varied=values,
             points=settings.points,
             seed=batch.seed,
@@ -292,7 +310,7 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
             derivatives=batch.varied_forces if offered else batch.derivatives,
             where_smooth=offered,
             bare=batch.bare,
-            sides=sides_of(batch.axes, place),
+            sides={name: side for along, i in zip(sides, place, strict=True) for name, side in along[i].items()},
             meshes=not batch.bare and keeps.get(batch.meshes, stored and place[curve] == batch.axes[curve].size - 1),
             maps=stored and batch.maps,
         )
@@ -357,12 +375,15 @@ def run_study(
     content, here = read_study(file), file.resolve().parent
     with open_pool(workers, scheduler) as pool:
         if not content["scenes"][0].get("name"):
-            return run_batch(batch_from(content, 0, here), pool, folder, retry_failed, parquet, progress)
+            batch = batch_from(content, 0, here)
+            check_values(batch)
+            return run_batch(batch, pool, folder, retry_failed, parquet, progress)
         begin_tree(folder, content)
         failures: dict[str, InputError | ComputationError] = {}
         for number, scene in enumerate(content["scenes"]):
             try:
                 batch = batch_from(content, number, here)
+                check_values(batch)
                 run_batch(batch, pool, folder / batch.name, retry_failed, parquet, progress)
             except StoreError:
                 raise

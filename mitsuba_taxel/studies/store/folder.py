@@ -69,8 +69,10 @@ class Store:
         """Whether the study now being written has a stricter target than the stored one."""
 
     @contextmanager
-    def writing(self, content: Mapping[str, Any], workers: str) -> Iterator[None]:
+    def writing(self, content: Mapping[str, Any], workers: str, processes: int) -> Iterator[None]:
         """Lock the folder for one run of the study ``content``, which starts or resumes it.
+
+        ``workers`` says in words who computes it, in how many ``processes`` at once.
 
         Raises
         ------
@@ -88,7 +90,7 @@ class Store:
             raise InputError(f"output folder {self.folder} is in use by another run.") from None
         try:
             self._begin(content)
-            self._note_run(workers)
+            self._note_run(workers, processes)
             yield
         finally:
             lock.release()
@@ -111,12 +113,21 @@ class Store:
             write_text(self.folder / STUDY, HEADING + tomli_w.dumps(content))
         before = (self.folder / STUDY).read_text(encoding="utf-8", errors="replace").removeprefix(HEADING)
         difference = _difference(tomli_w.dumps(content), before)
-        if difference and not self._grow(before, content):
+        if difference and not self._forget(content) and not self._grow(before, content):
             raise InputError(f"output folder {self.folder} holds another study ({difference}): choose another folder.")
         for name in (JOBS, FAILED):
             make_folder(self.folder / name)
         for name in (MESHES, MAPS):
             remove_stale(self.folder / name)
+
+    def _forget(self, content: Mapping[str, Any]) -> bool:
+        """Begin the study anew if its run has left no result; False, and nothing is changed, if it has."""
+        if self.done() or not (self.folder / JOBS).is_dir():
+            return False
+        self.forget_failures()
+        (self.folder / CHOICE).unlink(missing_ok=True)
+        write_text(self.folder / STUDY, HEADING + tomli_w.dumps(content))
+        return True
 
     def _grow(self, before: str, content: Mapping[str, Any]) -> bool:
         """Extend the stored study to one that holds all of its jobs, renumbered; False if it is another study.
@@ -131,13 +142,16 @@ class Store:
             return False
         if numbers is None:
             return False
+        left_out = {number for number, place in numbers.items() if place is None}
+        if left_out.intersection(self.done()) or (left_out and not (self.folder / JOBS).is_dir()):
+            return False
         self.aims_higher = any(stored.get(name) != content.get(name) for name in TARGETS)
         ready = self.folder / GROWING
         shutil.rmtree(ready, ignore_errors=True)
         for name, suffix in zip((JOBS, FAILED), _SUFFIXES, strict=True):
             (ready / name).mkdir(parents=True)
             for number, file in _numbered(self.folder / name, suffix).items():
-                if number in numbers:
+                if numbers.get(number) is not None:
                     shutil.copy2(file, ready / name / f"{numbers[number]:06d}{suffix}")
         (ready / STUDY).write_text(HEADING + tomli_w.dumps(content), encoding="utf-8")
         ready.rename(self.folder / GROWN)
@@ -164,9 +178,10 @@ class Store:
                     foreign.rename(place / foreign.name)
         shutil.rmtree(ready)
 
-    def _note_run(self, workers: str) -> None:
+    def _note_run(self, workers: str, processes: int) -> None:
         """Record the process and start of this run, for :func:`study_status`."""
         about = {"started": time.time(), "finished_before": len(self.done()) + len(self.failures()), "workers": workers}
+        about["processes"] = processes
         self._write_json(RUN, {**about, "host": socket.gethostname(), "process": os.getpid()})
 
     @property

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import NamedTuple
 
-from mitsuba_taxel.studies.plan.vary import combinations, make_axes
+from mitsuba_taxel.studies.plan.vary import Axis, checked_places, combinations, curve_dimension, make_axes
 from mitsuba_taxel.studies.store.folder import LOCK, RUN, STUDY, Store
 from mitsuba_taxel.studies.store.opening import read_results
 
@@ -26,8 +25,9 @@ class Status(NamedTuple):
         Largest relative standard error of a reading so far.
     running : bool
         Whether a run is in progress.
-    seconds_left : float or None
-        Estimated from the pace of this run; None if nothing runs or nothing is done yet.
+    seconds_left : tuple[float, float] or None
+        If the scenes that are left take as long as the fastest, and as the slowest, that are done; None if nothing runs
+        or nothing is done yet. Scenes whose error of mechanics is computed, and others, are counted apart.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Status(NamedTuple):
     total: int
     error: float
     running: bool
-    seconds_left: float | None
+    seconds_left: tuple[float, float] | None
 
 
 def study_status(folder: str | Path) -> list[Status]:
@@ -57,11 +57,12 @@ def _states(folder: Path, name: str) -> Iterator[Status]:
     store, values = Store(folder), dict(enumerate(values for _, values in combinations(_axes(scenes[0]))))
     fixed = study["provenance"]["parameters"]
     numbers = values.keys() & store.done()
-    kept = [result for number in numbers if (result := store.load(number, {**fixed, **values[number]}))]
-    done, failed, running = len(kept), len(values.keys() & store.failures()), _is_running(folder)
-    left = _seconds_left(folder, done + failed, len(values)) if running else None
-    error = max((result.readings.relative_total_error for result in kept), default=0.0)
-    yield Status(name, done, failed, len(values), error, running, left)
+    kept = {number: result for number in numbers if (result := store.load(number, {**fixed, **values[number]}))}
+    failed, running = values.keys() & store.failures().keys(), _is_running(folder)
+    seconds = {number: sum(result.seconds.values()) for number, result in kept.items()}
+    left = _seconds_left(_axes(scenes[0]), seconds, failed, _processes(folder)) if running else None
+    error = max((result.readings.relative_total_error for result in kept.values()), default=0.0)
+    yield Status(name, len(kept), len(failed), len(values), error, running, left)
 
 
 def _axes(scene: dict):
@@ -82,10 +83,26 @@ def _is_running(folder: Path) -> bool:
         return True
 
 
-def _seconds_left(folder: Path, finished: int, total: int) -> float | None:
+def _processes(folder: Path) -> int:
+    """Jobs that are computed at once."""
     try:
-        run = json.loads((folder / RUN).read_text(encoding="utf-8"))
-        now, seconds = finished - run["finished_before"], time.time() - run["started"]
+        return max(1, int(json.loads((folder / RUN).read_text(encoding="utf-8"))["processes"]))
     except (OSError, ValueError, TypeError, KeyError, RecursionError):  # not written yet, or damaged
+        return 1
+
+
+def _seconds_left(
+    axes: Sequence[Axis], seconds: Mapping[int, float], failed: Set[int], processes: int
+) -> tuple[float, float] | None:
+    """The least and most seconds for the jobs that are left, from those of the jobs that are done, by number."""
+    if not seconds:
         return None
-    return seconds / now * (total - finished) if now > 0 else None
+    curve = [axis.dim for axis in axes].index(curve_dimension(axes))
+    checked = checked_places(axes[curve])
+    kinds = [place[curve] in checked for place, _ in combinations(axes)]
+    least = most = 0.0
+    for kind in (True, False):
+        own = [taken for number, taken in seconds.items() if kinds[number] is kind] or list(seconds.values())
+        left = sum(each is kind and number not in seconds and number not in failed for number, each in enumerate(kinds))
+        least, most = least + left * min(own) / processes, most + left * max(own) / processes
+    return least, most

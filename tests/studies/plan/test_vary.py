@@ -16,7 +16,7 @@ from mitsuba_taxel.studies.plan.vary import (
     curve_dimension,
     make_axes,
     parse_values,
-    sides_of,
+    sides_along,
 )
 
 DECIMALS = st.decimals(-1000, 1000, allow_nan=False, allow_infinity=False, places=3)
@@ -130,6 +130,6 @@ def test_places_where_the_mechanics_is_checked(vary, together, places):
 
 def test_curves_go_on_at_one_side_of_their_ends():
     axes = make_axes({"fx": "0,2,4", "cell": "cylindrical,spherical"}, {"fz": [0, -8], "wall": [1, 1]})
-    assert sides_of(axes, (0, 1, 0)) == {"fx": 1, "fz": -1, "wall": 0}
-    assert sides_of(axes, (1, 0, 1)) == {"fx": 0, "fz": 1, "wall": 0}
-    assert sides_of(axes, (2, 0, 1))["fx"] == -1
+    assert sides_along(axes[0]) == [{"fx": 1}, {"fx": 0}, {"fx": -1}]
+    assert sides_along(axes[1]) == [{}, {}]
+    assert sides_along(axes[2]) == [{"fz": -1, "wall": 0}, {"fz": 1, "wall": 0}]
