@@ -219,7 +219,8 @@ def test_a_time_budget_has_no_derivatives(one_cell, request_):
 
 def test_a_time_budget_limits_the_mesh(one_cell):
     study = sweep(one_cell, {"fz": "-2,-4"}, target_error=1e-4, time_budget=1e-3)
-    assert "mesh_size" not in study.attrs and study.attrs["points"] == 256
+    assert "mesh_size" not in study.attrs
+    assert study.attrs["points"] == 0  # light without random numbers is at hand, and better than few paths
 
 
 def test_written_mesh_gives_the_reading_of_its_pad(tmp_path):
