@@ -38,3 +38,31 @@ def kind_of(made: Any) -> str:
     name = type(made).__name__ if ours else made.class_name()
     name = name.removesuffix("Integrator").removesuffix("Mesh") or "Mesh"
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+
+
+def element_of(made: Any) -> str:
+    """The XML element of an object, such as ``bsdf``; empty if it is none of Mitsuba's."""
+    return next((element for element, kind in _ELEMENTS.items() if isinstance(made, getattr(mi, kind))), "")
+
+
+def is_nested(props: mi.Properties, name: str) -> bool:
+    """Whether a property is a nested object, made or only parsed."""
+    kinds = mi.Properties.Type
+    return props.type(name) in (kinds.Object, kinds.Reference, kinds.ResolvedReference)
+
+
+_ELEMENTS = {
+    "integrator": "Integrator",
+    "shape": "Shape",
+    "bsdf": "BSDF",
+    "emitter": "Emitter",
+    "sensor": "Sensor",
+    "film": "Film",
+    "rfilter": "ReconstructionFilter",
+    "sampler": "Sampler",
+    "texture": "Texture",
+    "medium": "Medium",
+    "phase": "PhaseFunction",
+    "volume": "Volume",
+}
+"""Class of the objects of each XML element."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from difflib import get_close_matches
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import mitsuba as mi
 from mitsuba_taxel.backend import plugin_kind
 from mitsuba_taxel.backend.libraries import check_plugin_types
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.spelling import did_you_mean
 from mitsuba_taxel.check.document import ELEMENTS, KINDS, Element, filled_in, used_names
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.sensing.left_out import used_by
@@ -27,7 +27,7 @@ def check_names(root: Element, parameters: Mapping[str, str]) -> Iterator[Findin
     for element in root.walk():
         yield from _references(element, parameters)
         if element.tag not in _TAGS:
-            message = f"<{element.tag}> is no element of a Mitsuba scene{_meant(element.tag, _TAGS)}."
+            message = f"<{element.tag}> is no element of a Mitsuba scene{did_you_mean(element.tag, _TAGS)}."
             yield element.finding("error", message)
         if element.tag in KINDS and "type" in element.attributes:
             yield from _of_object(element, parameters)
@@ -40,7 +40,7 @@ def _references(element: Element, parameters: Mapping[str, str]) -> Iterator[Fin
     for name in sorted(used_by(element.attributes)):
         if name not in parameters:
             yield element.finding(
-                "error", f"${name} has no value{_meant(name, parameters)}: a <default> of that name is needed."
+                "error", f"${name} has no value{did_you_mean(name, parameters)}: a <default> of that name is needed."
             )
 
 
@@ -99,7 +99,7 @@ def error_in_plugin(element: Element, parameters: Mapping[str, str]) -> str:
     if "$" in plugin or _exists(plugin):
         return ""
     ours = [name for name in specifications() if plugin_kind(name) == element.tag]
-    return f"{plugin!r} is not a plugin{_meant(plugin, (*ours, *_mitsuba_plugins()))}."
+    return f"{plugin!r} is not a plugin{did_you_mean(plugin, (*ours, *_mitsuba_plugins()))}."
 
 
 def _of_plugin(element: Element, words: type[Specification], parameters: Mapping[str, str]) -> Iterator[Finding]:
@@ -119,8 +119,7 @@ def error_in(child: Element, words: type[Specification], parameters: Mapping[str
         return ""
     known = words.values()
     if name not in known:
-        named = [nested.name for nested in words.objects() if nested.by_name]
-        return f"{name} is no parameter of {words.plugin}{_meant(name, (*known, *named))}."
+        return words.unknown_value(name)
     allowed = ELEMENTS[known[name].type]
     if child.tag not in allowed:
         return f"{name} of {words.plugin} stands in a <{child.tag}>: a <{allowed[0]}> is needed."
@@ -149,9 +148,3 @@ def _exists(plugin: str) -> bool:
 def _mitsuba_plugins() -> tuple[str, ...]:
     """Names of the plugins that come with Mitsuba."""
     return tuple(sorted(file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.so")))
-
-
-def _meant(name: str, known: Iterable[str]) -> str:
-    """A suggestion of the name that may have been meant, if there is one."""
-    close = get_close_matches(name, list(known), n=1)
-    return f" (did you mean {close[0]}?)" if close else ""

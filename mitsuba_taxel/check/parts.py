@@ -20,6 +20,7 @@ from mitsuba_taxel.check.parameters import error_in, error_in_plugin
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
 from mitsuba_taxel.pads import PadFile
 from mitsuba_taxel.pads.parametric.meshing import check_room
+from mitsuba_taxel.sensing.nested_parts import unused_in_shape
 from mitsuba_taxel.sensing.scene import NESTED_SCENE, far_transforms, guilty_parameters
 from mitsuba_taxel.specification import specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
@@ -162,6 +163,9 @@ class _Maker:
             file = Path(str(self.state.files[node.file_index])).resolve()
             element = self.places.get((file, node.offset - 1), self.root)
         part = self.parts[index] = ScenePart(props.plugin_name(), element.tag, element, mi.Properties(props), children)
+        for name, message in unused_in_shape(self.state.nodes, node).items():
+            if children[name].plugin != PAD:  # see below
+                self.findings.append(children[name].finding("error", message))
         if node.type == mi.ObjectType.Scene and index > 0:
             self.findings.append(part.finding("error", NESTED_SCENE))
         elif node.type != mi.ObjectType.Scene:
@@ -196,12 +200,17 @@ class _Maker:
         return dropped
 
     def _drop_what_is_refused_already(self, part: ScenePart, props: Any) -> bool:
-        """Remove parameters that `check_names` refuses, and invalid transformations."""
+        """Remove parameters that `check_names` refuses, nested objects that a plugin does not know, and invalid
+        transformations."""
         words = specifications().get(part.plugin)
         refused = []
         if words is not None:
             flawed = [child for child in part.element.children if error_in(child, words, self.parameters)]
             refused = [filled_in(child.attributes["name"], self.parameters) for child in flawed]
+            for name, message in words.unknown(props).items():
+                if name in part.children:
+                    self.findings.append(part.children[name].finding("error", message))
+                    del props[name]
         for name, message in far_transforms(part.props).items():
             said = f"{message}{guilty_parameters(self.parameters)}."
             self.findings.append(part.finding("error", said, name))

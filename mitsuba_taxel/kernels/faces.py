@@ -101,7 +101,7 @@ def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
         raise InputError(
             f"{PLUGINS[name]}: it must be nested in a rectangle or a photo_reflector, not in a {shape.class_name()}."
         )
-    return _face_on_rectangle(matrix_of(shape), name, size)
+    return _face_on_rectangle(matrix_of(shape), shape.has_flipped_normals(), name, size)
 
 
 def matrix_of(shape: mi.Shape) -> np.ndarray:
@@ -114,7 +114,7 @@ def matrix_of(shape: mi.Shape) -> np.ndarray:
     return np.array([[rows[i][j].numpy()[0] for j in range(4)] for i in range(4)], dtype=float)
 
 
-def _face_on_rectangle(matrix: np.ndarray, name: str, size: tuple[float, float]) -> FaceGrid:
+def _face_on_rectangle(matrix: np.ndarray, flipped: bool, name: str, size: tuple[float, float]) -> FaceGrid:
     half = np.linalg.norm(matrix[:3, :2], axis=0)
     axes = matrix[:3, :2] / half
     if abs(axes[:, 0] @ axes[:, 1]) > 1e-5:
@@ -125,7 +125,7 @@ def _face_on_rectangle(matrix: np.ndarray, name: str, size: tuple[float, float])
             f"{2 * half[0]:g} x {2 * half[1]:g} mm."
         )
     normal = np.linalg.inv(matrix[:3, :3]).T[:, 2]
-    normal /= np.linalg.norm(normal)
+    normal /= np.linalg.norm(normal) * (-1 if flipped else 1)
     rigid = np.eye(4)
     rigid[:3, 0], rigid[:3, 1], rigid[:3, 2] = axes[:, 0], np.cross(normal, axes[:, 0]), normal
     rigid[:3, 3] = matrix[:3, 3]

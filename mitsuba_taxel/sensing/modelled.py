@@ -68,6 +68,7 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
         getattr(integrator, "refuse_unbounded", lambda scene: None)(scene)
     else:
         refuse_foreign_sensors(scene)
+    _refuse_far_faces(scene, ours)
     refuse_shared_places(scene)
     heed_packages(scene)
     refuse_shared_planes(scene)
@@ -76,7 +77,6 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
         raise InputError("integrator ptracer sees no light by way of mirrors: use taxel_tracer or path.", integrator)
     _refuse_unseen_indenters(scene)
     _refuse_moved_packages(scene)
-    _refuse_far_faces(scene, ours)
     refuse_unknown_wavelength(scene, one_by_one=ours)
 
 

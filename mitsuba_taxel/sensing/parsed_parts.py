@@ -43,6 +43,12 @@ class _Props:
     def get(self, name: str) -> object:
         return self._props.get(name)
 
+    def keys(self) -> list[str]:
+        return self._props.keys()
+
+    def type(self, name: str) -> mi.Properties.Type:
+        return self._props.type(name)
+
     def objects(self) -> list[tuple[str, SimpleNamespace]]:
         names = [name for name in self._props.keys() if self._props.type(name) == _REFERENCE]  # noqa: SIM118
         parts = ((name, _part(self._nodes[self._props[name].index()], self._nodes)) for name in names)

@@ -23,13 +23,15 @@ _ALIKE = 1e-5
 
 
 def refuse_shared_places(scene: mi.Scene) -> None:
-    """Raise an InputError if another surface overlaps an LED or a phototransistor, in its plane and facing alike.
+    """Raise an InputError if another surface overlaps an LED or a phototransistor in its plane.
 
-    It would be undefined which of the two a ray hits. One that faces the other way, such as a plate in contact, is
-    allowed: no light passes between the two.
+    It would be undefined which of the two a ray hits, and light would leave an LED through what lies on it. A plate
+    face down on all of them, in contact, is allowed: no light passes between any two.
     """
     ends = [(end, end.window.faces) for end in (*scene.emitters(), *scene.sensors()) if has_faces(end)]
-    surfaces = [(shape, *_triangles_of(shape)) for shape in scene.shapes() if not is_pad(shape)]
+    bare = [shape for shape in scene.shapes() if not is_pad(shape)]
+    others = [shape for shape in bare if not all(_is_lid(shape, faces) for _, faces in ends)]
+    surfaces = [(shape, *_triangles_of(shape)) for shape in others]
     for end, faces in ends:
         for shape, vertices, triangles in surfaces:
             if shape.ptr != end.get_shape().ptr and _lie_on(faces, vertices, triangles):
@@ -57,6 +59,22 @@ def refuse_shared_planes(scene: mi.Scene) -> None:
     for one, other in combinations(deformed_pads(scene), 2):
         if not _apart(_box(one), _box(other)):
             raise InputError("two deformable_pads are in one place: move one of them.", other)
+
+
+def _is_lid(shape: mi.Shape, faces: Any) -> bool:
+    """Whether a rectangle or disk faces ``faces`` and hides them where it lies in their plane."""
+    if shape.class_name() not in FLAT:
+        return False
+    matrix, frame = matrix_of(shape), faces.frame
+    s, t, n = (np.array(axis, dtype=float).ravel() for axis in (frame.s, frame.t, frame.n))
+    sign = -1 if shape.has_flipped_normals() else 1
+    if not sign * np.linalg.inv(matrix[:3, :3])[2] @ n < 0:
+        return False
+    half = 0.5 * np.array(faces.size, dtype=float).ravel()
+    corners = np.array(faces.centres, dtype=float).T[:, None] + _SQUARE * half @ np.stack([s, t])
+    along = (corners - matrix[:3, 3]) @ np.linalg.pinv(matrix[:3, :2]).T
+    reach = np.abs(along).max() if shape.class_name() == "Rectangle" else np.linalg.norm(along, axis=2).max()
+    return bool(reach <= 1 + _ALIKE)
 
 
 def _outline(shape: mi.Shape) -> np.ndarray:
@@ -121,7 +139,7 @@ def _triangles_of(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lie_on(faces: Any, vertices: np.ndarray, triangles: np.ndarray) -> bool:
-    """Whether one of the triangles (K, 3) of some vertices overlaps any of ``faces``, in their plane, facing alike."""
+    """Whether one of the triangles (K, 3) of some vertices overlaps any of ``faces`` in their plane."""
     frame = np.column_stack([np.array(axis).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
     half = 0.5 * np.array(faces.size, dtype=float).ravel()
     centres = np.array(faces.centres, dtype=float).T @ frame
@@ -132,8 +150,6 @@ def _lie_on(faces: Any, vertices: np.ndarray, triangles: np.ndarray) -> bool:
     low, high = centres.min(axis=0)[:2] - half, centres.max(axis=0)[:2] + half
     corners = corners[np.all((corners.min(axis=1) < high) & (corners.max(axis=1) > low), axis=1)]
     sides = np.roll(corners, -1, axis=1) - corners
-    alike = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0] > 0
-    corners, sides = corners[alike], sides[alike]
     # Separating axis theorem for two convex outlines.
     normals = np.concatenate([np.broadcast_to(np.eye(2), (len(sides), 2, 2)), sides @ [[0, 1], [-1, 0]]], axis=1)
     spans = np.einsum("kni,kci->knc", normals, corners)

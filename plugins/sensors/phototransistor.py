@@ -66,6 +66,7 @@ class Phototransistor(mi.Sensor):
     """Attributes that follow from the state of the scene, and so are no part of it."""
 
     def __init__(self, props: mi.Properties) -> None:
+        stated = Parameters.read(props)
         kinds = [type(value) for _, value in props.objects()]
         if not any(issubclass(kind, mi.Film) for kind in kinds):
             pixels = {"width": 1, "height": 1, "pixel_format": "luminance", "component_format": "float32"}
@@ -73,11 +74,13 @@ class Phototransistor(mi.Sensor):
         if not any(issubclass(kind, mi.Sampler) for kind in kinds):
             props["sampler"] = make_plugin("owen_sobol", sample_count=1024)
         super().__init__(props)
-        self.specification = Parameters.read(props)
+        self.specification = stated
         self.angular_response = _response_of(self.specification)
         self.table = self.angular_response.table if isinstance(self.angular_response, _Tabulated) else None
-        if self.film().rfilter().radius() > 0.5 + 1e-3:
+        if not self.film().rfilter().is_box_filter():
             raise InputError("film: its rfilter must be a box, so that the map integrates to the reading.")
+        if "pixel_format = xyz" in str(self.film()):  # the only way to ask it
+            raise InputError("film: pixel_format = 'xyz' is not allowed: a reading is no colour; take luminance.")
         if tuple(self.film().crop_size()) != tuple(self.film().size()):
             raise InputError("film: a crop is not allowed, as it would leave out a part of the reading.")
         self.block = tuple(int(n) for n in self.film().size())

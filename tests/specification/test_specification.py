@@ -93,6 +93,12 @@ class Parsed:
     def get(self, name):
         return self.props[name]
 
+    def keys(self):
+        return self.props.keys()
+
+    def type(self, name):
+        return self.props.type(name)
+
     def objects(self):
         return self.nested
 
