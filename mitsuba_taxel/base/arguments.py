@@ -80,6 +80,18 @@ def is_number(value: object) -> bool:
         return False
 
 
+def plain_number(value: Any) -> Any:
+    """A number of NumPy's or of another library as one of Python's own, which files and kernels take; others stay."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return value
+    return int(value) if isinstance(value, Integral) else float(value)
+
+
+def word_of(value: object) -> str:
+    """The value of a scene's parameter as text; numbers of NumPy's have as many digits as they hold."""
+    return str(value if isinstance(value, (str, np.generic)) else plain_number(value))
+
+
 def as_numbers(words: Sequence[str]) -> list[float] | None:
     """Words as numbers, or None if one of them is not a finite number."""
     try:

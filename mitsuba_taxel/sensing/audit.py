@@ -13,7 +13,7 @@ import numpy as np
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
-from mitsuba_taxel.base.arguments import check_progress, check_seed, check_whole
+from mitsuba_taxel.base.arguments import check_progress, check_seed, check_whole, plain_number
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.protocols import is_package
@@ -120,6 +120,7 @@ def energy_audit(
     """
     check_whole("points", points, 1, MOST_POINTS)
     check_seed(seed)
+    points, seed = plain_number(points), plain_number(seed)
     check_progress(progress)
     ready = prepare(scene)
     pairs = taxels_of(ready.scene)

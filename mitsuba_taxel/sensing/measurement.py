@@ -11,7 +11,15 @@ import numpy as np
 
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.arguments import check_flags, check_seed, check_whole, is_number, names_of, require
+from mitsuba_taxel.base.arguments import (
+    check_flags,
+    check_seed,
+    check_whole,
+    is_number,
+    names_of,
+    plain_number,
+    require,
+)
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.protocols import traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
@@ -137,6 +145,7 @@ def measured(
 ) -> tuple[Readings, Prepared]:
     """The result of :func:`measure`, and the scene that was read, for further use without reloading."""
     check_request(target_error, points, seed, time_budget, derivatives)
+    target_error, points, time_budget, seed = map(plain_number, (target_error, points, time_budget, seed))
     check_flags(irradiance=irradiance, mechanics_error=mechanics_error)
     if continued is not None:
         require("continued", continued, Readings, "what measure returned")
@@ -294,6 +303,7 @@ def crosstalk(
         as :func:`measure`, and if the scene's integrator is one of Mitsuba's own, under which all LEDs are lit.
     """
     check_request(target_error, points, seed)
+    target_error, points, seed = map(plain_number, (target_error, points, seed))
     ready = prepare(scene)
     if not traces_taxels(ready.integrator):
         raise InputError("crosstalk needs one of the integrators taxel_tracer, taxel_path and analog_tracer.")

@@ -13,7 +13,7 @@ from weakref import WeakSet
 
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.arguments import is_number, path_of, refusal, require, table_of, text_of
+from mitsuba_taxel.base.arguments import is_number, path_of, plain_number, refusal, require, table_of, text_of, word_of
 from mitsuba_taxel.base.atomic import WriteError, write_text
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError, UnusedDefault
@@ -74,9 +74,9 @@ class Scene(Displayed):
         self.source = source if isinstance(source, dict) else find_scene(source)
         if not (mesh_size is None or (is_number(mesh_size) and mesh_size > 0)):
             raise refusal("mesh_size", mesh_size, "a finite size in mm above 0 is needed")
-        self.mesh_size = mesh_size
+        self.mesh_size = plain_number(mesh_size)
         self.defaults: dict[str, str] = {}
-        given = {name: str(value) for name, value in table_of("parameters", parameters, "values").items()}
+        given = {name: word_of(value) for name, value in table_of("parameters", parameters, "values").items()}
         self.unused: tuple[str, ...] = ()
         allowed: set[str] = set()
         if isinstance(self.source, Path):

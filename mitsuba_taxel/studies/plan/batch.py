@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mitsuba_taxel.base.arguments import is_number, names_of, require, table_of
+import numpy as np
+
+from mitsuba_taxel.base.arguments import is_number, names_of, plain_number, require, table_of, word_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.toml import read_toml
 from mitsuba_taxel.base.units import FORCES
@@ -148,7 +150,7 @@ def make_batch(
         raise InputError(f"a scene of type {kind} is not allowed in a study: path or name of an XML file is needed.")
     beside = folder / source
     file = find_scene(beside if is_file(beside) else source).resolve()
-    fixed = {name: str(value) for name, value in table_of("defines", defines, "values").items()}
+    fixed = {name: word_of(value) for name, value in table_of("defines", defines, "values").items()}
     axes = make_axes(vary, together, folder)
     for parameter in (name for axis in axes for name in axis.values):
         if parameter in fixed:
@@ -157,7 +159,7 @@ def make_batch(
         raise InputError("points and time_budget exclude each other in a study: give one of them.")
     if mesh_size is not None and not (is_number(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size!r} is not allowed: a finite size in mm above 0 is needed.")
-    if not isinstance(maps, bool):
+    if not isinstance(maps, (bool, np.bool_)):
         raise InputError(f"maps = {maps!r} is not allowed: true or false is needed.")
     by = names_of("derivatives", derivatives)
     if target_slope is not None:
@@ -167,8 +169,9 @@ def make_batch(
         require("circuit", circuit, Circuit, "a Circuit")
     if not isinstance(meshes, str) or meshes not in KEPT_MESHES:
         raise InputError(f"meshes = {meshes!r} is not allowed: one of {', '.join(KEPT_MESHES)} is needed.")
-    asked = (target_error, points, time_budget, mesh_size, seed, maps, by, target_slope, circuit)
-    batch = Batch(name, file, fixed, axes, *asked, meshes=meshes)
+    numbers = map(plain_number, (target_error, points, time_budget, mesh_size, seed))
+    asked = (bool(maps), by, plain_number(target_slope), circuit)
+    batch = Batch(name, file, fixed, axes, *numbers, *asked, meshes=meshes)
     scene = batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # or no such names
     for parameter in (name for axis in axes for name in axis.values if name in scene.unused):
         raise InputError(f"{parameter} cannot be varied: nothing in {scene.name} uses its <default>.")

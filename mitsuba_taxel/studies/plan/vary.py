@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import as_numbers, table_of
+from mitsuba_taxel.base.arguments import as_numbers, table_of, word_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.text import read_text
 from mitsuba_taxel.base.units import FORCES
@@ -128,7 +128,8 @@ def parse_values(name: str, values: str | Iterable[object], folder: Path = Path(
         if a range is empty, endless, or does not end at its stop; if a file cannot be read, or a value is missing.
     """
     if not isinstance(values, str):
-        words = [str(value) for value in (values if isinstance(values, Iterable) else [values])]
+        alone = not isinstance(values, Iterable) or (isinstance(values, np.ndarray) and values.ndim == 0)
+        words = [word_of(value) for value in ([values] if alone else values)]
     elif values.startswith("@"):
         words = _lines(name, folder / values[1:])
     else:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from itertools import chain
 from typing import Protocol
 
-from mitsuba_taxel.base.arguments import check_whole, require
+from mitsuba_taxel.base.arguments import check_whole, plain_number, require
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.threads import set_thread_count
 from mitsuba_taxel.studies.run import processes
@@ -61,6 +61,7 @@ def open_pool(workers: int | None = None, scheduler: str | None = None) -> Itera
         raise InputError(f"workers = {workers} and scheduler = {scheduler!r} exclude each other: give one of them.")
     if workers is not None:
         check_whole("workers", workers, 1, MOST_WORKERS)
+        workers = plain_number(workers)
     if scheduler is not None:
         require("scheduler", scheduler, str, "an address, as tcp://host:8786,")
         with _cluster(scheduler) as cluster:

@@ -13,7 +13,16 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from mitsuba_taxel.base.arguments import check_flags, check_seed, is_number, is_row, is_whole, path_of, require
+from mitsuba_taxel.base.arguments import (
+    check_flags,
+    check_seed,
+    is_number,
+    is_row,
+    is_whole,
+    path_of,
+    plain_number,
+    require,
+)
 from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
@@ -94,6 +103,7 @@ def training_set(
     one = next(iter(studies.values()))
     circuit = circuit_of_study(one)
     _check(split, copies, seed, sigma > 0 or circuit is not None)
+    copies, seed = plain_number(copies), plain_number(seed)
     rows = _rows(studies)
     part = _part_of(rows.parameters[_force_columns(rows.parameters)], split, seed)
     done = np.isfinite(rows.power).all(axis=1)
