@@ -169,9 +169,22 @@ def make_batch(
         require("circuit", circuit, Circuit, "a Circuit")
     if not isinstance(meshes, str) or meshes not in KEPT_MESHES:
         raise InputError(f"meshes = {meshes!r} is not allowed: one of {', '.join(KEPT_MESHES)} is needed.")
-    numbers = map(plain_number, (target_error, points, time_budget, mesh_size, seed))
-    asked = (bool(maps), by, plain_number(target_slope), circuit)
-    batch = Batch(name, file, fixed, axes, *numbers, *asked, meshes=meshes)
+    batch = Batch(
+        name,
+        file,
+        fixed,
+        axes,
+        target_error=plain_number(target_error),
+        points=plain_number(points),
+        time_budget=plain_number(time_budget),
+        mesh_size=plain_number(mesh_size),
+        seed=plain_number(seed),
+        maps=bool(maps),
+        derivatives=by,
+        target_slope=plain_number(target_slope),
+        circuit=circuit,
+        meshes=meshes,
+    )
     scene = batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # or no such names
     for parameter in (name for axis in axes for name in axis.values if name in scene.unused):
         raise InputError(f"{parameter} cannot be varied: nothing in {scene.name} uses its <default>.")
