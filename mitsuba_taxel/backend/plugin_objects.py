@@ -37,6 +37,8 @@ def kind_of(made: Any) -> str:
     ours = type(made).__module__ != "mitsuba"
     name = type(made).__name__ if ours else made.class_name()
     name = name.removesuffix("Integrator").removesuffix("Mesh") or "Mesh"
+    if not ours and name in _NAMED_OTHERWISE:
+        return _NAMED_OTHERWISE[name]
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
@@ -51,6 +53,29 @@ def is_nested(props: mi.Properties, name: str) -> bool:
     return props.type(name) in (kinds.Object, kinds.Reference, kinds.ResolvedReference)
 
 
+_NAMED_OTHERWISE = {
+    "AreaLight": "area",
+    "ConstantBackgroundEmitter": "constant",
+    "DirectionalArea": "directionalarea",
+    "DirectionalEmitter": "directional",
+    "EnvironmentMapEmitter": "envmap",
+    "PointLight": "point",
+    "SpotLight": "spot",
+    "SmoothConductor": "conductor",
+    "SmoothDielectric": "dielectric",
+    "SmoothDiffuse": "diffuse",
+    "SmoothPlastic": "plastic",
+    "RoughConductor": "roughconductor",
+    "RoughDielectric": "roughdielectric",
+    "RoughPlastic": "roughplastic",
+    "ThinDielectric": "thindielectric",
+    "TwoSidedBRDF": "twosided",
+    "BumpMap": "bumpmap",
+    "NormalMap": "normalmap",
+    "MaskBSDF": "mask",
+    "BlendBSDF": "blendbsdf",
+}
+"""Plugins of Mitsuba by their classes, where these have other names."""
 _ELEMENTS = {
     "integrator": "Integrator",
     "shape": "Shape",

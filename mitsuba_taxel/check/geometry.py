@@ -36,7 +36,7 @@ def check_geometry(parts: Parts) -> Iterator[Finding]:
     for pad in pads:
         yield from _board(pad, faces, parts)
     bodies = [box for box in boxes if box.part.plugin == "photo_reflector"]
-    if parts.sound and pads and all(isinstance(pad.made.pad, Pad) for pad in pads):
+    if parts.sound and pads:
         for body in bodies:
             yield from _in_cells(body, pads)
 
@@ -136,6 +136,9 @@ def _in_cells(body: Boxes, pads: list[ScenePart]) -> Iterator[Finding]:
     for pad in pads:
         shape = pad.made.pad
         corners = apply(np.linalg.inv(pad.made.to_world), body.corners())
+        if pad.made.cell_boxes is not None:
+            stand |= _reach_into(corners, pad.made.cell_boxes)
+            continue
         half = 0.5 * np.array(shape.extent[:2])
         low, high = corners.min(axis=1), corners.max(axis=1)
         near = np.all((low[:, :2] < half) & (high[:, :2] > -half), axis=1)
@@ -154,6 +157,12 @@ def _in_cells(body: Boxes, pads: list[ScenePart]) -> Iterator[Finding]:
         yield body.part.finding(
             "warning", f"{count} beside the {PAD}, in no cell: check rows, columns, pitch and to_world of both."
         )
+
+
+def _reach_into(corners: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """(N,) whether bodies, given by their corners (N, 8, 3), overlap any of some boxes (K, 2, 3)."""
+    low, high = corners.min(axis=1)[:, None], corners.max(axis=1)[:, None]
+    return np.any(np.all((low < boxes[:, 1]) & (high > boxes[:, 0]), axis=2), axis=1)
 
 
 def _nearest_cell(pad: Pad, places: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from mitsuba_taxel.kernels.protocols import is_region, traces_taxels
 from mitsuba_taxel.kernels.regions import BODY_REGIONS
 from mitsuba_taxel.kernels.walls import absorbs, is_bounded_from_detector, wall_at
 from mitsuba_taxel.pads import REGIONS
+from mitsuba_taxel.sensing.dark_backs import dark_backs
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import Scene
@@ -51,13 +52,16 @@ def check_modelled(parts: Parts) -> list[Finding]:
     return []
 
 
-def check_prepared(scene: Scene, file: str) -> list[Finding]:
-    """What `measure` refuses of a sound scene when pads are deformed, and after a few rays."""
+def check_prepared(scene: Scene, parts: Parts) -> list[Finding]:
+    """What `measure` refuses of a sound scene when pads are deformed, and after a few rays; and black backs."""
     try:
-        prepare(scene)
+        live = prepare(scene).scene
     except (InputError, ComputationError) as error:
-        return [Finding("error", str(error), file, 0, stopped=isinstance(error, ComputationError))]
-    return []
+        return [Finding("error", str(error), parts.file, 0, stopped=isinstance(error, ComputationError))]
+    shapes = [part.element for part in parts.roots if part.kind == "shape"]
+    if len(shapes) != len(live.shapes()):  # a `merge` is taken apart
+        shapes = [parts.roots[0].element] * len(live.shapes())
+    return [shapes[number].finding("warning", f"{said}.") for number, said in dark_backs(live).items()]
 
 
 def _integrator_of(parts: Parts) -> Any:

@@ -20,7 +20,7 @@ from mitsuba_taxel.check.parameters import error_in, error_in_plugin
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
 from mitsuba_taxel.pads import PadFile
 from mitsuba_taxel.pads.parametric.meshing import check_room
-from mitsuba_taxel.sensing.nested_parts import unused_in_shape
+from mitsuba_taxel.sensing.nested_parts import unused_parts
 from mitsuba_taxel.sensing.scene import NESTED_SCENE, far_transforms, guilty_parameters
 from mitsuba_taxel.specification import specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
@@ -45,7 +45,11 @@ class UndeformedPad:
         From the pad's frame, in mm.
     objects : dict[str, object]
         Nested objects, by name.
+    cell_boxes : (K, 2, 3) ndarray or None
+        Lowest and highest coordinates of the cells of a pad from a file, in the pad's frame.
     """
+
+    cell_boxes: np.ndarray | None = None
 
     def __init__(self, props: Any) -> None:
         self.specification = stated = DeformablePad.read(props)
@@ -163,7 +167,7 @@ class _Maker:
             file = Path(str(self.state.files[node.file_index])).resolve()
             element = self.places.get((file, node.offset - 1), self.root)
         part = self.parts[index] = ScenePart(props.plugin_name(), element.tag, element, mi.Properties(props), children)
-        for name, message in unused_in_shape(self.state.nodes, node).items():
+        for name, message in unused_parts(self.state.nodes, node).items():
             if children[name].plugin != PAD:  # see below
                 self.findings.append(children[name].finding("error", message))
         if node.type == mi.ObjectType.Scene and index > 0:
@@ -253,7 +257,13 @@ class _Maker:
         wall = pad.bsdf()
         try:
             check_mirrors(pad.pad, mirrors(wall) if wall is not None else [], stated.subdivision)
-            cells = _cells_with_room(pad.pad, stated.mesh_size, stated.subdivision, len(numbers))
+            if isinstance(pad.pad, PadFile):
+                pad.cell_boxes = cells_of_file(pad.pad, stated.mesh_size)
+                cells = len(pad.cell_boxes)
+            else:
+                check_triangles(stated.subdivision, LEAST_FACES * (len(numbers) or pad.pad.rows * pad.pad.columns))
+                check_room(pad.pad, stated.mesh_size or pad.pad.default_mesh_size)
+                cells = pad.pad.rows * pad.pad.columns
             if finish is not None:
                 refuse_finish(pad.pad, stated.mesh_size, finish, stated.subdivision)
         except InputError as error:
@@ -273,15 +283,6 @@ class _Maker:
             else:
                 message = f"{name} is no parameter of {part.plugin}: take it out."
                 self.findings.append(part.finding("error", message, name))
-
-
-def _cells_with_room(pad: Any, mesh_size: float | None, subdivision: int, read: int) -> int:
-    """Number of cells of a pad; raises `InputError` if it cannot be meshed, or has too many triangles."""
-    if isinstance(pad, PadFile):
-        return cells_of_file(pad, mesh_size)
-    check_triangles(subdivision, LEAST_FACES * (read or pad.rows * pad.columns))
-    check_room(pad, mesh_size or pad.default_mesh_size)
-    return pad.rows * pad.columns
 
 
 def _one_sentence(error: Exception, plugin: str) -> str:

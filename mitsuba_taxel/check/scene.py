@@ -72,7 +72,7 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
             if not any(finding.severity == "error" for finding in findings):
                 findings += check_modelled(parts)
             sound = parts.sound and not any(finding.severity == "error" for finding in findings)
-            findings += check_prepared(scene, path.name) if sound else []
+            findings += check_prepared(scene, parts) if sound else []
     return sorted(dict.fromkeys(findings), key=lambda f: (f.file != path.name, f.file, f.line, f.severity != "error"))
 
 

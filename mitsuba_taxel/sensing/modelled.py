@@ -68,6 +68,7 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
         getattr(integrator, "refuse_unbounded", lambda scene: None)(scene)
     else:
         refuse_foreign_sensors(scene)
+        _refuse_unseen_emitters(scene, plugin)
     _refuse_far_faces(scene, ours)
     refuse_shared_places(scene)
     heed_packages(scene)
@@ -118,6 +119,24 @@ def _refuse_other_windows(scene: mi.Scene) -> None:
                 "photo_reflector: an LED below a window is read against a phototransistor elsewhere, which is not "
                 "modelled: state other LEDs and phototransistors in the same order."
             )
+
+
+def _refuse_unseen_emitters(scene: mi.Scene, plugin: str) -> None:
+    """Raise if Mitsuba's integrators leave out light that goes straight from an emitter to a phototransistor.
+
+    They meet emitters by rays that start at a phototransistor, and no ray meets a point or a single direction. By
+    ``ptracer``, light from infinity was 3 % too strong.
+    """
+    for emitter in scene.emitters():
+        flags, kind = emitter.flags(), kind_of(emitter)
+        if flags & mi.EmitterFlags.Delta:
+            raise InputError(
+                f"emitter {kind} shines from a point or in one direction, and what goes straight to a phototransistor "
+                "would be left out: use an annular_led, or an area emitter.",
+                emitter,
+            )
+        if plugin == "ptracer" and flags & mi.EmitterFlags.Infinite:
+            raise InputError(f"integrator ptracer does not read the light of a {kind} rightly: use path.", emitter)
 
 
 def _refuse_samplers(scene: mi.Scene) -> None:

@@ -1,4 +1,4 @@
-"""Objects nested in shapes that Mitsuba takes without a word and does not use."""
+"""Objects in places where Mitsuba takes them without a word and does not use them."""
 
 from __future__ import annotations
 
@@ -9,22 +9,30 @@ _FOLLOWED = ("BSDF", "Emitter", "Sensor", "Medium", "Texture")
 _LEAVES = ("rectangle", "disk", "cube", "sphere", "cylinder", "obj", "ply", "serialized")
 """Mitsuba's shapes that hold no other objects than those."""
 _SIDES = ("interior", "exterior")
+_ON_SURFACES = {"annular_led": "rectangle or a photo_reflector", "area": "shape", "directionalarea": "shape"}
+"""Emitters that shine only from a surface, and what they must be nested in."""
 
 
-def unused_in_shape(nodes: list[mi.parser.SceneNode], node: mi.parser.SceneNode) -> dict[str, str]:
-    """Error messages for objects nested in a parsed shape that would have no effect, by their name in it.
+def unused_parts(nodes: list[mi.parser.SceneNode], node: mi.parser.SceneNode) -> dict[str, str]:
+    """Error messages for objects in a parsed scene or shape that would have no effect, by their name in it.
 
     Our own plugins refuse what they do not know themselves, see `Specification.unknown`, except for media.
     """
-    props, refused = node.props, {}
+    props = node.props
+    names = [name for name in props.keys() if props.type(name) == mi.Properties.Type.ResolvedReference]  # noqa: SIM118
+    messages = {name: _unused(node, name, nodes[props[name].index()]) for name in names}
+    return {name: message for name, message in messages.items() if message}
+
+
+def _unused(node: mi.parser.SceneNode, name: str, child: mi.parser.SceneNode) -> str:
+    """The error message for an object named so in another; empty if it has an effect, or may have."""
+    plugin, nested = node.props.plugin_name(), child.props.plugin_name()
+    if node.type == mi.ObjectType.Scene and nested in _ON_SURFACES:
+        return f"{nested}: it must be nested in a {_ON_SURFACES[nested]}."
     if node.type != mi.ObjectType.Shape:
-        return {}
-    for name in props.keys():  # noqa: SIM118
-        if props.type(name) != mi.Properties.Type.ResolvedReference:
-            continue
-        child, plugin = nodes[props[name].index()], props.plugin_name()
-        if child.type == mi.ObjectType.Medium and name not in _SIDES:
-            refused[name] = f"the medium in a {plugin} has no effect unless its name is {' or '.join(_SIDES)}."
-        elif plugin in _LEAVES and child.type.name not in _FOLLOWED:
-            refused[name] = f"{plugin} has no use for the {child.props.plugin_name()} nested in it: take it out."
-    return refused
+        return ""
+    if child.type == mi.ObjectType.Medium and name not in _SIDES:
+        return f"the medium in a {plugin} has no effect unless its name is {' or '.join(_SIDES)}."
+    if plugin in _LEAVES and child.type.name not in _FOLLOWED:
+        return f"{plugin} has no use for the {nested} nested in it: take it out."
+    return ""

@@ -17,6 +17,7 @@ from mitsuba_taxel.kernels.protocols import has_faces, is_led, traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.checked import check_readable
+from mitsuba_taxel.sensing.dark_backs import dark_backs
 from mitsuba_taxel.sensing.readings import Readings
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
@@ -63,6 +64,7 @@ def prepare(scene: AnyScene) -> Prepared:
             notes.append(f"a pad has buckled at ({at}) {pad.state.load.unit}: of its mirrored shapes, one is followed")
     if deformed_pads(live) and any(has_faces(end) and end.resin_index is not None for end in live.sensors()):
         notes.append("dies lie below windows: light is by random paths")  # also where all walls are diffuse
+    notes += dark_backs(live).values()
     if not traces_taxels(integrator) and _lights(live) > 1:
         notes.append("Mitsuba's own integrator: each reading holds the light of all LEDs and other emitters at once")
     return Prepared(live, integrator, parameters, notes)

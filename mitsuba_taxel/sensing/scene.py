@@ -204,7 +204,7 @@ class Scene(Displayed):
 
         from mitsuba_taxel.backend.libraries import check_plugin_types
         from mitsuba_taxel.backend.plugin_objects import find_file
-        from mitsuba_taxel.sensing.nested_parts import unused_in_shape
+        from mitsuba_taxel.sensing.nested_parts import unused_parts
 
         if isinstance(self.source, dict):
             check_plugin_types(_types(self.source))
@@ -213,7 +213,7 @@ class Scene(Displayed):
             state = parse_scene(config, self.source, self._own_parameters)
         if any(node.type == mi.ObjectType.Scene for node in state.nodes[1:]):
             raise InputError(f"{self.name}: {NESTED_SCENE}")
-        for message in (said for node in state.nodes for said in unused_in_shape(state.nodes, node).values()):
+        for message in (said for node in state.nodes for said in unused_parts(state.nodes, node).values()):
             raise InputError(message)
         with self.files_beside_it():
             for node in (each for each in state.nodes if each.props.plugin_name() == "photo_reflector"):

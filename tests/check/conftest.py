@@ -9,5 +9,5 @@ import pytest
 def static():
     """What is found without deforming pads: the rest is in tests/properties/test_check_and_measure.py."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mitsuba_taxel.check.scene.check_prepared", lambda scene, file: [])
+        patch.setattr("mitsuba_taxel.check.scene.check_prepared", lambda scene, parts: [])
         yield

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
+import trimesh
 from flawed_scene import AT_END, IN_PAD, IN_REFLECTOR, PACKAGE, PAD, PLATE, change, check, parameter
 
 from mitsuba_taxel import Pad, PadSensor, check_scene, write_xml
@@ -103,3 +104,39 @@ def test_an_indenter_beside_the_pad(tmp_path, x, message):
 def test_no_board_is_worth_a_note(tmp_path):
     (finding,) = check(tmp_path, PAD.split('<shape type="rectangle">')[0] + "</scene>")
     assert (finding.severity, finding.line) == ("note", 4) and "there is no board" in finding.message
+
+
+def write_pad(path, x):
+    """A pad of 8 x 4 x 4 mm with one cell of 2 x 2 x 2 mm at x = 2 mm of its own, all of it moved along x."""
+    from mitsuba_taxel.pads.parametric.meshing import MESHING_LOCK
+
+    if path.suffix == ".step":
+        from netgen.occ import Box, Pnt
+
+        with MESHING_LOCK:
+            hollow = Box(Pnt(x + 1, -1, -1), Pnt(x + 3, 1, 2))
+            (Box(Pnt(x - 4, -2, 0), Pnt(x + 4, 2, 4)) - hollow).WriteStep(str(path))
+        return
+    mesh = Pad(rows=1, columns=1, wall=1.0, cell_size=2.0, cell_height=1.5).mesh(2.5)
+    places = mesh.points + [x + 2, 0, 0]
+    trimesh.Trimesh(places, mesh.faces[:, :3], process=False).export(path)
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".step"])
+@pytest.mark.parametrize("x, beside", [(0.0, 0), (10.0, 1), (-4.0, 1)])
+def test_packages_beside_the_cells_of_a_file(tmp_path, suffix, x, beside):
+    """As of built-in pads; before, a pad drawn off its packages read 0 W without a word. At -4 mm, they stand in the
+    place of a cell of the mirrored pad."""
+    write_pad(tmp_path / f"pad{suffix}", x)
+    text = f"""<scene version="3.9.0">
+<integrator type="taxel_tracer"/>
+<shape type="deformable_pad"> <string name="filename" value="pad{suffix}"/> <float name="mesh_size" value="3"/>
+<bsdf type="region"> <bsdf name="roof" type="wall"/> </bsdf> </shape>
+<shape type="photo_reflector"> <transform name="to_world"> <translate x="2"/> </transform>
+<emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
+<shape type="rectangle"> <transform name="to_world"> <scale value="30"/> </transform> <bsdf type="wall"/> </shape>
+</scene>"""
+    findings = [finding for finding in check(tmp_path, text) if finding.severity != "note"]
+    said = "1 of 1 packages of photo_reflector stand beside the deformable_pad, in no cell"
+    assert [(f.severity, f.line) for f in findings] == [("warning", 5)] * beside
+    assert all(f.message.startswith(said) for f in findings)

@@ -62,6 +62,14 @@ def shape(kind: str, at, size, **more) -> dict:
     return {"type": kind, "to_world": place, "bsdf": WHITE, **more}
 
 
+def lamp(kind: str) -> dict:
+    import mitsuba as mi
+
+    picture = mi.Bitmap(np.ones((8, 16, 3), dtype=np.float32))
+    about = {"envmap": {"bitmap": picture}, "projector": {"irradiance": {"type": "bitmap", "bitmap": picture}}}
+    return {"type": kind, **about.get(kind, {})}
+
+
 def cavity(integrator: str, reflectance=1.0) -> dict:
     """A closed box round a package, all of which reflects."""
     wall = {"type": "wall", "reflectance": reflectance}
@@ -132,6 +140,16 @@ def _refused():
             {"more": {"lamp": {"type": kind}}},
             "every emitter must be an annular_led",
         )
+    for name in ("path", "volpath", "volpathmis", "ptracer"):
+        for kind in ("point", "spot", "directional", "projector", "constant", "envmap"):
+            if name == "ptracer" or kind not in ("constant", "envmap"):
+                said = "from a point or in one direction" if kind not in ("constant", "envmap") else "use path"
+                yield f"emitter {kind}, {name}", name, {"more": {"lamp": partial(lamp, kind)}}, f"{kind} .*{said}"
+        beam = {"more": {"beam": lambda: shape("rectangle", (0, 0, 9), (1, 1, 1), emitter={"type": "directionalarea"})}}
+        yield f"emitter directionalarea, {name}", name, beam, "from a point or in one direction"
+    for name in ("taxel_tracer", "path"):
+        for kind in ("annular_led", "area", "directionalarea"):
+            yield f"loose {kind}, {name}", name, {"more": {"lamp": {"type": kind}}}, f"{kind}: it must be nested in a"
     meter = {"more": {"meter": lambda: shape("sphere", (0, 0, 9), (1, 1, 1), sensor={"type": "irradiancemeter"})}}
     for name in ("taxel_tracer", "path"):
         yield f"another sensor, {name}", name, meter, "every sensor must be a phototransistor"
@@ -140,13 +158,13 @@ def _refused():
     for name in ("taxel_tracer", "path"):
         yield f"a part of the film, {name}", name, {"sensor": {"film": film}}, "a crop is not allowed"
     sieve = {"type": "mask", "opacity": 0.3, "nested": WHITE}
-    yield "a white sieve, path", "path", {"wall": sieve}, "path loses the light of a mask_bsdf"
+    yield "a white sieve, path", "path", {"wall": sieve}, "path loses the light of a mask that"
     for name in ("taxel_tracer", "path"):
         for kind, share, value in (("diffuse", "reflectance", 1.5), ("conductor", "specular_reflectance", -0.1)):
             wall = {"type": kind, share: value}
             yield f"{kind} of {value}, {name}", name, {"wall": wall}, f"{share} = {value} is not allowed"
         bumpy = {"type": "bumpmap", "bumps": {"type": "checkerboard"}, "nested": {"type": "diffuse"}}
-        yield f"bumps without slopes, {name}", name, {"wall": bumpy}, "bump_map: .* not implemented"
+        yield f"bumps without slopes, {name}", name, {"wall": bumpy}, "bumpmap: .* not implemented"
     for name in ("taxel_tracer", "path"):
         line = partial(shape, "rectangle", (0, 0, 3), (0, 1, 1))
         yield f"a plate of no width, {name}", name, {"more": {"other": line}}, "rectangle has no area: its to_world"
@@ -340,6 +358,16 @@ def test_mitsubas_integrators_of_media_read_them(llvm_mono, agree, integrator):
     fog = {**fog, "sigma_t": 1e3}
     pane = {"fog": shape("cube", (0, 0, 0.8), (2, 2, 0.1), bsdf={"type": "null"}, interior=fog)}
     assert measure(Scene(plate(integrator, more=pane)), points=256, seed=1).power[0] < 1e-9
+
+
+@pytest.mark.parametrize("integrator", ["path", "volpath", "volpathmis"])
+@pytest.mark.parametrize("kind", ["constant", "envmap"])
+def test_light_from_all_around_reads_as_the_closed_form_says(llvm_mono, kind, integrator):
+    """Radiance 1 over the hemisphere, onto an ideal phototransistor: pi times its area."""
+    scene = rectangles().source | {"integrator": {"type": integrator}, "lamp": lamp(kind)}
+    del scene["plate"], scene["led"]
+    expected = np.pi * DETECTOR[0] * DETECTOR[1]
+    assert measure(Scene(scene), points=64).power[0] == pytest.approx(expected, rel=1e-4)
 
 
 @pytest.mark.parametrize("integrator", OURS)
