@@ -7,7 +7,7 @@ import re
 import pytest
 from damaged_scenes import PAD, PLATE
 
-from mitsuba_taxel import Scene, measure
+from mitsuba_taxel import InputError, Scene, measure
 
 
 def with_film(width: int, height: int) -> str:
