@@ -1,9 +1,12 @@
-"""Limits of memory of the processes that this package starts, and what a process has used."""
+"""Limits of memory of the processes that this package starts, what a process has used, and limits of input."""
 
 from __future__ import annotations
 
 import resource
 from pathlib import Path
+
+MOST_HISTORY = 4000
+"""Rows of a load history: each step of a path in time holds those before it."""
 
 
 def memory_limit(most: int, kind: int = resource.RLIMIT_AS) -> int:

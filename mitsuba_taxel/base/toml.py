@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.text import read_bytes
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -28,7 +29,7 @@ def read_toml(what: str, file: Path) -> dict[str, Any]:
         if it cannot be read, is not valid TOML, or is nested too deeply.
     """
     try:
-        text = file.read_bytes().decode("utf-8-sig")
+        text = read_bytes(file).decode("utf-8-sig")
         if CHAIN.search(text):
             raise RecursionError
         return loads(text)

@@ -62,7 +62,10 @@ def read_measurement(file: str | Path) -> Measurement:
     text = read_text(f"measurement {str(file)!r}", Path(file))
     lines = [(number, line.split("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1)]
     numbers = [number for number, line in lines if line]
-    head, *rows = [[word.strip() for word in row] for row in csv.reader(line for _, line in lines if line)] or [[]]
+    try:
+        head, *rows = [[word.strip() for word in row] for row in csv.reader(line for _, line in lines if line)] or [[]]
+    except csv.Error as error:
+        refuse(f" is not a CSV file: {error}.")
     if not any(map(str.isalpha, "".join(head))):
         refuse(" has no headings: a first line such as time_s,force_N,v1_V,v2_V is needed.")
     columns = [_column(word, refuse) for word in head]

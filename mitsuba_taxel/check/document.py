@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from xml.parsers import expat
 
+from mitsuba_taxel.base.text import read_bytes
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.sensing.left_out import used_by
 from mitsuba_taxel.sensing.scene import is_file
-from mitsuba_taxel.sensing.scene_file import DEEPEST
+from mitsuba_taxel.sensing.scene_file import DEEPEST, DEEPEST_INCLUDE, LARGEST_SCENE, MOST_INCLUDED
 
 KINDS = (
     "integrator", "shape", "bsdf", "emitter", "sensor", "film", "rfilter", "sampler", "texture", "medium", "phase",
@@ -72,21 +74,27 @@ class Unreadable(Exception):
         self.finding = finding
 
 
-def read_document(path: Path, around: tuple[Path, ...] = ()) -> Element:
-    """The root of an XML file, with included files; ``around`` are the files including it.
+def read_document(path: Path) -> Element:
+    """The root of an XML file, with included files.
 
     Raises
     ------
     Unreadable
-        if a file does not exist, is not XML, is nested too deeply for Mitsuba, or includes itself.
+        if a file does not exist, is not XML, is nested too deeply for Mitsuba, or includes itself, or there are too
+        many.
     """
+    return _read(path, (), count(1))
+
+
+def _read(path: Path, around: tuple[Path, ...], numbers: Iterator[int]) -> Element:
+    """``around`` are the files including it, and ``numbers`` count the files that are included."""
     reader = _Reader(path)
     parser = expat.ParserCreate()
     parser.StartElementHandler = reader.start
     parser.EndElementHandler = reader.end
     reader.parser = parser
     try:
-        parser.Parse(path.read_bytes(), True)
+        parser.Parse(read_bytes(path, LARGEST_SCENE), True)
     except expat.ExpatError as error:
         line = getattr(error, "lineno", 0)
         reason = expat.errors.messages.get(error.code, str(error))
@@ -97,18 +105,24 @@ def read_document(path: Path, around: tuple[Path, ...] = ()) -> Element:
     assert reader.root is not None
     around = (*around, path.resolve())
     for element in [element for element in reader.root.walk() if element.tag == "include"]:
-        element.children.append(_included(element, around))
+        element.children.append(_included(element, around, numbers))
     return reader.root
 
 
-def _included(element: Element, around: tuple[Path, ...]) -> Element:
+def _included(element: Element, around: tuple[Path, ...], numbers: Iterator[int]) -> Element:
     name = element.attributes.get("filename", "")
     inner = element.file.parent / name
     if not is_file(inner):
         raise Unreadable(element.finding("error", f"filename = {name!r} does not exist: a file beside this is needed."))
     if inner.resolve() in around:
         raise Unreadable(element.finding("error", f"filename = {name!r} is not allowed: the file includes itself."))
-    return read_document(inner, around)
+    if len(around) > DEEPEST_INCLUDE:
+        message = f"filename = {name!r} is not allowed: more than {DEEPEST_INCLUDE} files include one another."
+        raise Unreadable(element.finding("error", message))
+    if next(numbers) > MOST_INCLUDED:
+        message = f"filename = {name!r} is not allowed: more than {MOST_INCLUDED} files are included, one by another."
+        raise Unreadable(element.finding("error", message))
+    return _read(inner, around, numbers)
 
 
 def leave_out(element: Element, absent: set[str]) -> None:

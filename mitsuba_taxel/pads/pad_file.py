@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from mitsuba_taxel.base.arguments import path_of, require
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.text import read_bytes
 from mitsuba_taxel.pads.imported.rules import Rule, read_rules
 
 if TYPE_CHECKING:
@@ -63,13 +64,7 @@ class PadFile(Displayed):
 
     def _read(self) -> bytes:
         try:
-            size = self.path.stat().st_size
-            if size > MOST_BYTES:
-                raise InputError(
-                    f"filename = {self.path} is not allowed: it has {size / 2**20:.0f} MB, "
-                    f"but at most {MOST_BYTES // 2**20} MB can be read."
-                )
-            return self.path.read_bytes()
+            return read_bytes(self.path, MOST_BYTES)
         except OSError as error:
             raise InputError(f"filename = {self.path} cannot be read ({error.strerror or error}).") from error
 

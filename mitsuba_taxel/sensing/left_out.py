@@ -39,10 +39,13 @@ def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[
     import mitsuba as mi
 
     from mitsuba_taxel.backend.libraries import check_plugin_types, put_own_libraries_first
+    from mitsuba_taxel.sensing.named_files import check_named_files, check_spectra
 
+    check_spectra(path, parameters)
     state = _parsed(config, path, parameters)
     put_own_libraries_first(mi.file_resolver())  # a <path> stands before them
     check_plugin_types(node.props.plugin_name() for node in state.nodes)
+    check_named_files(node.props for node in state.nodes)
     return state
 
 

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 FURTHEST = 1e8
 """mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
+MOST_PARAMETERS = 1000
+"""Parameters of a scene: Mitsuba's parser takes a few more."""
 END_OF_PATH = "the load path ends at"
 """Phrase in the error for a pad that cannot bear its load."""
 MESHED_AS = "meshed_as"
@@ -92,6 +94,9 @@ class Scene(Displayed):
         if self.unused:
             words = f"{self.name}: nothing uses the <default> {', '.join(self.unused)}"
             warnings.warn(f"{words}: without effect.", UnusedDefault, stacklevel=2)
+        if len(self.parameters) > MOST_PARAMETERS:
+            count = len(self.parameters)
+            raise InputError(f"{self.name} has {count} parameters: at most {MOST_PARAMETERS} are allowed.")
         self.leaves_mesh_open = False  # known once the scene has been loaded
 
     @classmethod
@@ -205,10 +210,12 @@ class Scene(Displayed):
         from mitsuba_taxel.backend.libraries import check_plugin_types
         from mitsuba_taxel.backend.plugin_objects import find_file
         from mitsuba_taxel.sensing.nested_parts import unused_parts
+        from mitsuba_taxel.sensing.named_files import check_named_files
 
         if isinstance(self.source, dict):
             check_plugin_types(_types(self.source))
             state = mi.parser.parse_dict(config, self.source)
+            check_named_files(node.props for node in state.nodes)
         else:
             state = parse_scene(config, self.source, self._own_parameters)
         if any(node.type == mi.ObjectType.Scene for node in state.nodes[1:]):
@@ -331,7 +338,7 @@ def why_unreadable(path: Path) -> str | None:
         return None
     except OSError as error:
         return error.strerror
-    return "it is a folder" if path.is_dir() else None
+    return "it is a folder" if path.is_dir() else None if path.is_file() else "it is a pipe, a device or a socket"
 
 
 def is_file(path: Path) -> bool:

@@ -7,23 +7,41 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.text import read_bytes
 
 DEEPEST = 16
 """Largest nesting depth of a scene: Mitsuba's parser is recursive."""
+DEEPEST_INCLUDE = 14
+"""Largest depth of files that include one another, of Mitsuba's parser."""
+MOST_INCLUDED = 200
+"""Files that a scene may include, each counted as often as it is: a few that include each other twice have no end."""
+LARGEST_SCENE = 1 << 26
+"""Bytes of the largest file of a scene."""
 
 
-def read_scene_file(path: Path, around: tuple[Path, ...] = ()) -> Iterator[tuple[Path, ElementTree.Element]]:
-    """The file and its root, then those of all files that it includes; ``around`` are the files including it.
+def read_scene_file(path: Path) -> Iterator[tuple[Path, ElementTree.Element]]:
+    """The file and its root, then those of all files that it includes.
 
     Raises
     ------
     InputError
-        if one of them cannot be read, is not XML, is nested too deeply for Mitsuba, or includes itself.
+        if one of them cannot be read, is not XML, is nested too deeply for Mitsuba, or includes itself, or there are
+        more than :data:`MOST_INCLUDED`.
     """
+    for number, read in enumerate(_read(path, ())):
+        if number > MOST_INCLUDED:
+            raise InputError(f"{path.name} is not allowed: it includes more than {MOST_INCLUDED} files.")
+        yield read
+
+
+def _read(path: Path, around: tuple[Path, ...]) -> Iterator[tuple[Path, ElementTree.Element]]:
+    """``around`` are the files including it."""
     if path.resolve() in around:
         raise InputError(f"{path.name} is not allowed: it includes itself.")
+    if len(around) > DEEPEST_INCLUDE:
+        raise InputError(f"{path.name} is not allowed: more than {DEEPEST_INCLUDE} files include one another.")
     try:
-        root = ElementTree.parse(path).getroot()
+        root = ElementTree.fromstring(read_bytes(path, LARGEST_SCENE))
     except ElementTree.ParseError as error:
         raise InputError(f"{path.name} does not parse as XML: {error}.") from error
     except (OSError, LookupError, ValueError) as error:
@@ -34,7 +52,7 @@ def read_scene_file(path: Path, around: tuple[Path, ...] = ()) -> Iterator[tuple
         raise InputError(f"{path.name} is not allowed: more than {DEEPEST} of its elements lie one in the other.")
     yield path, root
     for include in root.iter("include"):
-        yield from read_scene_file(path.parent / include.get("filename", ""), (*around, path.resolve()))
+        yield from _read(path.parent / include.get("filename", ""), (*around, path.resolve()))
 
 
 def _depth(root: ElementTree.Element) -> int:

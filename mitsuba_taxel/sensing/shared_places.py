@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -49,8 +50,10 @@ def refuse_shared_planes(scene: mi.Scene) -> None:
     """
     bare = (each for each in scene.shapes() if not (is_pad(each) or each.is_emitter() or each.is_sensor()))
     flat = [each for each in bare if each.class_name() in FLAT]
-    for one, other in combinations(flat, 2):
-        if one.bsdf() is not other.bsdf() and _overlap(_outline(one), _outline(other)):
+    outlines, walls = [_outline(each) for each in flat], [each.bsdf() for each in flat]
+    for first, second in _pairs_in_one_plane(outlines):
+        if walls[first] is not walls[second] and _overlap(outlines[first], outlines[second]):
+            one, other = flat[first], flat[second]
             raise InputError(
                 f"the {kind_of(one)} {one.id()!r} and the {kind_of(other)} {other.id()!r} overlap in one plane: "
                 "light would hit either, so move or shrink one of them.",
@@ -80,6 +83,25 @@ def _is_lid(shape: mi.Shape, faces: Any) -> bool:
 def _outline(shape: mi.Shape) -> np.ndarray:
     """Corners (K, 3) of a rectangle, or of a disk as a polygon, in the world."""
     return _triangles_of(shape)[0][:-1]
+
+
+def _pairs_in_one_plane(outlines: Sequence[np.ndarray]) -> Iterator[tuple[int, int]]:
+    """Numbers of flat outlines (K, 3) whose planes, and boxes along the axes, may be one: those that `_overlap` may
+    find."""
+    if not outlines:
+        return
+    centres = np.array([outline.mean(axis=0) for outline in outlines])
+    normals = np.array([_plane(outline)[1] for outline in outlines])
+    low, high = (np.array([end(outline, axis=0) for outline in outlines]) for end in (np.min, np.max))
+    size = np.array([np.linalg.norm(outline - outline.mean(axis=0), axis=1).max() for outline in outlines])
+    for number in range(len(outlines) - 1):
+        others = slice(number + 1, None)
+        slack = 3 * _ALIKE * (size[number] + size[others]) + 1e-12
+        near = np.all(low[others] <= high[number] + slack[:, None], axis=1)
+        near &= np.all(high[others] >= low[number] - slack[:, None], axis=1)
+        near &= np.abs(normals[others] @ normals[number]) >= 1 - 2 * _ALIKE
+        near &= np.abs((centres[others] - centres[number]) @ normals[number]) <= slack
+        yield from ((number, number + 1 + int(other)) for other in np.flatnonzero(near))
 
 
 def _overlap(one: np.ndarray, other: np.ndarray) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.limits import MOST_HISTORY
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
@@ -303,6 +304,9 @@ class DeformablePad(Specification):
         """Times in s and values of the load, the present one last; raises `InputError`."""
         value = self.load_value
         rows: list[list[float]] = []
+        if self.history.count(";") >= MOST_HISTORY:
+            count = self.history.count(";") + 1
+            raise InputError(f"history with {count} rows is not allowed: at most {MOST_HISTORY} are.")
         for row in filter(None, (words.split() for words in self.history.split(";"))):
             numbers = as_numbers(row)
             if numbers is None or len(numbers) != 1 + len(value):

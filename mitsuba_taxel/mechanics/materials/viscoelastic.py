@@ -30,6 +30,8 @@ LONGEST = 1e30
 SHORT = 1e-2
 """Steps shorter than this number of relaxation times are expanded in a series."""
 
+MOST_TERMS = 100
+"""Of a Prony series: each keeps its stress at every point of the silicone."""
 Terms = tuple[tuple[float, float], ...]
 """Shares and relaxation times in s."""
 
@@ -114,6 +116,8 @@ def checked_terms(prony: object) -> Terms:
     if not (is_row(prony, is_pair) and len(prony)):  # type: ignore[arg-type]
         raise refusal("prony", prony, "at least one pair of numbers, a share and a relaxation time in s, is needed")
     terms: Sequence[Sequence[float]] = prony  # type: ignore[assignment]
+    if len(terms) > MOST_TERMS:
+        raise InputError(f"prony with {len(terms)} terms is not allowed: at most {MOST_TERMS} are.")
     for share, time in terms:
         if not (share > 0 and time > 0):
             raise InputError(f"prony term {share:g} {time:g} is not allowed: a share and a time above 0 are needed.")

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.limits import MOST_HISTORY
 from mitsuba_taxel.base.units import FORCES, TIME
 
 HISTORY = "history"
@@ -47,6 +48,8 @@ def histories(
     if beside:
         raise InputError(f"{beside[0]} cannot be varied beside steps with times: give it in the steps.")
     count = len(steps[TIME])
+    if count > MOST_HISTORY:
+        raise InputError(f"{count} steps with times are not allowed: at most {MOST_HISTORY} are.")
     columns = [steps.get(name, [parameters.get(name, "0")] * count) for name in (TIME, *names)]
     rows = [" ".join(row) for row in zip(*columns, strict=True)]
     if as_numbers(" ".join(rows).split()) is None:

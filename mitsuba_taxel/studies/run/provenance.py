@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.backend import versions
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.sources import code_digest
+from mitsuba_taxel.base.text import read_bytes
+from mitsuba_taxel.sensing.named_files import LARGEST_FILE
 from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.scene import is_file
 from mitsuba_taxel.sensing.scene_file import read_scene_file
@@ -48,19 +51,27 @@ def own_code() -> str:
     return code_digest(*ROOMS)[:16]
 
 
-def _files_of(scene: Path, values: set[str]) -> Iterator[Path]:
-    """The scene, and every file beside it that it or one of the values of its parameters names."""
-    yield scene
-    _, root = next(read_scene_file(scene))
-    words = {word for element in root.iter() for word in element.attrib.values()}
-    for word in sorted(words | values):
-        file = scene.parent / re.sub(r"^@", "", word)
-        if word and is_file(file) and file != scene:
-            yield from _files_of(file, set()) if file.suffix == ".xml" else [file]
+def _files_of(scene: Path, values: set[str]) -> list[Path]:
+    """The scene, and every file beside it that it, a scene that it names, or a value of its parameters names."""
+    files = {scene: None}
+    scenes = [(scene, values)]
+    while scenes:
+        scene, values = scenes.pop()
+        _, root = next(read_scene_file(scene))
+        words = {word for element in root.iter() for word in element.attrib.values()}
+        for word in sorted(words | values):
+            file = scene.parent / re.sub(r"^@", "", word)
+            if word and file not in files and is_file(file):
+                files[file] = None
+                scenes += [(file, set())] if file.suffix == ".xml" else []
+    return list(files)
 
 
 def _digest(files: Iterable[Path]) -> str:
     digest = hashlib.sha256()
     for file in files:
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
+        try:
+            digest.update(hashlib.sha256(read_bytes(file, LARGEST_FILE)).digest())
+        except OSError as error:
+            raise InputError(f"{file} cannot be read ({error.strerror}), which the scene names.") from error
     return digest.hexdigest()[:16]

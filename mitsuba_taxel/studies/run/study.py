@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +31,9 @@ from mitsuba_taxel.studies.run.provenance import provenance
 from mitsuba_taxel.studies.run.slope_meshes import mesh_size_for_slopes
 from mitsuba_taxel.studies.store.folder import Kept, Store, StoreError, begin_tree, keepable
 from mitsuba_taxel.studies.store.opening import open_study, stored_study
+
+RECENT = 16
+"""Scenes whose time tells whether another ends within a time budget."""
 
 
 class Progress(NamedTuple):
@@ -246,10 +250,10 @@ def _compute(
     there = {number: kept for number, kept in stored if kept is not None}
     results = {number: kept for number, kept in there.items() if _is_enough(kept.readings, settings)}
     curves = [[_continued(job, there.get(job.number), settings) for job in curve] for curve in curves]
-    errors = [kept.readings.relative_total_error for kept in results.values()]
+    worst = max((kept.readings.relative_total_error for kept in results.values()), default=0.0)
     known = {*results, *failures}
     outcomes = pool.outcomes([job for job in curve if job.number not in known] for curve in curves)
-    spent = []
+    spent: deque[float] = deque(maxlen=RECENT)
     for job, outcome in outcomes:
         if store:
             store.keep(job, outcome)
@@ -258,11 +262,11 @@ def _compute(
         else:
             failures.pop(job.number, None)
             results[job.number] = keepable(outcome)
-            errors.append(outcome.readings.relative_total_error)
+            worst = max(worst, outcome.readings.relative_total_error)
             spent.append(sum(outcome.seconds.values()))
         if progress:
             done = len(results) + len(failures)
-            progress(Progress(done, len(failures), len(jobs), max(errors, default=0.0)))
+            progress(Progress(done, len(failures), len(jobs), worst))
         if not clock.allows(float(np.median(spent)) if spent else 0.0):
             outcomes.close()
             break
