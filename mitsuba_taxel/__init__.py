@@ -11,11 +11,13 @@ from __future__ import annotations
 import lazy_loader
 
 from mitsuba_taxel.backend import check_llvm, choose_llvm, register_for_every_variant, wanted_variant
+from mitsuba_taxel.backend.turns import uninterrupted
 from mitsuba_taxel.base.display import Displayed
 
-choose_llvm()
-check_llvm(wanted_variant())
-register_for_every_variant()
+with uninterrupted():
+    choose_llvm()
+    check_llvm(wanted_variant())
+    register_for_every_variant()
 
 
 def _html_of(shown: Displayed) -> str:

@@ -23,7 +23,10 @@ _ENDINGS = (".so", ".dylib", ".dll")
 
 def put_own_libraries_first(resolver: mi.FileResolver) -> None:
     """Have Mitsuba's libraries come before files of the same name elsewhere, and those of :data:`VARIABLE` last."""
-    scene = [Path(str(folder)) for folder in resolver]
+    try:
+        scene = [Path(str(folder)) for folder in resolver]
+    except UnicodeDecodeError as error:
+        raise InputError("the scene's folder is not allowed: a name in UTF-8 is needed.") from error
     resolver.clear()
     for folder in dict.fromkeys((_mitsuba(), *scene, *_stated())):
         resolver.append(str(folder))

@@ -1,9 +1,12 @@
-"""Serialise access to Mitsuba: Dr.Jit's recording and the registered plugins are state of the process."""
+"""Serialise access to Mitsuba: Dr.Jit's recording and the registered plugins are state of the process, and so are
+signals that would interrupt their import."""
 
 from __future__ import annotations
 
+import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
@@ -22,3 +25,13 @@ def in_turn(function: Callable[_P, _R]) -> Callable[_P, _R]:
             return function(*args, **kwargs)
 
     return alone
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Signals of this thread that end the process wait until the end: Mitsuba and Dr.Jit, half imported, abort it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

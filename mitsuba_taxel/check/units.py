@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
@@ -97,8 +98,9 @@ def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
         return ""
     half = np.array(pad.pad.extent[:2]) / 2
     at, top = np.array(load.indenter.at), np.linspace(-1, 1, PLACES_LOOKED_AT)
-    for share in (0.0, 1.0):  # pushed down, and moved sideways
-        tip = [*(at + share * value[:2]), value[2]]
+    depths = value[2] * 0.5 ** np.arange(12)  # on its way: a ball that has been pushed in whole is below the top
+    for share, depth in product((0.0, 1.0), depths):  # pushed down, and moved sideways
+        tip = [*(at + share * value[:2]), depth]
         places = np.stack(np.meshgrid(*(np.append(top, near) for near in np.clip(tip[:2] / half, -1, 1))), axis=-1)
         places = np.concatenate([places.reshape(-1, 2) * half, np.zeros((places[..., 0].size, 1))], axis=1)
         if load.indenter.gap(places - tip).size.min() < 0:

@@ -6,7 +6,11 @@ It is installed as the package ``taxel_cli``, beside ``mitsuba_taxel`` and not i
 
 from __future__ import annotations
 
+from . import interrupts  # isort: skip
+
+import io
 import os
+import re
 import signal
 import sys
 import traceback
@@ -26,6 +30,7 @@ COMMANDS = (
 )  # fmt: skip
 
 
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
@@ -76,6 +81,7 @@ def main() -> None:
     warnings.showwarning = _show_warning
     settings = SimpleNamespace(debug=False, ended=_signals_as_interrupts())
     try:
+        _require_working_directory()
         status = taxel.main(obj=settings, prog_name="taxel", standalone_mode=False)
         sys.stdout.flush()
     except BrokenPipeError:
@@ -91,6 +97,8 @@ def main() -> None:
         if settings.debug:
             traceback.print_exception(error)
         message, status = _describe(error)
+        if isinstance(error, OSError) and error.filename is None and _stdout_is_full():
+            message = f"standard output cannot be written: {error.strerror or error}"
         click.echo(f"taxel: {' '.join(message.split())}", err=True)
     sys.exit(status)
 
@@ -159,10 +167,47 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     click.echo(f"taxel: {' '.join(str(message).split())}", err=True)
 
 
+def _require_working_directory() -> None:
+    """Mitsuba ends the process without one."""
+    try:
+        os.getcwd()
+    except OSError as error:
+        raise click.ClickException(f"the working directory cannot be read: {error.strerror}.") from error
+
+
+class _Shown(io.TextIOWrapper):
+    """Text in which control characters, as of the name of a file, are written out: they would command a terminal."""
+
+    def write(self, text: str) -> int:
+        return super().write(_CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text))
+
+
 def _keep_stdout_for_results() -> None:
     """Redirect output of compiled libraries to stderr, so that stdout carries only our own output."""
-    sys.stdout.flush()
-    ours = os.dup(1)
+    encodings = [getattr(stream, "encoding", None) or "utf-8" for stream in (sys.stdout, sys.stderr)]
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        stream.flush()
+    for number in (0, 1, 2):  # a stream that is closed would be the next file that is opened
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+    ours, errors = os.dup(1), os.dup(2)
     os.dup2(2, 1)
     # Any file name can be printed.
-    sys.stdout = os.fdopen(ours, "w", encoding=sys.stdout.encoding, errors="backslashreplace")
+    results, messages = open(ours, "wb"), open(errors, "wb")
+    sys.stdout = _Shown(results, encodings[0], "backslashreplace", line_buffering=os.isatty(ours))
+    sys.stderr = _Shown(messages, encodings[1], "backslashreplace", line_buffering=True)
+
+
+def _stdout_is_full() -> bool:
+    """Whether standard output cannot be written; what it still holds is then given up."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return True
+    return False
+
+
+interrupts.raise_again()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -42,7 +43,7 @@ def _best_so_far() -> Iterator[Callable]:
     """A function that shows an optimisation's ``OptimisationProgress`` on a terminal."""
     from rich.console import Console
 
-    console = Console(stderr=True)
+    console = Console(file=sys.__stderr__)
     if not console.is_terminal:
         yield lambda progress: None
         return

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
@@ -34,7 +35,7 @@ def print_text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], wid
     if width is None:
         _show(table)
     else:
-        Console(highlight=False, markup=False, width=width).print(table)
+        Console(highlight=False, markup=False, color_system=None, width=width).print(table)
 
 
 def text_width() -> int:
@@ -55,7 +56,8 @@ def end_beyond_target(notes: Iterable[str]) -> None:
 
 def _show(table: Table) -> None:
     """Print a table without truncation: it is wrapped in a narrow terminal, but not in a pipe."""
-    console = Console(highlight=False, markup=False, width=None if Console().is_terminal else 10_000)
+    width = None if Console().is_terminal else 10_000
+    console = Console(highlight=False, markup=False, color_system=None, width=width)
     if console.measure(table).maximum > console.width:
         for column in table.columns:
             column.no_wrap, column.overflow = False, "fold"
@@ -250,7 +252,7 @@ def study_bar() -> Iterator[Callable]:
 
 def _bar() -> Progress:
     """A bar on stderr, if that is a terminal."""
-    console = Console(stderr=True)
+    console = Console(file=sys.__stderr__)  # control characters move its cursor
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 

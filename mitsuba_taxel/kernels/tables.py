@@ -101,11 +101,10 @@ def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
     lines = [line for line in read_text(given, found(file)).splitlines() if line.split("#")[0].strip()]
     try:
         table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, 2))
-    except ValueError as error:
+    except ValueError:
         row = next(number for number, line in enumerate(lines, start=1) if not _is_pair(line))
-        raise InputError(
-            f"{given}: row {row}, {lines[row - 1][:60]!r}, is not allowed: two columns of numbers are needed."
-        ) from error
+        # It is not quoted: a scene may name any file.
+        raise InputError(f"{given}: row {row} is not allowed: two columns of numbers are needed.") from None
     rows, columns = table.shape
     if columns != 2 or not fewest <= rows <= NODES:
         raise InputError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import gc
 import re
 import warnings
@@ -104,6 +105,13 @@ class Scene(Displayed):
         """The scene in an XML file, given by path or, for a shipped scene, by name (``pad.xml``)."""
         require("source", source, (str, Path), "the path or name of an XML scene")
         return cls(source, parameters)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Scene:
+        """A scene of its own; Mitsuba's objects in a dictionary, which never change, are in both."""
+        copied = copy.copy(self)
+        copied.source = _copied(self.source) if isinstance(self.source, dict) else self.source
+        copied.defaults, copied.parameters = dict(self.defaults), dict(self.parameters)
+        return copied
 
     @property
     def name(self) -> str:
@@ -288,6 +296,13 @@ def _types(part: Mapping[str, Any]) -> Iterator[str]:
             yield value
         elif isinstance(value, Mapping):
             yield from _types(value)
+
+
+def _copied(value: Any) -> Any:
+    """Dictionaries and lists copied, with the same objects in them."""
+    if isinstance(value, dict):
+        return {name: _copied(part) for name, part in value.items()}
+    return [_copied(part) for part in value] if isinstance(value, list) else value
 
 
 def _take_load(props: mi.Properties) -> tuple[tuple[float, ...], tuple[list[float], list[tuple[float, ...]]]]:

@@ -101,6 +101,15 @@ def test_an_indenter_beside_the_pad(tmp_path, x, message):
     assert message is None or message in found[0].message
 
 
+@pytest.mark.parametrize("radius, depth", [(2, -5), (0.01, -5), (3, -4.5)])
+def test_an_indenter_that_is_pushed_in_whole_touches_the_pad(tmp_path, radius, depth):
+    load = parameter("load", "indenter_displacement", "string") + parameter("indenter_radius", radius)
+    text = PAD.replace('<vector name="force" value="0, 0, $fz"/>', load)
+    text = change(text, IN_PAD, parameter("displacement", f"0, 0, {depth}", "vector"))
+    found = check(tmp_path, text.replace('<default name="fz" value="-5"/>', ""))
+    assert not [finding for finding in found if "does not touch" in finding.message]
+
+
 def test_no_board_is_worth_a_note(tmp_path):
     (finding,) = check(tmp_path, PAD.split('<shape type="rectangle">')[0] + "</scene>")
     assert (finding.severity, finding.line) == ("note", 4) and "there is no board" in finding.message

@@ -12,7 +12,7 @@ import time
 from contextlib import contextmanager
 
 import pytest
-from started_process import started
+from started_process import interrupted, started
 
 from mitsuba_taxel import InputError, open_study
 from mitsuba_taxel.sensing import Scene, find_scene
@@ -230,3 +230,48 @@ def test_a_folder_is_no_scene(taxel, tmp_path):
     (tmp_path / "folder").mkdir()
     done = taxel("render", "folder")
     assert done.returncode == 2 and done.stderr == "taxel: scene 'folder' cannot be read: it is a folder.\n"
+
+
+@pytest.mark.parametrize("words", [("plugins",), ("--help",), ("render", "plate.xml", "--points", "1")])
+def test_a_full_standard_output_is_one_line(program, tmp_path, words):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([program, *words], cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.stderr == "taxel: standard output cannot be written: No space left on device\n"
+    assert done.returncode == 1
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_none_of_its_files(program, tmp_path, closed):
+    line = f"exec {program} render plate.xml --points 1 -o map.exr {closed}"
+    done = subprocess.run(["bash", "-c", line], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "map.exr").read_bytes()[:4] == b"\x76\x2f\x31\x01"
+    assert ("Seconds" in done.stdout) is (closed == "2>&-")
+
+
+def test_a_working_directory_that_is_gone_is_one_line(program, tmp_path):
+    line = f"mkdir gone && cd gone && rmdir ../gone && exec {program} render plate.xml --points 1"
+    done = subprocess.run(["bash", "-c", line], cwd=tmp_path, capture_output=True, text=True)
+    said = "taxel: the working directory cannot be read: No such file or directory.\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", said)
+
+
+def test_control_characters_of_names_do_not_reach_the_terminal(taxel, tmp_path):
+    name, shown = "a\x1b]0;title\x07\x9b31m", r"a\x1b]0;title\x07\x9b31m"
+    scene = tmp_path / f"{name}.xml"
+    scene.write_text("<scene")
+    (tmp_path / name).mkdir()
+    unknown = ("render", "plate.xml", "-D", f"{name}=1")
+    for words in (("check", scene.name), ("render", scene.name), ("status", name), unknown):
+        done = taxel(*words)
+        assert shown in done.stdout + done.stderr
+        assert not {"\x1b", "\x07", "\x9b"} & set(done.stdout + done.stderr)
+
+
+@pytest.mark.parametrize("seconds", [0.15, 0.3, 0.5, 0.8])
+def test_an_interrupt_while_it_is_imported_leaves_no_traceback(program, tmp_path, seconds):
+    with started([program, *LONG], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        time.sleep(seconds)
+        out, err = interrupted(run)
+    assert err.strip() in ("", "taxel: interrupted"), err
+    assert run.returncode in (130, -signal.SIGINT)

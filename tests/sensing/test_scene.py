@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import ctypes
 import gc
 import os
@@ -182,3 +183,13 @@ def test_defaults_that_nothing_uses_are_warned_of_and_change_nothing(tmp_path, l
     assert "spp" not in (tmp_path / "written.xml").read_text()
     with pytest.warns(UnusedDefault), pytest.raises(InputError, match="spp cannot be varied: nothing in more.xml uses"):
         make_batch(tmp_path / "more.xml", {"spp": "1,2"})
+
+
+def test_a_scene_from_a_dictionary_can_be_copied(llvm_mono):
+    """With Mitsuba's objects in it, too; the copy is a scene of its own."""
+    mi = llvm_mono
+    turned = {"type": "rectangle", "to_world": mi.ScalarTransform4f().scale(2)}
+    scene = Scene({"type": "scene", "made": mi.load_dict({"type": "sphere"}), "turned": turned})
+    copied = copy.deepcopy(scene)
+    del copied.source["turned"]
+    assert len(scene.load().shapes()) == 2 and len(copied.load().shapes()) == 1

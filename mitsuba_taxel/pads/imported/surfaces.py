@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import warnings
 
 import numpy as np
@@ -62,7 +63,10 @@ def _check_header(content: bytes) -> None:
 def _parse(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
 
+    log = logging.getLogger("trimesh")
+    level = log.level
     try:
+        log.setLevel(logging.CRITICAL)  # it writes tracebacks about textures
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             # Without a resolver no other file, such as a texture, is opened.
@@ -74,6 +78,8 @@ def _parse(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
         raise GeometryError(
             f"it cannot be read as {suffix[1:].upper()} ({' '.join(str(error).split())[:100]})"
         ) from error
+    finally:
+        log.setLevel(level)
 
 
 def check_extent(vertices: np.ndarray) -> None:

@@ -249,3 +249,11 @@ def test_whatever_the_bytes_the_answer_is_one_line(data, box, tmp_path, monkeypa
     with pytest.raises((InputError, ComputationError)) as caught:
         file_meshing.mesh_pad_file(PadFile(path), 1.25)
     assert "\n" not in str(caught.value)
+
+
+def test_a_texture_that_a_file_names_is_neither_opened_nor_spoken_of(tmp_path, caplog):
+    head = "ply\nformat ascii 1.0\ncomment TextureFile x.png\nelement vertex 0\nproperty float x\nend_header\n"
+    (tmp_path / "pad.ply").write_text(head)
+    with pytest.raises(GeometryError, match="it holds no triangles of the format PLY"):
+        read_surface((tmp_path / "pad.ply").read_bytes(), ".ply")
+    assert not caplog.records
