@@ -26,7 +26,7 @@ from .options import debug_option
 COMMANDS = (
     "new", "check", "render", "rays", "picture", "sweep", "status", "characterise", "compare", "tolerance", "fit",
     "optimise", "report", "export", "calibrate", "dataset", "deform", "parts", "plugins", "bench", "reproduce",
-    "validate", "doctor",
+    "validate", "doctor", "cache",
 )  # fmt: skip
 
 

@@ -292,3 +292,14 @@ def test_words_are_wrapped_and_all_shipped_scenes_are_named(taxel):
     assert max(map(len, shown.splitlines())) <= 100 and "Rigid motion" in shown
     scenes = [file.name for file in files("mitsuba_taxel.scenes").iterdir() if file.name.endswith(".xml")]
     assert len(scenes) > 2 and all(scene in taxel("--help").stdout for scene in scenes)
+
+
+def test_the_cache_says_where_and_how_much_and_is_cleared(taxel, tmp_path, monkeypatch):
+    monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "kept"))
+    assert taxel("cache").stdout == f"folder: {tmp_path / 'kept'}\nkept: 0 entries, 0.0 MB of at most 10000 MB\n"
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / f"{64 * 'a'}.npz").write_bytes(bytes(2_000_000))
+    (tmp_path / "kept" / "own.npz").touch()
+    assert json.loads(taxel("cache", "--json").stdout)["bytes"] == 2_000_000
+    assert taxel("cache", "--clear").stdout.startswith("removed: 1 entries, 2.0 MB\n")
+    assert [file.name for file in (tmp_path / "kept").iterdir()] == ["own.npz"]

@@ -8,9 +8,11 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
+import time
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,11 @@ from mitsuba_taxel.base import archive
 from mitsuba_taxel.base.atomic import WriteError, reason_of, remove_stale, replacing
 from mitsuba_taxel.base.sources import code_digest
 
+LARGEST = 10 * 10**9
+"""Bytes that the folder may have."""
+SPARED = 600.0
+"""Seconds for which what has been used is in use."""
+_OURS = re.compile(r"[0-9a-f]{64}\.npz")
 ROOMS = ("parameters", "base", "geometry", "pads", "mechanics")
 """The code that solutions depend on."""
 
@@ -41,8 +48,11 @@ def key(*parts: object) -> str:
 
 def load(name: str) -> dict[str, np.ndarray] | None:
     """The arrays stored under ``name``, or None if missing or damaged."""
+    file = folder() / f"{name}.npz"
     try:
-        content = (folder() / f"{name}.npz").read_bytes()
+        content = file.read_bytes()
+        with suppress(OSError):  # one that may not be changed is another user's
+            os.utime(file, ns=(time.time_ns(), file.stat().st_mtime_ns))  # few file systems note when it is read
     except OSError:
         return None
     return archive.unpack(content)
@@ -70,6 +80,44 @@ def alone(name: str) -> Iterator[None]:
         lock.release()
 
 
+class _Limit:
+    """Keeps the folder below :data:`LARGEST`: it is looked through at first, and after each hundredth of that."""
+
+    def __init__(self) -> None:
+        self._since = LARGEST
+
+    def stored(self, size: int) -> None:
+        self._since += size
+        if self._since > LARGEST // 100:
+            self._since = 0
+            remove_least_recently_used(LARGEST)
+
+
+cache_limit = _Limit()
+
+
+def remove_least_recently_used(largest: int, spared: float = SPARED) -> tuple[int, int]:
+    """Remove entries, those used longest ago first, until the others have at most ``largest`` bytes together.
+
+    Entries that a process computes now, or that one has used in the last ``spared`` seconds, stay.
+
+    Returns
+    -------
+    Number of entries removed, and their bytes.
+    """
+    now, removed = time.time(), [0, 0]
+    files = [(file.stat(), file) for file in entries()]
+    total = sum(about.st_size for about, _ in files)
+    for about, file in sorted(files, key=lambda each: max(each[0].st_atime, each[0].st_mtime)):
+        if total <= largest or now - max(about.st_atime, about.st_mtime) < spared:
+            break
+        if not is_locked(file.name.removesuffix(".npz")):
+            with suppress(OSError):
+                os.unlink(file.path)
+                total, removed = total - about.st_size, [removed[0] + 1, removed[1] + about.st_size]
+    return removed[0], removed[1]
+
+
 def store(name: str, arrays: dict[str, np.ndarray]) -> None:
     """Store ``arrays`` under ``name``; warns if that is not possible."""
     try:
@@ -77,9 +125,33 @@ def store(name: str, arrays: dict[str, np.ndarray]) -> None:
         remove_stale(folder())
         with replacing(folder() / f"{name}.npz") as file:
             file.write_bytes(archive.pack(arrays))
+        cache_limit.stored((folder() / f"{name}.npz").stat().st_size)
     except (OSError, WriteError) as error:
         # Here, and not where it is called, so that it is said once.
         warnings.warn(f"solutions are not kept: {folder()} cannot be written ({reason_of(error)}).", stacklevel=1)
+
+
+def entries() -> list[os.DirEntry[str]]:
+    """The files of the folder that this cache has written."""
+    try:
+        with os.scandir(folder()) as files:
+            return [file for file in files if _OURS.fullmatch(file.name) and file.is_file(follow_symlinks=False)]
+    except OSError:
+        return []
+
+
+def is_locked(name: str) -> bool:
+    """Whether a process computes the arrays of ``name``."""
+    from filelock import FileLock, Timeout
+
+    file = folder() / "locks" / name
+    if not file.is_file():
+        return False
+    try:
+        with FileLock(file, timeout=0):
+            return False
+    except (Timeout, OSError):
+        return True
 
 
 def arrays_of(state: Any) -> dict[str, np.ndarray]:

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 import warnings
 from contextlib import ExitStack
 from pathlib import Path
@@ -142,3 +143,53 @@ def test_processes_may_solve_the_same_at_once(fresh):
         digests = {run.communicate()[0] for run in runs}
     assert all(run.returncode == 0 for run in runs)
     assert len(digests) == 1
+
+
+@pytest.fixture
+def filled(tmp_path, monkeypatch):
+    """Five entries of the same size, used one hour after the other, and a file of somebody else's."""
+    monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path))
+    names = [cache.key(number) for number in range(5)]
+    for age, name in zip((5, 4, 3, 2, 1), names, strict=True):
+        cache.store(name, {"values": np.zeros(1000)})
+        then = time.time() - 3600 * age
+        os.utime(tmp_path / f"{name}.npz", (then, then))
+    (tmp_path / "notes.npz").write_bytes(bytes(10**6))
+    return tmp_path, names, (tmp_path / f"{names[0]}.npz").stat().st_size
+
+
+def kept(names):
+    return [number for number, name in enumerate(names) if cache.holds(name)]
+
+
+def test_what_was_used_longest_ago_goes_first(filled):
+    folder, names, size = filled
+    cache.load(names[0])
+    assert cache.remove_least_recently_used(3 * size) == (2, 2 * size)
+    assert kept(names) == [0, 3, 4] and (folder / "notes.npz").exists()
+    assert cache.remove_least_recently_used(0) == (2, 2 * size) and kept(names) == [0]
+
+
+def test_what_is_in_use_stays(filled):
+    """What a process computes, under its lock, and what was stored just now."""
+    folder, names, size = filled
+    computing = f"""
+from mitsuba_taxel.mechanics.path import cache
+with cache.alone({names[1]!r}):
+    print(flush=True)
+    input()
+"""
+    with started([sys.executable, "-c", computing], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        cache.store(names[2], {"values": np.ones(1000)})
+        cache.remove_least_recently_used(0)
+        assert kept(names) == [1, 2]
+
+
+def test_storing_keeps_the_folder_below_its_limit(filled, monkeypatch):
+    folder, names, size = filled
+    monkeypatch.setattr(cache, "LARGEST", 3 * size)
+    monkeypatch.setattr(cache, "cache_limit", cache._Limit())
+    cache.store(cache.key("new"), {"values": np.zeros(1000)})
+    assert kept(names) == [3, 4] and cache.holds(cache.key("new"))
+    assert cache.load(names[3]) is not None
