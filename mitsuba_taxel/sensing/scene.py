@@ -217,8 +217,8 @@ class Scene(Displayed):
 
         from mitsuba_taxel.backend.libraries import check_plugin_types
         from mitsuba_taxel.backend.plugin_objects import find_file
-        from mitsuba_taxel.sensing.nested_parts import unused_parts
         from mitsuba_taxel.sensing.named_files import check_named_files
+        from mitsuba_taxel.sensing.nested_parts import unused_parts
 
         if isinstance(self.source, dict):
             check_plugin_types(_types(self.source))
