@@ -34,8 +34,9 @@ def cells_of_file(pad: PadFile, mesh_size: float | None) -> np.ndarray:
         mesh = pad.mesh(size)
         return _boxes_of_cells(mesh.points[mesh.faces], mesh.face_cell)
     try:
-        vertices, triangles = repaired(*read_surface(pad.content(), pad.suffix))
-        _, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), pad.regions)
+        vertices, triangles = repaired(*read_surface(pad.content(), pad.suffix, pad.placement))
+        surface = FacedSurface(vertices, triangles, faces_of(vertices, triangles))
+        _, cell = tagged(surface, pad.regions, pad.placement)
     except GeometryError as error:
         raise InputError(f"filename = {pad.path} is not allowed: {error}.") from error
     check_mesh_size(size, volume(vertices, triangles))

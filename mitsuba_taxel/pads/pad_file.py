@@ -14,7 +14,10 @@ from mitsuba_taxel.base.arguments import path_of, require
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.text import read_bytes
+from mitsuba_taxel.pads.imported.placement import AS_DRAWN, DIRECTIONS, Placement
 from mitsuba_taxel.pads.imported.rules import Rule, read_rules
+from mitsuba_taxel.parameters import choice, number
+from mitsuba_taxel.parameters.checked import check
 
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -26,7 +29,7 @@ MOST_BYTES = 100 * 2**20
 
 @dataclass(frozen=True)
 class PadFile(Displayed):
-    """A pad in a file: a closed surface of triangles (STL, PLY, OBJ) or a solid (STEP), in mm, standing on z = 0.
+    """A pad in a file: a closed surface of triangles (STL, PLY, OBJ) or a solid (STEP), standing on z = 0.
 
     Pads with the same content and the same rules are equal, wherever the file lies.
 
@@ -37,6 +40,11 @@ class PadFile(Displayed):
     regions : tuple[Rule, ...]
         Rules that assign regions to faces, or a TOML file of them (see :func:`read_rules`); the first matching
         rule applies. Other faces are guessed: see :func:`mitsuba_taxel.pads.imported.regions.tagged`.
+    scale : float
+        Mm per unit of length of the file; STEP files state their unit, and are in mm as they are read.
+    up : str
+        Direction in the file that points up, ``x``, ``y``, ``z``, ``-x``, ``-y`` or ``-z``: the pad is turned, the
+        middle of the box around it moved to x = y = 0, and its lowest point to z = 0. ``as drawn`` leaves it.
 
     Raises
     ------
@@ -46,6 +54,21 @@ class PadFile(Displayed):
 
     path: Path = field(compare=False)
     regions: tuple[Rule, ...] = ()
+    scale: float = number(
+        1.0,
+        "",
+        "Mm per unit of length of the file: 25.4 for inches, 1000 for m. A STEP file states its unit, which counts "
+        "already.",
+        above=0,
+        name="file_scale",
+    )
+    up: str = choice(
+        AS_DRAWN,
+        DIRECTIONS,
+        "Direction in the file that points up. With one, the box around the pad is centred at x = y = 0, and stands on "
+        "z = 0.",
+        name="file_up",
+    )
     suffix: str = field(init=False, repr=False)
     digest: str = field(init=False, repr=False)
 
@@ -55,6 +78,7 @@ class PadFile(Displayed):
         if self.suffix not in SURFACE_FORMATS + STEP_FORMATS:
             known = ", ".join(SURFACE_FORMATS + STEP_FORMATS)
             raise InputError(f"filename = {self.path} is not allowed: a file that ends in one of {known} is needed.")
+        check(self)
         require("regions", self.regions, (str, Path, Sequence), "rules or the name of a TOML file")
         rules = read_rules(self.regions) if isinstance(self.regions, str | Path) else tuple(self.regions)
         if not all(isinstance(rule, Rule) for rule in rules):
@@ -78,7 +102,13 @@ class PadFile(Displayed):
         """Values that identify the pad, fit for JSON."""
         meshers = ["netgen-mesher", *([] if self.is_drawn else ["pytetwild"])]
         versions = [[mesher, version(mesher)] for mesher in meshers]
-        return [self.suffix, self.digest, [asdict(rule) for rule in self.regions], versions]
+        rules = [asdict(rule) for rule in self.regions]
+        return [self.suffix, self.digest, rules, self.scale, self.up, versions]
+
+    @property
+    def placement(self) -> Placement:
+        """How the geometry of the file becomes that of the pad."""
+        return Placement(self.scale, self.up)
 
     @cached_property
     def default_mesh_size(self) -> float:

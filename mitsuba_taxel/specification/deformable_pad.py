@@ -82,6 +82,8 @@ class DeformablePad(Specification):
         "Your own pad: a closed surface as STL, PLY or OBJ, or a solid as STEP, in mm, standing on z = 0.",
         "the name of a file",
     )
+    file_scale: float | None = taken(PadFile, "scale", needs="filename")
+    file_up: str | None = taken(PadFile, "up", needs="filename")
     regions: str | None = text(
         None,
         "A TOML file of rules that assign faces to regions.",
@@ -188,6 +190,8 @@ class DeformablePad(Specification):
     indenter_angle: float | None = taken(Indenter, "angle", when=("indenter", "punch", "cylinder", "plane", "file"))
     indenter_tilt: float | None = taken(Indenter, "tilt", when=("indenter", "punch", "plane", "file"))
     indenter_file: str | None = taken(Indenter, "file", when=("indenter", "file"))
+    indenter_file_scale: float | None = taken(Indenter, "file_scale", when=("indenter", "file"))
+    indenter_file_up: str | None = taken(Indenter, "file_up", when=("indenter", "file"))
     indenter_x: float | None = number(0.0, "mm", "Position of the indenter's tip along x.", when=_INDENTER)
     indenter_y: float | None = number(0.0, "mm", "Position of the indenter's tip along y.", when=_INDENTER)
     friction: float | None = taken(Indenter, "friction", when=_INDENTER)
@@ -274,7 +278,7 @@ class DeformablePad(Specification):
         if self.filename is None:
             return Pad(**self._own(Pad))
         rules = () if self.regions is None else find(self.regions)
-        return PadFile(find(self.filename), rules)
+        return PadFile(find(self.filename), rules, **self._own(PadFile))
 
     def build_material(self) -> Material:
         """The silicone."""

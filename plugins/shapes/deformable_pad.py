@@ -12,6 +12,7 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import found, make_plugin
 from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.cell_surface import CellSurface
 from mitsuba_taxel.kernels.dome_elements import fewer_triangles, size_for_light
 from mitsuba_taxel.kernels.mesh_adapter import (
@@ -241,7 +242,13 @@ class DeformablePad(mi.Mesh):
         InputError, ComputationError
             as of `load_path`: if it touches them undeformed, or its load path ends.
         """
-        state = self.state_under(self.value, obstacles)
+        try:
+            state = self.state_under(self.value, obstacles)
+        except InputError as error:  # undeformed
+            if not isinstance(self.pad, PadFile):
+                raise
+            advice = self.pad.placement.advice(self.state.mesh)
+            raise InputError(f"{str(error).removesuffix('.')}; {advice}.") from error
         if not self.load.goes_on:
             return False
         before, self.state = self.state, state

@@ -15,6 +15,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.mechanics.contact.solid import Solid, content_of, solid_in
+from mitsuba_taxel.pads.imported.placement import AS_DRAWN, DIRECTIONS, Placement
 from mitsuba_taxel.parameters import REQUIRED, Checked, choice, number, text
 
 INDENTERS = {
@@ -108,6 +109,22 @@ class Indenter(Checked):
         when=("shape", "file"),
         name="indenter_file",
     )
+    file_scale: float | None = number(
+        1.0,
+        "",
+        "Mm per unit of length of the file: 25.4 for inches, 1000 for m.",
+        above=0,
+        when=("shape", "file"),
+        name="indenter_file_scale",
+    )
+    file_up: str | None = choice(
+        AS_DRAWN,
+        DIRECTIONS,
+        "Direction in the file that points up. With one, the middle of the box around the body is where the indenter "
+        "is placed.",
+        when=("shape", "file"),
+        name="indenter_file_up",
+    )
     digest: str = field(default="", init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -133,13 +150,18 @@ class Indenter(Checked):
 
         if self.file is not None:
             object.__setattr__(self, "digest", hashlib.sha256(content_of(self.file)).hexdigest())
-            solid_in(self.file, self.digest, self.tilt or 0.0)  # refuses one that holds none
+            _ = self.solid  # refuses one that holds none
 
     @property
     def solid(self) -> Solid:
         """What the file holds, tilted."""
         assert self.file is not None
-        return solid_in(self.file, self.digest, self.tilt or 0.0)
+        return solid_in(self.file, self.digest, self.tilt or 0.0, self._placement)
+
+    @property
+    def _placement(self) -> Placement:
+        assert self.file_scale is not None and self.file_up is not None
+        return Placement(self.file_scale, self.file_up, "indenter_")
 
     def gap(self, places: np.ndarray) -> Gap:
         """Distances of places (n, 3), in mm from the tip."""
@@ -236,6 +258,12 @@ class Indenter(Checked):
         places = self._own(places)
         if self.shape == "file":
             footprint = self.solid.distance.footprint(depth)
+            if not len(footprint):
+                size = np.ptp(self.solid.vertices, axis=0)
+                raise InputError(
+                    f"indenter_file = {self.file} is not allowed: {' x '.join(f'{side:.3g}' for side in size)} mm is "
+                    f"too small a body for a depth of {depth:.3g} mm{self._placement.other_units(float(size.max()))}."
+                )
             level = PointTree(np.append(footprint, np.zeros((len(footprint), 1)), axis=1))
             return level.query(places)[0]
         if self.shape == "cylinder":

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.mechanics.contact.solid_distance import SolidDistance
+from mitsuba_taxel.pads.imported.placement import Placement
 from mitsuba_taxel.pads.imported.repair import repaired
 from mitsuba_taxel.pads.imported.surfaces import read_surface
 from mitsuba_taxel.pads.pad_file import MOST_BYTES, SURFACE_FORMATS
@@ -51,7 +52,7 @@ def content_of(file: str) -> bytes:
 
 
 @lru_cache(maxsize=4)
-def solid_in(file: str, digest: str, tilt: float) -> Solid:
+def solid_in(file: str, digest: str, tilt: float, placement: Placement) -> Solid:
     """The body in a file that holds what it held when its ``digest`` was taken, tilted by degrees; raises `InputError`.
 
     It turns about y, at x = 0 and the lowest height.
@@ -60,7 +61,7 @@ def solid_in(file: str, digest: str, tilt: float) -> Solid:
     if hashlib.sha256(content).hexdigest() != digest:
         raise InputError(f"indenter_file = {file} is not allowed: it has changed since it was opened.")
     try:
-        vertices, triangles = repaired(*read_surface(content, Path(file).suffix.lower()))
+        vertices, triangles = repaired(*read_surface(content, Path(file).suffix.lower(), placement))
     except GeometryError as error:
         raise InputError(f"indenter_file = {file} is not allowed: {error}.") from error
     vertices = (vertices - [0.0, 0.0, vertices[:, 2].min()]) @ Rotation.from_euler("y", -tilt, degrees=True).as_matrix()

@@ -36,9 +36,9 @@ def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
     with _named(pad):
         content = pad.content()
         if pad.is_drawn:
-            mesh = mesh_step(pad.path.resolve(), pad.digest, pad.regions, mesh_size)
+            mesh = mesh_step(pad.path.resolve(), pad.digest, pad.regions, mesh_size, pad.placement)
         else:
-            mesh = mesh_surface(content, pad.suffix, pad.regions, mesh_size)
+            mesh = mesh_surface(content, pad.suffix, pad.regions, mesh_size, pad.placement)
     quality, where = worst_element(mesh)
     if quality < LEAST_QUALITY:
         raise ComputationError(
@@ -52,10 +52,10 @@ def default_size_of(pad: PadFile) -> float:
     with _named(pad):
         content = pad.content()
         if pad.is_drawn:
-            body = surveyed(pad.path.resolve(), pad.digest, pad.regions)
+            body = surveyed(pad.path.resolve(), pad.digest, pad.regions, pad.placement)
             surface = (body.patches.vertices, body.patches.triangles, body.patch_region, body.cell[body.face])
         else:
-            part, _, _ = parts_of(content, pad.suffix, pad.regions)
+            part, _, _ = parts_of(content, pad.suffix, pad.regions, pad.placement)
             surface = (part.vertices, part.triangles, part.region, part.cell)
         return default_mesh_size(*surface)
 

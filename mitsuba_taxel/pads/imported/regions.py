@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mitsuba_taxel.geometry.geometry_error import GeometryError, place
 from mitsuba_taxel.geometry.triangles import area_normals, components, neighbours, unit
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.imported.placement import AS_DRAWN, DIRECTIONS, UNMOVED, Placement
 from mitsuba_taxel.pads.imported.rules import Rule
 from mitsuba_taxel.pads.pad import REGIONS
 
 ROOF_ANGLE = 60.0
-"""Degrees from straight down within which the normal of a hollow's face makes it a roof, in absence of rules."""
+"""Degrees from straight down within which the normal of a part of a hollow's face, or of a smooth patch of triangles,
+makes the whole a roof, in absence of rules."""
+LEAST_ROOF = 0.1
+"""Least share of that part in the area: of a hemisphere it is a half, of one on a leaning wall less."""
+CREASE, UPRIGHT = 35.0, 0.5
+"""Degrees between the normals of neighbouring triangles above which there is an edge, and between a normal and the
+horizontal below which a wall is upright."""
 LEVEL_TOLERANCE = 1e-4
 """Largest distance of bottom or top from the board or the highest point, relative to the height."""
 LEVEL_ANGLE = 1.0
@@ -48,11 +55,39 @@ class FacedSurface:
     names: Sequence[str] = ()
 
 
-def tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, np.ndarray]:
+def tagged(
+    surface: FacedSurface, rules: Sequence[Rule], placement: Placement = UNMOVED
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `_tagged`; where the surface is no pad as drawn, the message names the direction ``up`` that makes it one."""
+    try:
+        return _tagged(surface, rules)
+    except GeometryError as error:
+        standing = _standing(surface, rules) if placement.up == AS_DRAWN else []
+        if not standing:
+            raise
+        words = " or ".join(f"{placement.prefix}file_up = {up!r}" for up in standing)
+        raise GeometryError(f"{error}; {words} stands it on the board, centred at x = y = 0") from error
+
+
+def _standing(surface: FacedSurface, rules: Sequence[Rule]) -> list[str]:
+    """The directions of a file that point up in a pad."""
+    directions = []
+    for up in DIRECTIONS:
+        if up != AS_DRAWN:
+            try:
+                _tagged(replace(surface, vertices=Placement(1.0, up).placed(surface.vertices)), rules)
+                directions.append(up)
+            except GeometryError:
+                pass
+    return directions
+
+
+def _tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, np.ndarray]:
     """Region code (T,) and number of the cell (T,) of each triangle.
 
     The first rule that matches a face gives its region. Other faces are bottom on the board, top at the highest z, roof
-    or side in a hollow, and outer elsewhere; bottom or top is not guessed if a rule names it. A hollow is a part of the
+    or side in a hollow, and outer elsewhere; a roof is a face, or a smooth patch of triangles, of which a part looks
+    down; bottom or top is not guessed if a rule names it. A hollow is a part of the
     surface between bottom and top that does not touch the top.
 
     Cells are the connected components of roof and side, numbered row by row from (-x, +y).
@@ -77,10 +112,30 @@ def tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, np
     by_triangle = region[surface.face]
     _check_ends(surface, by_triangle)
     hollow = _hollow(len(surface.triangles), pairs, by_triangle)
-    down = faces.normal[:, 2] < -math.cos(math.radians(ROOF_ANGLE))
-    guess = np.where(hollow, np.where(down, REGIONS["roof"], REGIONS["side"])[surface.face], REGIONS["outer"])
+    group = surface.face if surface.names else _smooth_patches(surface, pairs)
+    roof = _looks_down(surface, group)
+    guess = np.where(hollow, np.where(roof, REGIONS["roof"], REGIONS["side"]), REGIONS["outer"])
     by_triangle = np.where(by_triangle == 0, guess, by_triangle)
     return by_triangle, _cells(surface, pairs, by_triangle)
+
+
+def _smooth_patches(surface: FacedSurface, pairs: np.ndarray) -> np.ndarray:
+    """(T,) number of the patch of each triangle: neighbours without a crease between them are of one patch, but
+    upright walls end where the surface leans, as the wall below a dome does."""
+    normal = unit(area_normals(surface.vertices, surface.triangles))
+    upright = np.abs(normal[:, 2]) < math.sin(math.radians(UPRIGHT))
+    cosine = np.einsum("pk,pk->p", normal[pairs[:, 0]], normal[pairs[:, 1]])
+    smooth = (cosine > math.cos(math.radians(CREASE))) & (upright[pairs[:, 0]] == upright[pairs[:, 1]])
+    return components(len(normal), pairs[smooth])
+
+
+def _looks_down(surface: FacedSurface, group: np.ndarray) -> np.ndarray:
+    """(T,) whether a part of a triangle's group (T,), as a dome's middle, lies within `ROOF_ANGLE` of facing down."""
+    vector = area_normals(surface.vertices, surface.triangles)
+    area = np.linalg.norm(vector, axis=1)
+    down = vector[:, 2] < -math.cos(math.radians(ROOF_ANGLE)) * area
+    share = np.bincount(group, down * area) / np.maximum(np.bincount(group, area), np.finfo(float).tiny)
+    return (share > LEAST_ROOF)[group]
 
 
 class _Faces:

@@ -271,6 +271,8 @@ class _Surface:
         np.add.at(total, ends[:, 0], self.points[ends[:, 1]])
         number = np.bincount(ends[:, 0], minlength=len(self.points))
         nodes = np.flatnonzero((number > 0) & ~self.fixed)
+        if not len(nodes):  # large elements have corners of the body only
+            return
         goal = total[nodes] / number[nodes, None]
         before = self.points[nodes].copy()
         places = 0.5 * (before + goal)

@@ -16,11 +16,12 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.curvature import radii
 from mitsuba_taxel.pads.imported.isolated_process import run_isolated
 from mitsuba_taxel.pads.imported.local_sizes import SingularEdges, patch_sizes
+from mitsuba_taxel.pads.imported.placement import AS_DRAWN, Placement
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
 from mitsuba_taxel.pads.imported.round_faces import on_round_faces
 from mitsuba_taxel.pads.imported.rules import Rule
 from mitsuba_taxel.pads.imported.snapping import Patches
-from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE, check_extent, check_mesh_size
+from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE, check_mesh_size
 from mitsuba_taxel.pads.imported.symmetric_part import PLANE, TOLERANCE, exactly_on, group_of, planes_of, whole
 from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.meshing import (
@@ -42,7 +43,7 @@ MOST_IMAGES = 300
 """Points of the surface whose mirror images are tested."""
 
 
-def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float) -> VolumeMesh:
+def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float, placement: Placement) -> VolumeMesh:
     """Mesh of the one solid in a STEP file; ``digest`` identifies its content.
 
     Raises
@@ -52,23 +53,29 @@ def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float
     ComputationError
         if meshing fails.
     """
-    survey = surveyed(path, digest, rules)
+    survey = surveyed(path, digest, rules, placement)
     check_mesh_size(mesh_size, survey.volume)
     # Netgen may fail on a part cut from the body, or cut it incorrectly.
     for mirrors in (survey.mirrors, ()) if survey.mirrors else ((),):
-        mesh = _good_mesh(path, survey, mirrors, mesh_size, last=not mirrors)
+        mesh = _good_mesh(_read_as(path, placement), survey, mirrors, mesh_size, last=not mirrors)
         if mesh is not None:
             return mesh
     raise ComputationError(f"meshing the pad lost a part of it: choose another mesh_size than {mesh_size:g}.")
 
 
+def _read_as(path: Path, placement: Placement) -> dict[str, object]:
+    """Arguments of the worker for the body in a file."""
+    up = "" if placement.up == AS_DRAWN else placement.up
+    return {"path": str(path), "scale": placement.scale, "turn": placement.turn, "moved": bool(up)}
+
+
 def _good_mesh(
-    path: Path, survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, last: bool
+    solid: dict[str, object], survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, last: bool
 ) -> VolumeMesh | None:
     """The first mesh without distorted elements, or None; if ``last``, distorted ones are accepted."""
     for refinement in REFINEMENTS:
         try:
-            mesh = whole(_meshed(path, survey, mirrors, mesh_size, FINER * refinement), mirrors)
+            mesh = whole(_meshed(solid, survey, mirrors, mesh_size, FINER * refinement), mirrors)
         except ComputationError:
             if last:
                 raise
@@ -114,23 +121,29 @@ class Survey:
 
 
 @lru_cache(maxsize=4)  # for the second mesh, of the error estimate
-def surveyed(path: Path, digest: str, rules: tuple[Rule, ...]) -> Survey:
-    raw = run_isolated("survey_step", {"path": str(path), "curvature_safety": SURVEY_SAFETY})
+def surveyed(path: Path, digest: str, rules: tuple[Rule, ...], placement: Placement) -> Survey:
+    solid = _read_as(path, placement)
+    raw = run_isolated("survey_step", {**solid, "curvature_safety": SURVEY_SAFETY})
     points, triangles, face = raw["points"], raw["triangles"], raw["face"]
-    check_extent(points)
-    by_triangle, by_cell = tagged(FacedSurface(points, triangles, face, raw["names"].tolist()), rules)
+    placement.check_extent(points)
+    by_triangle, by_cell = tagged(FacedSurface(points, triangles, face, raw["names"].tolist()), rules, placement)
     region, cell = np.zeros((2, len(raw["names"])), dtype=int)
     region[face], cell[face] = by_triangle, by_cell
     patches = Patches(points, triangles, by_triangle, by_cell)
     singular = SingularEdges(patches, by_triangle, face)
     diagonal, height = float(np.linalg.norm(np.ptp(points, axis=0))), float(points[:, 2].max())
-    mirrors = _mirrors(path, points, triangles, face, region, TOLERANCE * diagonal)
+    mirrors = _mirrors(solid, points, triangles, face, region, TOLERANCE * diagonal)
     volume = float(raw["volume"])
     return Survey(volume, diagonal, height, mirrors, region, cell, patches, by_triangle, face, singular)
 
 
 def _mirrors(
-    path: Path, points: np.ndarray, triangles: np.ndarray, face: np.ndarray, region: np.ndarray, tolerance: float
+    solid: dict[str, object],
+    points: np.ndarray,
+    triangles: np.ndarray,
+    face: np.ndarray,
+    region: np.ndarray,
+    tolerance: float,
 ) -> tuple[Mirror, ...]:
     """The mirrors under which the body and its regions are invariant, tested at points all over its surface."""
     node, first = np.unique(triangles, return_index=True)
@@ -138,12 +151,14 @@ def _mirrors(
     node, at = node[chosen], region[np.repeat(face, 3)[first[chosen]]]
     # A point on several faces is assigned to one of them: its image lies on the images of all.
     matrices = np.array([mirror.image(np.eye(3)) for mirror in MIRRORS])
-    asked = {"path": str(path), "region": region, "points": points[node], "at": at, "matrices": matrices}
+    asked = {**solid, "region": region, "points": points[node], "at": at, "matrices": matrices}
     kept = run_isolated("mirrors_of_step", {**asked, "tolerance": tolerance})["kept"]
     return group_of(mirror for mirror, keeps in zip(MIRRORS, kept, strict=True) if keeps)
 
 
-def _meshed(path: Path, survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, refinement: float) -> VolumeMesh:
+def _meshed(
+    solid: dict[str, object], survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, refinement: float
+) -> VolumeMesh:
     """Mesh of the symmetric part; its faces along the mirror planes are of the region `PLANE`."""
     planes = planes_of(mirrors)
     sizes = patch_sizes(survey.patches, survey.patch_region, mesh_size) / refinement
@@ -155,7 +170,7 @@ def _meshed(path: Path, survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: 
     raw = run_isolated(
         "mesh_step",
         {
-            "path": str(path),
+            **solid,
             "planes": np.array([mirror.normal for mirror in planes], dtype=float).reshape(-1, 2),
             "mesh_size": BULK_COARSENING * mesh_size / refinement,
             "face_size": face_size,

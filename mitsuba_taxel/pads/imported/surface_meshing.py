@@ -20,6 +20,7 @@ from mitsuba_taxel.geometry.triangles import volume
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.isolated_process import run_isolated
 from mitsuba_taxel.pads.imported.local_sizes import LocalSizes, SingularEdges
+from mitsuba_taxel.pads.imported.placement import Placement
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
 from mitsuba_taxel.pads.imported.remeshing import remeshed
 from mitsuba_taxel.pads.imported.repair import faces_of, repaired
@@ -43,7 +44,9 @@ ROUNDING = 1e-7
 """Distance from a plane of symmetry, the board or the top, relative to the diagonal, attributed to rounding."""
 
 
-def mesh_surface(content: bytes, suffix: str, rules: tuple[Rule, ...], mesh_size: float) -> VolumeMesh:
+def mesh_surface(
+    content: bytes, suffix: str, rules: tuple[Rule, ...], mesh_size: float, placement: Placement
+) -> VolumeMesh:
     """Mesh of the pad in an STL, PLY or OBJ file, its nodes on the surface of the file.
 
     Raises
@@ -53,7 +56,7 @@ def mesh_surface(content: bytes, suffix: str, rules: tuple[Rule, ...], mesh_size
     ComputationError
         if meshing fails.
     """
-    surface, part, edges = parts_of(content, suffix, rules)
+    surface, part, edges = parts_of(content, suffix, rules, placement)
     check_mesh_size(mesh_size, volume(surface.vertices, surface.triangles))
     for refinement in REFINEMENTS:
         try:
@@ -85,10 +88,12 @@ class SurfacePart:
 
 
 @lru_cache(maxsize=4)  # for the second mesh, of the error estimate
-def parts_of(content: bytes, suffix: str, rules: tuple[Rule, ...]) -> tuple[SurfacePart, SurfacePart, SingularEdges]:
+def parts_of(
+    content: bytes, suffix: str, rules: tuple[Rule, ...], placement: Placement
+) -> tuple[SurfacePart, SurfacePart, SingularEdges]:
     """The pad in a file, the part of it that is meshed, and where the stress is singular in the whole."""
-    vertices, triangles = repaired(*read_surface(content, suffix))
-    region, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), rules)
+    vertices, triangles = repaired(*read_surface(content, suffix, placement))
+    region, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), rules, placement)
     surface = SurfacePart((), vertices, triangles, region, cell)
     patches = Patches(vertices, triangles, region, cell)
     edges = SingularEdges(patches, region, patches.patch)

@@ -10,17 +10,16 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.geometry_error import GeometryError
+from mitsuba_taxel.pads.imported.placement import UNMOVED, Placement
 from mitsuba_taxel.pads.parametric.meshing import MOST_ELEMENTS
 
 MOST_TRIANGLES = 300_000
-SMALLEST_EXTENT, LARGEST_EXTENT = 0.1, 1000.0
-"""Least and greatest longest side of a pad in mm; outside, the file is not in mm."""
 VOLUME_TOLERANCE = 0.02
 """Relative difference between the volumes of mesh and pad above which the mesh is rejected."""
 
 
-def read_surface(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) in mm and triangles (T, 3) of an STL, PLY or OBJ file, unchanged.
+def read_surface(content: bytes, suffix: str, placement: Placement = UNMOVED) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) in mm and triangles (T, 3) of an STL, PLY or OBJ file, placed and not repaired.
 
     Raises
     ------
@@ -43,8 +42,7 @@ def read_surface(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
         raise GeometryError(
             f"the coordinates of vertex {used[np.argmin(np.isfinite(vertices).all(axis=1))] + 1} are not finite"
         )
-    check_extent(vertices)
-    return vertices, triangles
+    return placement.placed(vertices), triangles
 
 
 def _check_header(content: bytes) -> None:
@@ -80,19 +78,6 @@ def _parse(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
         ) from error
     finally:
         log.setLevel(level)
-
-
-def check_extent(vertices: np.ndarray) -> None:
-    """Refuse a pad of points (V, 3) that cannot be in mm; raises `GeometryError`."""
-    longest = float(np.ptp(vertices, axis=0).max())
-    if longest < SMALLEST_EXTENT:
-        raise GeometryError(
-            f"its longest side is {longest:.3g} mm; coordinates in mm are needed, perhaps these are in m"
-        )
-    if longest > LARGEST_EXTENT:
-        raise GeometryError(
-            f"its longest side is {longest:.3g} mm; coordinates in mm are needed, perhaps these are in um"
-        )
 
 
 def check_mesh_size(mesh_size: float, volume: float) -> None:

@@ -87,19 +87,52 @@ def _tetrahedralise(vertices: Any, triangles: Any, mesh_size: Any, epsilon: Any)
     return {"points": points, "tets": tets}
 
 
-def _survey_step(path: Any, curvature_safety: Any) -> dict[str, Any]:
+def _solids_in(path: Any, scale: Any, turn: Any, moved: Any) -> tuple[list[Any], list[str]]:
+    """Solids in a STEP file in mm, turned by a rotation (3, 3), and names of the faces of the first.
+
+    If ``moved``, the middle of the box around it comes to x = y = 0, and its lowest vertex to z = 0.
+    """
+    import numpy as np
+    from netgen.occ import Axis, OCCGeometry, Pnt, Vec
+
+    # The reader knows a format by its ending, in small letters.
+    folder = tempfile.mkdtemp()
+    link = os.path.join(folder, "solid.step")
+    os.symlink(str(path), link)
+    try:
+        solids = list(OCCGeometry(link).shape.solids)
+    finally:
+        os.remove(link)
+        os.rmdir(folder)
+    if len(solids) != 1:
+        return solids, []
+    solid, names = solids[0], [face.name or "" for face in solids[0].faces]
+    if scale != 1:
+        solid = solid.Scale(Pnt(0, 0, 0), float(scale))
+    if moved:
+        angle = float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))
+        axis = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+        if angle:
+            solid = solid.Rotate(Axis(Pnt(0, 0, 0), Vec(*(axis if np.any(axis) else [1.0, 0.0, 0.0]))), angle)
+        low, high = solid.bounding_box
+        lowest = min(vertex.p.z for vertex in solid.vertices)
+        solid = solid.Move(Vec(-(low.x + high.x) / 2, -(low.y + high.y) / 2, -lowest))
+    return [solid], names
+
+
+def _survey_step(path: Any, scale: Any, turn: Any, moved: Any, curvature_safety: Any) -> dict[str, Any]:
     """Triangles of the surface of the body in a STEP file, the faces that they follow, and its volume (Netgen)."""
     import numpy as np
     from netgen.meshing import MeshingParameters, MeshingStep
     from netgen.occ import OCCGeometry, Pnt
 
     try:
-        solids = list(OCCGeometry(str(path)).shape.solids)
+        solids, names = _solids_in(path, scale, turn, moved)
     except Exception as error:
         return {"error": f"it cannot be read as STEP ({' '.join(str(error).split())[:100]})"}
     if len(solids) != 1:
         return {"error": f"it holds {len(solids)} solids; one is needed"}
-    solid, names = solids[0], np.array([face.name or "" for face in solids[0].faces], dtype=str)
+    (solid,) = solids
     _number_faces(solid)
     low, high = solid.bounding_box
     unit = (high - low).Norm() / SURVEY_UNITS
@@ -118,16 +151,18 @@ def _survey_step(path: Any, curvature_safety: Any) -> dict[str, Any]:
         "points": unit * np.array(mesh.Coordinates(), dtype=float),
         "triangles": surface["nodes"][:, :3].astype(np.int64) - 1,
         "face": _numbers_of_faces(mesh, surface["index"]),
-        "names": names,
+        "names": np.array(names, dtype=str),
     }
 
 
-def _mirrors_of_step(path: Any, region: Any, points: Any, at: Any, matrices: Any, tolerance: Any) -> dict[str, Any]:
+def _mirrors_of_step(
+    path: Any, scale: Any, turn: Any, moved: Any, region: Any, points: Any, at: Any, matrices: Any, tolerance: Any
+) -> dict[str, Any]:
     """Which mirrors (M, 3, 3) map all points (N, 3) of the surface, each in a region, onto the faces of that region."""
     import numpy as np
-    from netgen.occ import Compound, OCCGeometry, Pnt, Vertex
+    from netgen.occ import Compound, Pnt, Vertex
 
-    (solid,) = OCCGeometry(str(path)).shape.solids
+    (solid,), _ = _solids_in(path, scale, turn, moved)
     faces = list(solid.faces)
     parts = {code: Compound([faces[k] for k in np.flatnonzero(region == code)]) for code in np.unique(at)}
 
@@ -141,7 +176,16 @@ def _mirrors_of_step(path: Any, region: Any, points: Any, at: Any, matrices: Any
 
 
 def _mesh_step(
-    path: Any, planes: Any, mesh_size: Any, face_size: Any, edge_size: Any, singular: Any, curvature_safety: Any
+    path: Any,
+    scale: Any,
+    turn: Any,
+    moved: Any,
+    planes: Any,
+    mesh_size: Any,
+    face_size: Any,
+    edge_size: Any,
+    singular: Any,
+    curvature_safety: Any,
 ) -> dict[str, Any]:
     """Curved tetrahedra of the part of the body in a STEP file on the kept side of ``planes`` (M, 2), normals (Netgen).
 
@@ -152,7 +196,7 @@ def _mesh_step(
     from netgen.meshing import MeshingParameters
     from netgen.occ import Axis, Box, OCCGeometry, Pnt, Z
 
-    (solid,) = OCCGeometry(str(path)).shape.solids
+    (solid,), _ = _solids_in(path, scale, turn, moved)
     _number_faces(solid)
     low, high = solid.bounding_box
     unit, reach = (high.z - low.z) / UNITS_OF_HEIGHT, 2 * (high - low).Norm()

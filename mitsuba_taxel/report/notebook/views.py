@@ -88,7 +88,7 @@ def _pad_file_html(pad: PadFile) -> str:
     drawing = _line("A solid: it has a surface once it is meshed.")
     if pad.suffix in SURFACE_FORMATS:
         try:
-            drawing = draw_surface(*read_surface(pad.content(), pad.suffix))
+            drawing = draw_surface(*read_surface(pad.content(), pad.suffix, pad.placement))
             drawing += _line("Section through the middle, and section just above the board; lengths in mm.")
         except InputError as error:
             drawing = _line(str(error))

@@ -43,6 +43,57 @@ def test_a_slope_is_roof_up_to_60_degrees(box, slope, roof):
     assert found["roof"] > 0
 
 
+def turned(profile, segments, drawn=False) -> FacedSurface:
+    """A round pad of radius 3 and height 4, its hollow of a profile of points (r, z) from the axis to the board; if
+    ``drawn``, each turned line is a face, as of a STEP file."""
+    outline = np.array([(0.0, 4.0), (3.0, 4.0), (3.0, 0.0), *profile[::-1]])
+    angle = 2 * np.pi * np.arange(segments) / segments
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    corners, face = [], []
+    for number, ((r, z), (s, y)) in enumerate(zip(outline[:-1], outline[1:], strict=True)):
+        for here, there in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+            a, b, c, d = (np.append(radius * way, up) for radius, up, way in
+                          ((r, z, here), (s, y, here), (s, y, there), (r, z, there)))  # fmt: skip
+            corners += [(a, b, c)] * int(s > 0) + [(a, c, d)] * int(r > 0)
+            face += [number] * (int(s > 0) + int(r > 0))
+    corners = np.array(corners)
+    vertices, number = np.unique(np.round(corners.reshape(-1, 3), 9), axis=0, return_inverse=True)
+    return FacedSurface(
+        vertices, number.reshape(-1, 3), np.array(face) if drawn else np.arange(len(corners)), ["a"] if drawn else ()
+    )
+
+
+def dome(steps, radius=1.2, wall=0.5):
+    angle = np.linspace(0, np.pi / 2, steps + 1)
+    return [*zip(radius * np.sin(angle), wall + radius * np.cos(angle), strict=True), (radius, 0.0)]
+
+
+def mantle(profile) -> float:
+    """The area that a profile sweeps about the axis."""
+    (r, z), (s, y) = np.array(profile[:-1]).T, np.array(profile[1:]).T
+    return float((np.pi * (r + s) * np.hypot(r - s, z - y)).sum())
+
+
+@pytest.mark.parametrize(("steps", "segments"), [(4, 12), (8, 24), (16, 64), (40, 200)])
+def test_a_dome_of_triangles_is_one_roof_and_the_upright_wall_below_it_a_side(steps, segments):
+    """Of a quarter of a circle of n steps about an axis; polygons in place of circles have less area by (pi/N)^2 / 3
+    and more."""
+    found, profile = areas(turned(dome(steps), segments)), dome(steps)
+    less = 2 * (np.pi / segments) ** 2
+    assert found["roof"] == pytest.approx(mantle(profile[:-1]), rel=less)
+    assert found["side"] == pytest.approx(mantle(profile[-2:]), rel=less)
+
+
+@pytest.mark.parametrize("drawn", [True, False])
+@pytest.mark.parametrize("draft", [3.0, 10.0, 25.0])
+def test_leaning_walls_of_a_mould_stay_sides(draft, drawn):
+    """The mean normal of a cone looks straight down, however steep it is."""
+    profile = [(0.0, 1.5), (1.0, 1.5), (1.0 + 1.5 * np.tan(np.radians(draft)), 0.0)]
+    found = areas(turned(profile, 40, drawn))
+    assert found["roof"] == pytest.approx(mantle(profile[:2]), rel=0.01)
+    assert found["side"] == pytest.approx(mantle(profile[1:]), rel=0.01)
+
+
 def test_the_first_rule_that_holds_wins(box):
     surface = surface_of(box())
     rules = [

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from mitsuba_taxel.geometry.element_maps import curved_volume
 from mitsuba_taxel.geometry.triangles import closest_on_triangles, half_edges, near, volume
 from mitsuba_taxel.pads.imported.remeshing import remeshed
 from mitsuba_taxel.pads.imported.repair import repaired
 from mitsuba_taxel.pads.imported.snapping import Patches
+from mitsuba_taxel.pads.pad_file import PadFile
 
 
 def quality(corners):
@@ -63,3 +65,9 @@ def test_borders_of_regions_stay_where_they_are():
     area = 0.5 * np.linalg.norm(np.cross(*(points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2))), axis=1)
     assert area[patch == patches.patch[0]].sum() == pytest.approx(9.0, rel=1e-12)
     assert area[patch == patches.patch[3]].sum() == pytest.approx(7.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("mesh_size", [20.0, 200.0])
+def test_elements_larger_than_the_pad_leave_its_corners(box, write_stl, tmp_path, mesh_size):
+    mesh = PadFile(write_stl(tmp_path / "box.stl", box((6, 5, 4), (2.4, 2.2, 1.8)))).mesh(mesh_size)
+    assert curved_volume(mesh) == pytest.approx(6 * 5 * 4 - 2.4 * 2.2 * 1.8, rel=1e-9)

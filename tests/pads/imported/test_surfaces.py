@@ -199,8 +199,12 @@ PLY += b"property float z\nelement face 4000000000\nproperty list uchar int vert
 @pytest.mark.parametrize(
     ("suffix", "content", "what"),
     [
-        (".stl", lambda box: stl(0.001 * box / 4), "perhaps these are in m"),
-        (".stl", lambda box: stl(1000 * box), "perhaps these are in um"),
+        (
+            ".stl",
+            lambda box: stl(0.001 * box / 4),
+            r"0.001 mm \(if the file is in m, file_scale = 1000 makes it 1 mm\)",
+        ),
+        (".stl", lambda box: stl(1000 * box), "if the file is in um, file_scale = 0.001 makes it 4 mm"),
         (".stl", lambda box: stl(box, 1_000_000_000), "announces 1000000000 triangles"),
         (".stl", lambda box: stl(box)[:-7], "cut short"),
         (".stl", lambda box: stl(box)[:70], "less than a header"),

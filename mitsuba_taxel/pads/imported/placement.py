@@ -1,0 +1,123 @@
+"""How the geometry of a file becomes that of a pad or body in mm: unit of length, and direction that points up."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.geometry.geometry_error import GeometryError
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+
+AS_DRAWN = "as drawn"
+DIRECTIONS = {
+    AS_DRAWN: "nothing is moved",
+    "x": "", "-x": "", "y": "", "-y": "", "z": "", "-z": "",
+}  # fmt: skip
+"""Values of ``up``."""
+SMALLEST_EXTENT, LARGEST_EXTENT = 0.1, 1000.0
+"""Least and greatest longest side in mm; outside, the file is of another scale."""
+UNITS = {"m": 1000.0, "inches": 25.4, "cm": 10.0, "um": 1e-3}
+"""Mm of units of length that files are in."""
+LIKELY = 1.0, 500.0
+"""Mm, longest side of a body that a unit gives for which it is proposed."""
+USUAL = 2.0, 300.0
+"""Mm, longest side for which no other unit is proposed."""
+COMMON = 10.0
+"""Mm, longest side of a body: the unit that comes nearest to it is named first."""
+
+MOST_CENTRES = 4
+"""Cells whose centres are stated."""
+OFF_CENTRE = 1e-3
+"""Distance of a pad's middle from x = y = 0, relative to its width, that is pointed out."""
+
+
+class Placement(NamedTuple):
+    """Unit and direction of a file.
+
+    Attributes
+    ----------
+    scale : float
+        Mm per unit of length of the file.
+    up : str
+        Direction in the file that points up, one of `DIRECTIONS`; the box around the body is then centred at x = y = 0,
+        and stands on z = 0.
+    prefix : str
+        Before the names of the parameters, in messages.
+    """
+
+    scale: float = 1.0
+    up: str = AS_DRAWN
+    prefix: str = ""
+
+    @property
+    def turn(self) -> np.ndarray:
+        """(3, 3) rotation by the shortest way from the direction in the file to z; about x from -z."""
+        if self.up == AS_DRAWN:
+            return np.eye(3)
+        up = np.eye(3)["xyz".index(self.up[-1])] * (-1 if self.up.startswith("-") else 1)
+        if up[2]:
+            return np.diag([1.0, up[2], up[2]])
+        # The plane of the direction and z turns by a right angle.
+        axis = np.cross(up, [0.0, 0.0, 1.0])
+        return np.outer(axis, axis) + np.array(
+            [[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]]
+        )
+
+    def placed(self, points: np.ndarray) -> np.ndarray:
+        """Points (N, 3) of the file, in mm where they belong.
+
+        Raises
+        ------
+        GeometryError
+            if the body cannot be in mm; the message names the scale that other units need.
+        """
+        points = self.scale * points
+        self.check_extent(points)
+        if self.up == AS_DRAWN:
+            return points
+        points = points @ self.turn.T
+        low, high = points.min(axis=0), points.max(axis=0)
+        return points - [*(0.5 * (low + high))[:2], low[2]]
+
+    def check_extent(self, points: np.ndarray) -> None:
+        """Refuse a body of points (N, 3) in mm that is too small or large; raises `GeometryError`."""
+        longest = float(np.ptp(points, axis=0).max())
+        if not SMALLEST_EXTENT <= longest <= LARGEST_EXTENT:
+            raise GeometryError(f"its longest side is {longest:.3g} mm{self.other_units(longest)}")
+
+    def other_units(self, longest: float) -> str:
+        """What another unit would make of a longest side in mm, in words; empty if this is a usual one."""
+        if USUAL[0] <= longest <= USUAL[1]:
+            return ""
+        likely = {
+            unit: longest / self.scale * scale
+            for unit, scale in UNITS.items()
+            if LIKELY[0] <= longest / self.scale * scale <= LIKELY[1]
+        }
+        nearest = sorted(likely.items(), key=lambda entry: abs(np.log(entry[1] / COMMON)))
+        words = [
+            f"in {unit}, {self.prefix}file_scale = {UNITS[unit]:g} makes it {size:.3g} mm" for unit, size in nearest
+        ]
+        return f" (if the file is {'; '.join(words)})" if words else ""
+
+    def advice(self, mesh: VolumeMesh) -> str:
+        """Size of a pad and centres of its cells, and the parameters that may place it as it was meant."""
+        low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+        centres = []
+        for number in range(1, int(mesh.face_cell.max()) + 1):
+            corners = mesh.points[mesh.faces[mesh.face_cell == number]].reshape(-1, 3)
+            centres.append(0.5 * (corners.min(axis=0) + corners.max(axis=0))[:2])
+        shown = ", ".join(f"({x:.3g}, {y:.3g})" for x, y in np.array(centres[:MOST_CENTRES]) + 0.0)
+        more = ", ..." if len(centres) > MOST_CENTRES else ""
+        words = f"the pad is {' x '.join(f'{size:.3g}' for size in high - low)} mm, with cells at {shown}{more} mm"
+        if self.scale == 1:
+            words += self.other_units(float((high - low).max()))
+        middle = 0.5 * (low + high)[:2]
+        if self.up == AS_DRAWN and np.abs(middle).max() > OFF_CENTRE * (high - low)[:2].max():
+            words += f"; {self.prefix}file_up = 'z' centres it, from ({middle[0]:.3g}, {middle[1]:.3g})"
+        return words
+
+
+UNMOVED = Placement()
+"""Of a file in mm that is left as it is drawn."""
