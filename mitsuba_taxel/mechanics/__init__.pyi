@@ -59,6 +59,7 @@ from .materials.viscoelastic import (
 )
 from .path.load_path import load_path as load_path
 from .path.load_path import state_after as state_after
+from .path.load_path import state_at_rest as state_at_rest
 from .path.mesh_sizes import mesh_size_for as mesh_size_for
 from .path.rates_along import rates_along as rates_along
 from .path.second_state import second_state as second_state

@@ -207,17 +207,19 @@ class DeformablePad(mi.Mesh):
         return any(self.value) or (self.remembers and any(map(any, self.history[1])))
 
     def at_rest(self, mesh_size: float | None = None) -> State:
-        """The unloaded state, on other elements if their size in mm is given."""
-        from mitsuba_taxel.mechanics import load_path
-
-        how = self._how if mesh_size is None else self._how | {"mesh_size": mesh_size}
-        return load_path(self.pad, self.material, [[0.0] * len(self.value)], **how)[0]
+        """The unloaded state on the elements of the loaded one, or on others if their size in mm is given."""
+        return self._at_rest(self._how if mesh_size is None else self._how | {"mesh_size": mesh_size})
 
     def at_onset(self) -> State:
         """The unloaded state on the elements of loaded ones, for derivatives with respect to a load."""
-        from mitsuba_taxel.mechanics import load_path
+        how = self._how_loaded
+        return self._at_rest({name: how[name] for name in self._how})
 
-        return load_path(self.pad, self.material, [[0.0] * len(self.value)], **self._how_loaded)[0]
+    def _at_rest(self, how: dict[str, Any]) -> State:
+        from mitsuba_taxel.mechanics import state_at_rest
+
+        values = self.history[1] if self.remembers else [self.value]
+        return state_at_rest(self.pad, self.material, values, **how)
 
     def state_under(self, value: Sequence[float], obstacles: np.ndarray | None = None) -> State:
         """The state under another final value of the load; see `load_path`."""

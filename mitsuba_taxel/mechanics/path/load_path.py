@@ -21,13 +21,14 @@ from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterForce, 
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
+from mitsuba_taxel.mechanics.path.dragged import path_along, placed_path, state_of
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath, pad_path
 from mitsuba_taxel.mechanics.path.pushed_path import PushedPath
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.path.timed_path import TimedPath
-from mitsuba_taxel.mechanics.path.timed_rows import timed_rows
+from mitsuba_taxel.mechanics.path.timed_rows import Row, timed_rows
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 
@@ -115,9 +116,9 @@ def load_path(
         for done, value in enumerate(rows, start=1):
             with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
                 if history:
-                    states.append(_in_time(path, material).state(history[: earlier + done], obstacles))
+                    states.append(_state_in_time(path, material, history[: earlier + done], obstacles))
                 else:
-                    states.append(path.state(value, obstacles))
+                    states.append(state_of(path, value, obstacles))
             if progress is not None:
                 progress(done, len(rows))
     return states
@@ -140,7 +141,27 @@ def state_after(
     with LOCK:
         path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
         with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
-            return _in_time(path, material).state(history, obstacles)
+            return _state_in_time(path, material, history, obstacles)
+
+
+def state_at_rest(
+    pad: Pad | PadFile,
+    material: Material | Viscoelastic,
+    values: Sequence[Sequence[float]] | np.ndarray,
+    times: Sequence[float] | np.ndarray | None = None,
+    *,
+    load: Load = SPREAD_FORCE,
+    mesh_size: float | None = None,
+    mesh_tolerance: float | None = None,
+) -> State:
+    """The unloaded state on the elements that the last state of :func:`load_path` has."""
+    rows = _checked(values, load)
+    history, law = timed_rows(material, load, rows, times), remembering(material).law
+    with LOCK:
+        path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
+        with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
+            path = path_along(path, [row for _, row in history]) if history else placed_path(path, rows[-1])[0]
+            return path.state(np.zeros(load.components))
 
 
 def remembering(material: Material | Viscoelastic) -> Viscoelastic:
@@ -148,10 +169,13 @@ def remembering(material: Material | Viscoelastic) -> Viscoelastic:
     return material if isinstance(material, Viscoelastic) else Elastic(material)
 
 
-def _in_time(path: PadPath, material: Material | Viscoelastic) -> TimedPath:
-    """The shared path of a pad whose states depend on earlier ones."""
+def _state_in_time(
+    path: PadPath, material: Material | Viscoelastic, history: tuple[Row, ...], obstacles: np.ndarray | None
+) -> State:
+    """The last state of a pad whose states depend on earlier ones."""
     kind = PushedPath if isinstance(path.load, IndenterForce) else TimedPath
-    return kind.of(path, remembering(material))
+    along = path_along(path, [value for _, value in history])
+    return kind.of(along, remembering(material)).state(history, obstacles)
 
 
 def _check_room(states: int, path: PadPath) -> None:

@@ -35,6 +35,12 @@ class LoadPathEnds(ComputationError):
         super().__init__(message)
         self.load, self.value, self.contact = load, value, contact
 
+    def at(self, load: Load, value: np.ndarray) -> LoadPathEnds:
+        """The same end, named by another load and its value there."""
+        assert self.load is not None and self.value is not None
+        words = str(self).replace(_shown(self.load, self.value), _shown(load, value))
+        return LoadPathEnds(words, load, value, self.contact)
+
 
 def end_of_path(
     mesh: VolumeMesh,

@@ -19,7 +19,8 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
-from mitsuba_taxel.mechanics.contact.local_mesh import mesh_under
+from mitsuba_taxel.mechanics.contact.local_mesh import Refinement, mesh_under
+from mitsuba_taxel.mechanics.contact.resolution import refuse_unresolved
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
@@ -56,7 +57,8 @@ class PadPath:
     One that another is compared with is not ``judged``: it may be unstable where it does not show in that. One that is
     ``judged_on`` elements of another size in mm is stable as far as the pad of those bears the load; beyond, it is
     judged itself. Where a load goes on, ``bodies`` may stand in the way, which the states of the path touch. Between
-    nodes it is interpolated within ``step_tolerance``.
+    nodes it is interpolated within ``step_tolerance``. Under an indenter elements are small as ``refinement`` says: by
+    default never larger than those of the default size have there.
     """
 
     def __init__(
@@ -69,17 +71,26 @@ class PadPath:
         judged_on: float | None,
         bodies: RigidBodies | None,
         step_tolerance: float,
+        refinement: Refinement | None,
     ) -> None:
         self.pad, self.material, self.load, self.mesh_size, self.bodies = pad, material, load, mesh_size, bodies
-        self.step_tolerance = step_tolerance
+        self.step_tolerance, self._refinement = step_tolerance, refinement
         self.judged = judged and judged_on is None
         self.judge = None if judged_on is None else self._like(judged_on)
-        self._identity = [pad.identity, mesh_size]
-        if isinstance(load, IndenterDisplacement | IndenterForce):  # under which elements are smaller
-            self._identity.append(asdict(load.indenter))
         self.segments = PathSegments(self)
         self.solved = SolvedStates(self)
         self.second_meshes = SecondMeshes(self)
+
+    @cached_property
+    def _identity(self) -> list[Any]:
+        if not isinstance(self.load, IndenterDisplacement | IndenterForce):
+            return [self.pad.identity, self.mesh_size]
+        return [self.pad.identity, self.mesh_size, asdict(self.load.indenter), asdict(self.refinement)]
+
+    @cached_property
+    def refinement(self) -> Refinement:
+        """Of the mesh under an indenter."""
+        return self._refinement or Refinement(min(1.0, self.mesh_size / self.pad.default_mesh_size))
 
     @cached_property
     def mesh(self) -> VolumeMesh:
@@ -91,8 +102,7 @@ class PadPath:
         with cache.alone(name):
             arrays = cache.load(name)
             if arrays is None:
-                relative_size = self.mesh_size / self.pad.default_mesh_size
-                mesh = mesh_under(pad_mesh(self.pad, self.mesh_size), self.load.indenter, relative_size)
+                mesh = mesh_under(pad_mesh(self.pad, self.mesh_size), self.load.indenter, self.refinement)
                 cache.store(name, vars(mesh))
                 return mesh
         return VolumeMesh(**arrays)
@@ -102,7 +112,7 @@ class PadPath:
         """The path on which the body is moved that presses with a force."""
         assert isinstance(self.load, IndenterForce)
         parts = self.pad, self.material, self.load.driven, self.mesh_size, self.judged
-        return pad_path(*parts, None, self.bodies, self.step_tolerance)
+        return pad_path(*parts, None, self.bodies, self.step_tolerance, self._refinement)
 
     def driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
         """How far the body moves under a force (3,)."""
@@ -183,12 +193,23 @@ class PadPath:
             indenter_moved=moved, bodies=self.bodies, buckled_at=buckled_at,
         )  # fmt: skip
 
-    def on_elements(self, mesh_size: float, judged: bool = False) -> PadPath:
-        """The same path on elements of another size."""
-        return self._like(mesh_size, judged)
+    def like(self, load: Load | None = None, refinement: Refinement | None = None) -> PadPath:
+        """The path under another load, or on elements that are refined otherwise under the indenter."""
+        judged_on = None if self.judge is None else self.judge.mesh_size
+        judged, others = self.judged or self.judge is not None, (self.bodies, self.step_tolerance)
+        which, where = load or self.load, refinement or self._refinement
+        return pad_path(self.pad, self.material, which, self.mesh_size, judged, judged_on, *others, where)
 
-    def _like(self, mesh_size: float, judged: bool = True) -> PadPath:
-        return pad_path(self.pad, self.material, self.load, mesh_size, judged, None, self.bodies, self.step_tolerance)
+    def on_elements(self, mesh_size: float, judged: bool = False) -> PadPath:
+        """The same path on elements of another size, also under an indenter."""
+        if not isinstance(self.load, IndenterDisplacement | IndenterForce):
+            return self._like(mesh_size, judged)
+        relative_size = self.refinement.relative_size * mesh_size / self.mesh_size
+        return self._like(mesh_size, judged, replace(self.refinement, relative_size=relative_size))
+
+    def _like(self, mesh_size: float, judged: bool = True, refinement: Refinement | None = None) -> PadPath:
+        others = None, self.bodies, self.step_tolerance, refinement or self._refinement
+        return pad_path(self.pad, self.material, self.load, mesh_size, judged, *others)
 
     def _bears(self, judge: PadPath, value: np.ndarray) -> bool:
         """Whether the judge's path leads as far as ``value``; meanwhile another thread meshes the pad for this one."""
@@ -268,6 +289,16 @@ class PadPath:
             return body.pressing(displacement, value).force
         linear = where_linear(self.mesh, self.load, share)
         return glued_force(self.mesh, self.material, displacement, pressure, region="top", linear=linear)
+
+    def refuse_unresolved(self, value: np.ndarray, displacement: np.ndarray) -> None:
+        """Raise `ComputationError` if elements are too large for the contact with an indenter in a canonical state."""
+        if isinstance(self.load, IndenterDisplacement | IndenterForce):
+            moved = value if isinstance(self.load, IndenterDisplacement) else self.driven_to(value, None)
+            refuse_unresolved(self.mesh, self.load.indenter, displacement, moved, self._usual_size)
+
+    @property
+    def _usual_size(self) -> float:
+        return min(self.mesh_size, self.pad.default_mesh_size)
 
     def canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
@@ -384,9 +415,10 @@ def pad_path(
     judged_on: float | None = None,
     bodies: RigidBodies | None = None,
     step_tolerance: float = INTERPOLATION_TOLERANCE,
+    refinement: Refinement | None = None,
 ) -> PadPath:
     """The shared path, the same whichever arguments are left out."""
-    return shared(pad, material, load, mesh_size, judged, judged_on, bodies, step_tolerance)
+    return shared(pad, material, load, mesh_size, judged, judged_on, bodies, step_tolerance, refinement)
 
 
 shared = lru_cache(maxsize=16)(PadPath)

@@ -105,7 +105,9 @@ class PushedPath(TimedPath):
         path = self._path
         assert isinstance(path.load, IndenterForce)
         load = replace(path.load, indenter=replace(path.load.indenter, friction=0.0))
-        free = pad_path(path.pad, path.material, load, path.mesh_size, judged=False, bodies=path.bodies)
+        free = pad_path(
+            path.pad, path.material, load, path.mesh_size, judged=False, bodies=path.bodies, refinement=path.refinement
+        )
         return free.driven_to(-force[2] * _DOWN, None)
 
     def _pressed(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:

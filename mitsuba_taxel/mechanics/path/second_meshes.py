@@ -83,11 +83,12 @@ class SecondMeshes:
             if path.segments.buckled_at(value) is not None:  # as they are not judged, second meshes would stay straight
                 second = path.on_elements(second.mesh_size, judged=True)
             other, there, at = carried_to(second, path.mesh, value, displacement, pressure)
+            second.refuse_unresolved(value, other)
             of_force = share = 0.0
             if path.load.gives_displacement:
                 forces = [path.force(value, displacement, pressure), second.force(value, other, there)]
                 of_force = comparison.force_error(*forces)
-                share = of_force / float(np.linalg.norm(forces[0])) if of_force else 0.0
+                share = share_of(of_force, forces[0])
             deviations = partial(comparison.deviations, displacement, other, share)
             return StateComparison(comparison.error(displacement, other), deviations, of_force, at.seconds)
 
@@ -132,8 +133,9 @@ class SecondMeshes:
 
 
 def share_of(error: float, force: np.ndarray) -> float:
-    """Relative error of a force (3,)."""
-    return error / float(np.linalg.norm(force)) if error else 0.0
+    """Relative error of a force (3,): all of it, where that is 0 but the error is not."""
+    size = float(np.linalg.norm(force))
+    return error / size if size else float(error > 0)
 
 
 def carried_to(

@@ -11,6 +11,7 @@ from mitsuba_taxel.base.convergence import SLOPE_ORDER, TYPICAL_SLOPE_ERROR
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.path.dragged import solved_on
 from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath, pad_path
 from mitsuba_taxel.mechanics.path.state import State
@@ -54,9 +55,11 @@ def second_state(
     with LOCK:
         size = chosen_size(pad, material, load, mesh_size, mesh_tolerance)
         path = pad_path(pad, material, load, size, judged_on=judged_on, bodies=bodies)
+        path, there, _ = solved_on(path, np.array(value, dtype=float))
 
         def told(second: PadPath, comparison: RoofComparison) -> SecondState:
-            state = second.state(np.array(value, dtype=float))
+            state = second.state(there)
+            second.refuse_unresolved(there, state.displacement)
             growth = size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER
             least = path.second_meshes.typical(TYPICAL_SLOPE_ERROR)
             return SecondState(state, 1 / abs(growth - 1), 1 / (growth + 1), least)

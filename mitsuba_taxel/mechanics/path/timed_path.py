@@ -97,6 +97,7 @@ class TimedPath:
         if path.bodies is not None:
             refuse_at_rest(path.contact.at_rest)
         (time, value), at = rows[-1], self.reached(rows)
+        self._refuse_unresolved(at.displacement, at.moved)
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
         memory = None
         if self._material.prony:
@@ -106,6 +107,11 @@ class TimedPath:
             second_mesh=partial(self._comparison, rows), memory=memory, traction=at.traction,
             indenter_moved=at.moved if isinstance(self._moving, IndenterDisplacement) else None, bodies=path.bodies,
         )  # fmt: skip
+
+    def _refuse_unresolved(self, displacement: np.ndarray, moved: np.ndarray) -> None:
+        if isinstance(self._moving, IndenterDisplacement):
+            driven = self._path.driven if isinstance(self._path.load, IndenterForce) else self._path
+            driven.refuse_unresolved(moved, displacement)
 
     def reached(self, rows: tuple[Row, ...]) -> Reached:
         """The pad at the end of some rows."""
@@ -397,6 +403,7 @@ class TimedPath:
             def told(second: PadPath, comparison: RoofComparison) -> StateComparison:
                 other = self.of(second, self._material)
                 there, longer = other.reached(rows), self._longer.reached(rows)
+                other._refuse_unresolved(there.displacement, there.moved)
                 closer = self._closer.reached(rows)
                 deviations, of_force = comparison.deviations, 0.0
                 if self._path.load.gives_displacement:

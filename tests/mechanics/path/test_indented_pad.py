@@ -311,7 +311,8 @@ def test_the_length_of_steps_under_friction_is_in_the_stated_error(monkeypatch):
     (*_, fine), (*_, expected) = dragged(*(shares * down), *(down + shares * (aside - down)))
     assert np.linalg.norm(force - expected) / 1.5 < state.force_error < 2e-3 * np.linalg.norm(force)
     missed, stated = fine.displacement - state.displacement, ERROR_SHARE * state.deviations[1]
-    assert np.abs(missed).max() / 1.5 < np.abs(stated).max() < 0.01 * np.abs(state.displacement).max()
+    assert np.abs(missed).max() / 1.5 < np.abs(stated).max()  # at single nodes, the more the smaller elements are
+    assert np.sqrt(np.square(stated).mean()) < 2e-3 * np.abs(state.displacement).max()
 
 
 def test_meshes_finer_than_one_whose_path_ends_are_not_tried(monkeypatch):

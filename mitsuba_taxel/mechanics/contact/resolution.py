@@ -1,0 +1,123 @@
+"""Whether elements are small enough for the contact with an indenter.
+
+The gap to a body is not negative on average around each node. Between nodes the body may be inside the pad, and one
+that is smaller than an element is not felt at all. Two figures tell: the depth of the body inside the deformed pad,
+relative to that in the undeformed one, and the size of the faces under it, relative to half the width of the contact.
+Against much smaller elements, forces of balls on a block are right to 6 % within both limits; beyond, all of the force
+may be missing.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.contact.local_mesh import finest
+from mitsuba_taxel.pads.pad import REGIONS
+
+DEEPEST = 0.25
+"""Largest depth of a body inside the deformed pad, relative to that in the undeformed one."""
+LARGEST = 2.0
+"""Largest face under a body, relative to half the width of the contact."""
+ROUND = ("sphere", "cylinder")
+"""Bodies whose contacts grow from nothing; others have flat ends."""
+SPACING = 0.25
+"""Distance of the points that are tested, relative to half the width of the contact."""
+BENT = 1.2
+"""Largest ratio of lengths on curved faces and between their corners."""
+MOST_CUTS = 12
+"""Of a face into four, one within the other."""
+
+_QUARTERS = np.array(
+    [
+        [[2, 0, 0], [1, 1, 0], [1, 0, 1]],
+        [[0, 2, 0], [0, 1, 1], [1, 1, 0]],
+        [[0, 0, 2], [1, 0, 1], [0, 1, 1]],
+        [[1, 1, 0], [0, 1, 1], [1, 0, 1]],
+    ]
+) / 2  # fmt: skip
+"""(4, 3, 3) barycentric coordinates of the corners of the four quarters of a triangle."""
+
+
+class Resolution(NamedTuple):
+    """How elements resolve the contact with a body; zeros where it does not touch the undeformed pad.
+
+    Attributes
+    ----------
+    depth : float
+        Of the body inside the deformed pad, relative to that in the undeformed one.
+    size : float
+        Of the largest face under a round body, the root of twice its area, relative to half the width of the contact.
+    """
+
+    depth: float = 0.0
+    size: float = 0.0
+
+    @property
+    def suffices(self) -> bool:
+        """Whether the force on the body is right to some 6 %."""
+        return self.depth <= DEEPEST and self.size <= LARGEST
+
+
+def resolution(mesh: VolumeMesh, indenter: Indenter, displacement: np.ndarray, moved: np.ndarray) -> Resolution:
+    """How the elements of a mesh resolve the contact with an indenter.
+
+    Parameters
+    ----------
+    displacement : (N, 3) ndarray
+        Of the nodes, in mm.
+    moved : (3,) ndarray
+        In mm, how far the body is from where it starts.
+    """
+    if moved[2] >= 0 or indenter.shape == "plane":  # a plate touches nodes first
+        return Resolution()
+    radius = finest(indenter, -float(moved[2]))
+    faces = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]
+    places = mesh.points - indenter.start(mesh.points[indenter.highest(mesh.points)]) - moved
+    undeformed, under = _inside(indenter, places[faces], SPACING * radius)
+    if not len(under):
+        return Resolution()
+    deformed, _ = _inside(indenter, (places + displacement)[faces], SPACING * radius)
+    a, b, c = (places[faces[under, k]] for k in range(3))
+    size = float(np.sqrt(np.linalg.norm(np.cross(b - a, c - a), axis=1)).max())
+    return Resolution(deformed / undeformed, size / radius if indenter.shape in ROUND else 0.0)
+
+
+def _inside(indenter: Indenter, nodes: np.ndarray, spacing: float) -> tuple[float, np.ndarray]:
+    """Largest depth in mm of points of faces inside a body, and the numbers of the faces that have such points.
+
+    Faces, of ``nodes`` (B, 6, 3) relative to the tip, are cut into four as long as they may enter the body and are
+    larger than the ``spacing`` in mm.
+    """
+    deepest, touched = 0.0, np.zeros(len(nodes), dtype=bool)
+    face, corners = np.arange(len(nodes)), np.broadcast_to(np.eye(3), (len(nodes), 3, 3))
+    for _ in range(MOST_CUTS):
+        places = np.einsum("tka,tai->tki", shape_functions(corners.reshape(-1, 3)).reshape(-1, 3, 6), nodes[face])
+        gap = indenter.gap(places.reshape(-1, 3)).size.reshape(-1, 3).min(axis=1)
+        deepest = max(deepest, -float(gap.min(initial=0.0)))
+        touched[face[gap < 0]] = True
+        size = BENT * np.linalg.norm(places - np.roll(places, 1, axis=1), axis=2).max(axis=1)
+        near = np.flatnonzero((gap < size) & (size > spacing))
+        if not len(near):
+            break
+        face, corners = face[near].repeat(4), np.einsum("qck,tkj->tqcj", _QUARTERS, corners[near]).reshape(-1, 3, 3)
+    return deepest, np.flatnonzero(touched)
+
+
+def refuse_unresolved(
+    mesh: VolumeMesh, indenter: Indenter, displacement: np.ndarray, moved: np.ndarray, mesh_size: float
+) -> None:
+    """Raise `ComputationError` if elements are too large for the contact with a body, on those of ``mesh_size``."""
+    found = resolution(mesh, indenter, displacement, moved)
+    if not found.suffices:
+        x, y = np.array(indenter.at) + moved[:2]
+        raise ComputationError(
+            f"the finite elements are too large for an indenter {-moved[2]:.3g} mm deep at ({x:.4g}, {y:.4g}) mm: it "
+            f"is inside the pad by {found.depth:.0%} of that. A mesh_size of {0.5 * mesh_size:.2g} mm, or a deeper or "
+            "larger indenter is needed."
+        )
