@@ -14,6 +14,7 @@ import numpy as np
 from mitsuba_taxel.base.convergence import ERROR_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.bench.coverage_row import CoverageRow
+from mitsuba_taxel.bench.touch_cases import FINE_OF_TOUCH, touch_settings
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.mechanics.elements.loads import Load, PatchForce, PlateDisplacement, PlateForce, Pressure
 from mitsuba_taxel.mechanics.results.roof_error import size_ratio
@@ -135,7 +136,7 @@ def _write_step(pad: Pad, file: Path) -> None:
 
 def coverage_cases() -> list[CoverageCase]:
     """The rows of the table, in its order."""
-    kinds = (_one_cell, _loads, _four_cells, _files, _ten_cells)
+    kinds = (_one_cell, _loads, _four_cells, _files, _ten_cells, _touched)
     return [case for kind in kinds for case in kind()]
 
 
@@ -170,6 +171,11 @@ def _four_cells() -> Iterator[CoverageCase]:
         fine = FINE_OF_DOMES.get(cell)
         truth = f" (truth: {fine:g} mm)" if fine else ""
         yield CoverageCase(f"{cell}, 2 x 2, wall {wall:g} mm, {force:g} N{truth}", sensor, fine=fine)
+
+
+def _touched() -> Iterator[CoverageCase]:
+    for name, sensor in touch_settings():
+        yield CoverageCase(f"{name} (truth: {FINE_OF_TOUCH:g} mm)", sensor, fine=FINE_OF_TOUCH)
 
 
 def _files() -> Iterator[CoverageCase]:
