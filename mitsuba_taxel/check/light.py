@@ -19,6 +19,7 @@ from mitsuba_taxel.sensing.dark_backs import dark_backs
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.scene_pads import contact_notes
 
 _FROM_THE_LIGHT = ("ptracer",)
 """Mitsuba's integrators whose paths start at the light."""
@@ -53,7 +54,8 @@ def check_modelled(parts: Parts) -> list[Finding]:
 
 
 def check_prepared(scene: Scene, parts: Parts) -> list[Finding]:
-    """What `measure` refuses of a sound scene when pads are deformed, and after a few rays; and black backs."""
+    """What `measure` refuses of a sound scene when pads are deformed, and after a few rays; what pads touch, and black
+    backs."""
     try:
         live = prepare(scene).scene
     except (InputError, ComputationError) as error:
@@ -61,7 +63,8 @@ def check_prepared(scene: Scene, parts: Parts) -> list[Finding]:
     shapes = [part.element for part in parts.roots if part.kind == "shape"]
     if len(shapes) != len(live.shapes()):  # a `merge` is taken apart
         shapes = [parts.roots[0].element] * len(live.shapes())
-    return [shapes[number].finding("warning", f"{said}.") for number, said in dark_backs(live).items()]
+    touching = [Finding("warning", f"{note}.", parts.file, 0) for note in contact_notes(live)]
+    return touching + [shapes[number].finding("warning", f"{said}.") for number, said in dark_backs(live).items()]
 
 
 def _integrator_of(parts: Parts) -> Any:

@@ -19,10 +19,13 @@ class Places(NamedTuple):
         World coordinates.
     normals : (V, 3) ndarray or None
         Unit normals that triangles interpolate, None for flat triangles.
+    region : (T,) ndarray or None
+        Region codes of the triangles, where these depend on the places; None if not.
     """
 
     vertices: np.ndarray
     normals: np.ndarray | None
+    region: np.ndarray | None = None
 
 
 def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangles: np.ndarray) -> None:
@@ -61,6 +64,9 @@ def move_vertices(mesh: mi.Mesh, places: Places) -> None:
     parameters.update()
     if places.normals is not None:  # after the positions, from which Mitsuba computes its own normals
         parameters["vertex_normals"] = in_packets(places.normals)
+        parameters.update()
+    if places.region is not None and "face_region" in parameters:  # not before the attribute is added
+        parameters["face_region"] = in_packets(places.region)
         parameters.update()
 
 

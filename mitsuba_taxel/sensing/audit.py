@@ -18,7 +18,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.protocols import is_package
 from mitsuba_taxel.kernels.ray_offsets import clearance_of
-from mitsuba_taxel.kernels.regions import ALL_REGIONS
+from mitsuba_taxel.kernels.regions import ALL_REGIONS, CONTACT
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import reflectance_of, scatters, set_wavelength, wall_at
 from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT
@@ -250,7 +250,7 @@ class _Surfaces:
         codes = np.rint(np.array(mi.traverse(shape)["face_region"])).astype(int)
         is_bare = not (is_package(shape) and shape.resin_index)
         present, inverse = np.unique(codes, return_inverse=True)
-        words = {code: word for word, code in ALL_REGIONS.items()}
+        words = {CONTACT: "in contact"} | {code: word for word, code in ALL_REGIONS.items()}
         for code in present:
             region = words.get(int(code), f"region {code}")
             if region == "phototransistor" and is_bare:

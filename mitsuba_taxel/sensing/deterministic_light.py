@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.threads import side_by_side
+from mitsuba_taxel.mechanics.contact.shut_gaps import kept_off, widest_shut
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
 from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
 from mitsuba_taxel.sensing.equal_cells import equal_at_rest, equal_cells
@@ -56,9 +57,11 @@ def deterministic_light(scene: mi.Scene, mechanics_error: bool = True) -> Determ
         return None
     state, loaded = cells.pad.state, cells.pad.is_loaded
     deviations = state.deviations if mechanics_error and loaded else None
-    known = () if deviations is None else tuple(deviations)
+    known = () if deviations is None else tuple(state.probed_share * deviations)
     first = equal_cells(cells, state, [state.displacement], known) if loaded else equal_at_rest(cells)
     alone = sorted(set(first))
+    if any(_touches(cells, number, known) for number in alone):
+        return None  # what is shut is not followed
     # Many small matrix products: each would start and wait for its own threads.
     with threadpool_limits(1, "blas"):
         found = dict(zip(alone, side_by_side(lambda number: _found(cells, number, known), alone), strict=True))
@@ -72,8 +75,19 @@ def deterministic_light(scene: mi.Scene, mechanics_error: bool = True) -> Determ
         return DeterministicLight(power, error, None)
     if deviations is None:
         return DeterministicLight(power, error, np.full_like(power, np.nan))
-    changes = np.array([found[number].changes for number in first]).T
+    changes = np.array([found[number].changes for number in first]).T / state.probed_share
     return DeterministicLight(power, error, led * combined(changes))
+
+
+def _touches(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> bool:
+    """Whether the walls of a cell touch a package, or would, displaced by the error of the mechanics."""
+    state, walls = cells.pad.state, cells.patches(number).walls
+    if state.bodies is None:
+        return False
+    width = widest_shut(state.mesh, state.bodies)
+    at = walls.rest + walls.carried(state.displacement)
+    places = [at, *(at + walls.carried(part) for part in deviations)]
+    return bool(kept_off(np.concatenate(places).reshape(-1, 3), state.bodies, width)[1].any())
 
 
 def reading_error(fine: float, coarse: float, light_share: float, has_edges: bool) -> float:

@@ -50,6 +50,7 @@ from mitsuba_taxel.sensing.runs import (
     prepare,
 )
 from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.scene_pads import is_touched
 from mitsuba_taxel.sensing.targets import (
     NEGLIGIBLE,
     deviation_points,
@@ -159,7 +160,8 @@ def measured(
         run = Run(prepared.ready, seed, irradiance, continued)
         if prepared.errors.power is None:
             run.extend_to(prepared.settings.points, clock)
-            run.extend_to_error(prepared.light_error, clock)
+            if not is_touched(prepared.ready.scene):  # what passes where a roof rests on a package is little
+                run.extend_to_error(prepared.light_error, clock)
     result = _result(prepared, run, seconds, mechanics_error)
     if prepared.alternative is not None:
         exact = _result(prepared.alternative, Run(prepared.alternative.ready, seed), seconds, mechanics_error)
@@ -167,7 +169,7 @@ def measured(
             result, prepared = exact, prepared.alternative
     if changes:
         result = replace(result, derivatives=_derivatives(scene, changes, prepared, result, points is not None))
-    bare = target_error is None and points is None and time_budget is None
+    bare = target_error is None and points is None and time_budget is None and not is_touched(prepared.ready.scene)
     result.remarks.extend([*_notes(prepared), *_remarks(result, LIGHT_ERROR if bare else None, target_error, points)])
     if time_budget is not None and target_error is None and points is None and result.points < MOST_POINTS:
         result.remarks.append(f"time budget used up after {result.points} points")

@@ -42,7 +42,8 @@ def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> t
     """
     pads = loaded_pads(scene)
     with stages.stage("mechanics"):
-        places = [pad.deviating_places() for pad in pads]
+        share = min(pad.state.probed_share for pad in pads)
+        places = [pad.deviating_places(share) for pad in pads]
     before = powers()
     if any(there is None for there in places):
         return before, None
@@ -50,7 +51,7 @@ def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> t
     with restored(scene, pads):
         for part in zip(*places, strict=True):
             move(scene, pads, list(part))
-            changes.append(powers() - before)
+            changes.append((powers() - before) / share)
     return before, np.array(changes)
 
 
@@ -70,7 +71,7 @@ def moved(scene: mi.Scene, pads: Sequence[PadShape], places: list[Places]) -> It
 @contextmanager
 def restored(scene: mi.Scene, pads: Sequence[PadShape]) -> Iterator[None]:
     """Restore the vertices of pads on exit."""
-    homes = [places_of(pad) for pad in pads]
+    homes = [places_of(pad)._replace(region=pad.changing_region()) for pad in pads]
     try:
         yield
     finally:

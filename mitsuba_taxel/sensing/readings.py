@@ -143,12 +143,13 @@ class Readings(Displayed):
     def mechanics_error(self) -> np.ndarray:
         """(T,) W, one standard deviation of :attr:`power` due to the finite elements.
 
-        It is the same share of every reading, from the mean square of the :attr:`deviation` of all: meshes are
-        irregular, and in one cell two meshes may agree by chance.
+        It is the same share of every reading with any power, from the mean square of the :attr:`deviation` of these:
+        meshes are irregular, and in one cell two meshes may agree by chance.
         """
         if self.deviation is None:
             return np.zeros(len(self.taxel))
-        return self.power * mechanics_share(self.deviation, self.power)
+        of_lit = self.power * mechanics_share(self.deviation, self.power)
+        return np.where(self.power > 0, of_lit, ERROR_SHARE * np.abs(self.deviation))
 
     @property
     def geometry_error(self) -> np.ndarray:

@@ -20,7 +20,7 @@ from mitsuba_taxel.sensing.checked import check_readable
 from mitsuba_taxel.sensing.dark_backs import dark_backs
 from mitsuba_taxel.sensing.readings import Readings
 from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
+from mitsuba_taxel.sensing.scene_pads import contact_notes, deformed_pads, loaded_pads
 from mitsuba_taxel.sensing.taxels import taxels_of
 
 REPLICATES = 32
@@ -62,6 +62,7 @@ def prepare(scene: AnyScene) -> Prepared:
         if pad.state.buckled_at is not None:
             at = ", ".join(f"{component:.4g}" for component in pad.state.buckled_at)
             notes.append(f"a pad has buckled at ({at}) {pad.state.load.unit}: of its mirrored shapes, one is followed")
+    notes += contact_notes(live)
     if deformed_pads(live) and any(has_faces(end) and end.resin_index is not None for end in live.sensors()):
         notes.append("dies lie below windows: light is by random paths")  # also where all walls are diffuse
     notes += dark_backs(live).values()

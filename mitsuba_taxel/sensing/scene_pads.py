@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mitsuba_taxel.kernels.protocols import PadShape, is_pad
 
 if TYPE_CHECKING:
@@ -18,3 +20,19 @@ def deformed_pads(scene: mi.Scene) -> list[PadShape]:
 def loaded_pads(scene: mi.Scene) -> list[PadShape]:
     """The loaded ones."""
     return [pad for pad in deformed_pads(scene) if pad.is_loaded]
+
+
+def is_touched(scene: mi.Scene) -> bool:
+    """Whether a pad touches a package, with any part of a wall."""
+    return any(pad.surface.touches.any() for pad in deformed_pads(scene))
+
+
+def contact_notes(scene: mi.Scene) -> list[str]:
+    """Which cells' walls rest on packages, in words."""
+    notes = []
+    for pad in deformed_pads(scene):
+        cells = np.unique(pad.surface.cell[pad.surface.shut & (pad.surface.cell > 0)]).tolist()
+        if cells:
+            whose = f"cell {cells[0]} rests" if len(cells) == 1 else f"cells {', '.join(map(str, cells))} rest"
+            notes.append(f"the roof of {whose} on a package: no light passes where they touch")
+    return notes

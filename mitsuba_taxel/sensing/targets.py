@@ -14,12 +14,12 @@ from statistics import NormalDist
 import numpy as np
 
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.convergence import FACETS_SHARE, ORDER
+from mitsuba_taxel.base.convergence import ERROR_SHARE, FACETS_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing.checked import found_points
-from mitsuba_taxel.sensing.darkness import may_be_lit
+from mitsuba_taxel.sensing.darkness import dark_errors, may_be_lit
 from mitsuba_taxel.sensing.facets import curved_pads, with_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.prepared_scenes import (
@@ -46,7 +46,7 @@ from mitsuba_taxel.sensing.runs import (
     prepare,
 )
 from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
+from mitsuba_taxel.sensing.scene_pads import deformed_pads, is_touched, loaded_pads
 from mitsuba_taxel.specification.taxel_tracer import TaxelTracer
 
 TRUSTED = 0.01
@@ -56,7 +56,8 @@ MECHANICS_SHARE = 0.85
 """Share of the shape in a target error where light has noise. More points cost little: the error of a scrambled net
 falls nearly as 1/points."""
 DARK_POINTS = 1 << 16
-"""Points per taxel and replicate after which a scene in which no light was found counts as dark."""
+"""Points per taxel and replicate after which a scene in which no light was found counts as dark, and most of them where
+a roof rests on a package: what still passes is little."""
 DEVIATION_POINTS, MOST_DEVIATION_POINTS = 256, 1 << 14
 """Points per taxel and replicate of the traces for the mechanics' error, first and at most: domes need many."""
 DEVIATION_SHARE = 4
@@ -67,6 +68,8 @@ GEOMETRY_SHARE = 8
 """A reading's points over the most in each of the two traces for the facets' error."""
 CLEAR, NEGLIGIBLE = 1 / 3, 0.2
 """Allowed uncertainty of the error of mechanics or facets, relative to itself, or to a target error."""
+_MOST_MORE = 16
+"""Largest factor on the points from one of these traces to the next."""
 COST_ORDER = 4.0
 """Power of the element size with which the time of the mechanics grows."""
 RUNG, MOST_RUNGS = 0.9, 7
@@ -136,8 +139,12 @@ def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, toler
         deviation = combined(changes.mean(axis=1))
         noise = mechanics_share(np.hypot(*map(standard_error, changes)), power)
         share = mechanics_share(deviation, power)
-        more = _more_points(share, noise, tolerance)
+        dark = ~(before.any(axis=0) | changes.any(axis=(0, 1)))
+        more = _MOST_MORE if dark.any() and is_touched(ready.scene) else _more_points(share, noise, tolerance)
         if more == 1 or points >= most:
+            if dark.any() and is_touched(ready.scene):  # what as many paths may have missed
+                missed = dark_errors(ready.scene, ready.integrator, points * len(before), len(power)) / ERROR_SHARE
+                deviation = np.where(dark, missed, deviation)
             return MechanicsEstimate(deviation, share)
         points = min(points * more, most)
 
@@ -147,7 +154,7 @@ def _more_points(share: float, noise: float, tolerance: float) -> int:
     wanted = max(CLEAR * share, tolerance)
     if noise <= wanted:
         return 1
-    return 1 << min(math.ceil(2 * math.log2(noise / wanted)) if wanted else 4, 4)
+    return min(1 << math.ceil(2 * math.log2(noise / wanted)), _MOST_MORE) if wanted else _MOST_MORE
 
 
 def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
@@ -295,6 +302,8 @@ def points_for(
 ) -> int:
     """Points per taxel and replicate for a relative standard error of the light, found by pilot runs.
 
+    Where a pad touches a package, they are :data:`DARK_POINTS` at most.
+
     Parameters
     ----------
     clock : Clock, optional
@@ -309,7 +318,7 @@ def points_for(
     if target_error in found:
         return found[target_error]
     seed = seed if first else 0
-    points = FIRST_POINTS
+    points, most = FIRST_POINTS, DARK_POINTS if is_touched(ready.scene) else MOST_POINTS
     for pilot in range(1, 16):
         run = first or Run(ready, derived_seed(seed, pilot))
         run.extend_to(points)
@@ -317,7 +326,7 @@ def points_for(
         error = _safety(run.powers) * Readings(run.powers, run.points, seed).relative_error
         if not run.powers.any() and points < DARK_POINTS and may_be_lit(ready.scene, ready.integrator):
             error = math.inf
-        if error <= target_error or points >= MOST_POINTS:
+        if error <= target_error or points >= most:
             break
         if clock and not clock.allows(8 * run.seconds):
             # The error falls at most as 1/points, and so as 1/time.
@@ -325,7 +334,7 @@ def points_for(
             return MOST_POINTS if reached < known_error else 0
         # At least this many doublings are needed.
         doublings = max(1, math.floor(math.log2(min(error / target_error, 16.0))))
-        points = min(points << doublings, MOST_POINTS)
+        points = min(points << doublings, most)
     found[target_error] = points
     return points
 

@@ -25,7 +25,9 @@ from mitsuba_taxel.kernels.mesh_adapter import (
 )
 from mitsuba_taxel.kernels.packages_to_come import are_to_come
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
-from mitsuba_taxel.pads import Pad, PadFile
+from mitsuba_taxel.kernels.protocols import is_region
+from mitsuba_taxel.kernels.regions import CONTACT
+from mitsuba_taxel.pads import REGIONS, Pad, PadFile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,6 +96,9 @@ class DeformablePad(mi.Mesh):
         walls = [value for _, value in props.objects() if isinstance(value, mi.BSDF)]
         if not walls:
             props["bsdf"] = make_plugin("wall", scattering="absorbing")
+        elif self.load.goes_on and not is_region(walls[0]):  # what touches a package is shut by its region
+            name = next(name for name, value in props.objects() if value is walls[0])
+            props[name] = make_plugin("region", **dict.fromkeys(REGIONS, walls[0]))
         self.mirrors = [code for wall in walls for code in mirrors(wall)]
         check_mirrors(self.pad, self.mirrors, self.subdivision)
         if self.is_loaded and not (self.remembers or self.mesh_size or self.mesh_tolerance):
@@ -137,15 +142,21 @@ class DeformablePad(mi.Mesh):
     def _places(self, surface: Surface, vertices: np.ndarray) -> Places:
         """The mesh's vertices; if there are mirrors, triangles share no vertices, and those of mirrors have normals of
         the curved walls."""
-        places = _placed(vertices, self.to_world)
+        places, region = _placed(vertices, self.to_world), self.changing_region(surface)
         if not self.mirrors:
-            return Places(places, None)
+            return Places(places, None, region)
         corners = places[surface.triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, None].repeat(3, axis=1)
         smooth = np.isin(surface.region, self.mirrors)
         normals[smooth] = np.einsum("tki,ji->tkj", surface.normals[smooth], self.to_world[:3, :3])
         normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), np.finfo(np.float32).tiny)
-        return Places(corners.reshape(-1, 3), normals.reshape(-1, 3))
+        return Places(corners.reshape(-1, 3), normals.reshape(-1, 3), region)
+
+    def changing_region(self, surface: Surface | None = None) -> np.ndarray | None:
+        """(T,) region codes of a surface, by default the present one, that may touch packages; None if these do not
+        change."""
+        surface = surface or self.surface
+        return None if self.state.bodies is None else np.where(surface.shut, CONTACT, surface.region)
 
     @property
     def undeformed(self) -> CellSurface:
@@ -154,12 +165,21 @@ class DeformablePad(mi.Mesh):
         place = tuple(map(tuple, self.to_world.tolist()))
         return _undeformed(self.state.mesh, self.subdivision, self.finish, cells, self.pad, place)
 
-    def deviating_places(self) -> list[Places] | None:
-        """The vertices with each of the pad's `State.deviations` added; None if these are unknown."""
+    def deviating_places(self, share: float = 1.0) -> list[Places] | None:
+        """The vertices displaced by a share of each of the pad's `State.deviations`; None if these are unknown."""
         if self.state.deviations is None:
             return None
-        displaced = (self.state.displacement + deviation for deviation in self.state.deviations)
-        return [self.moved_places(replace(self.state, displacement=u), self.pad) for u in displaced]
+        displaced = (self.state.displacement + share * deviation for deviation in self.state.deviations)
+        surfaces = (self._tessellated(replace(self.state, displacement=u), self.pad) for u in displaced)
+        return [self._kept_in_contact(surface) for surface in surfaces]
+
+    def _kept_in_contact(self, surface: Surface) -> Places:
+        """The vertices of a surface that is displaced by an error; what touches a package stays where it is."""
+        touches = self.surface.touches
+        if not touches.any():
+            return self._places(surface, surface.facing)
+        surface = replace(surface, touches=surface.touches | touches)
+        return self._places(surface, np.where(touches[:, None], self.surface.facing, surface.facing))
 
     def moved_places(self, state: State, pad: Pad | PadFile, chords: bool = False) -> Places:
         """The vertices, or their ``chords``, of a state whose displacement or nodes were changed a little, and of its
@@ -187,7 +207,8 @@ class DeformablePad(mi.Mesh):
         return mesh
 
     def _add_attributes(self, mesh: mi.Mesh) -> None:
-        add_face_attribute(mesh, "region", self.surface.region)
+        region = self.changing_region()
+        add_face_attribute(mesh, "region", self.surface.region if region is None else region)
         add_face_attribute(mesh, "cell", self.surface.cell)
         if self.contact_pressure is not None and mesh.vertex_count() == len(self.contact_pressure):
             add_vertex_attribute(mesh, "contact_pressure", self.contact_pressure)

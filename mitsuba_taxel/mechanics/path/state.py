@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
@@ -153,6 +154,14 @@ class State(Displayed):
         """(2, N, 3) mm, deviations of the displacement on elements of twice the size, extrapolated from the second
         mesh: the part along the displacement, and the remainder; None if unknown."""
         return None if self._compared.deviate is None else self._compared.deviate()
+
+    @property
+    def probed_share(self) -> float:
+        """Share of the :attr:`deviations` by which a pad is displaced to see what they change.
+
+        Changes of readings are proportional to it, but where a pad may touch bodies: there it is that of the error.
+        """
+        return 1.0 if self.bodies is None else ERROR_SHARE
 
     @property
     def force_error(self) -> float:

@@ -14,6 +14,7 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slope
 from mitsuba_taxel.geometry.triangles import area_normals, unit
 from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.shut_gaps import kept_off, widest_shut
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.results.contact_pressure import contact_pressure
 from mitsuba_taxel.mechanics.surface.curvature import Corners, smooth_sheets
@@ -55,6 +56,8 @@ class Surface:
         Displacements in mm of the vertices with which triangles have the mean position of their curved walls.
     normals : (T, 3, 3) ndarray
         Unit normals of these walls at the corners of the triangles; of others, their own.
+    touches : (V,) ndarray
+        Whether each vertex touches a package, between which and the pad no light passes.
     """
 
     vertices: np.ndarray
@@ -63,6 +66,12 @@ class Surface:
     cell: np.ndarray
     offsets: np.ndarray
     normals: np.ndarray
+    touches: np.ndarray
+
+    @property
+    def shut(self) -> np.ndarray:
+        """(T,) whether each triangle touches a package all over."""
+        return self.touches[self.triangles].all(axis=1)
 
     @property
     def facing(self) -> np.ndarray:
@@ -120,11 +129,16 @@ def tessellate(
         vertices = relief.carried(vertices, gradient)
         triangles, faces = relief.triangles, faces[relief.parents]
         offsets = relief.between(offsets)
+    touches = np.zeros(len(vertices), dtype=bool)
+    bodies = getattr(state, "bodies", None)
+    if bodies is not None:
+        facing, touches = kept_off(vertices + offsets, bodies, widest_shut(mesh, bodies))
+        vertices = np.where(touches[:, None], facing - offsets, vertices)
     at_corners = np.repeat(unit(area_normals(vertices, triangles))[:, None], 3, axis=1)
     if finish is None:
         curved = walls.corners.curved
         at_corners[curved] = normals[walls.corners.points[curved]]
-    return Surface(vertices, triangles, mesh.face_region[faces], mesh.face_cell[faces], offsets, at_corners)
+    return Surface(vertices, triangles, mesh.face_region[faces], mesh.face_cell[faces], offsets, at_corners, touches)
 
 
 def contact_pressure_at_vertices(
