@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from chi_square import SIGNIFICANCE, chi2
+from kernel_arrays import vectors
 from wall_laws import (
     LAWS,
     MODES,
@@ -280,3 +281,97 @@ def test_wall_reflects_its_reflectance(llvm_mono, scattering, albedo):
         mi.Point2f(rng.next_float32(), rng.next_float32()),
     )
     assert np.allclose(weight[0].numpy(), albedo)
+
+
+# Triangles with interpolated normals: the wall's normal is along z, the triangle's is tilted against it. Light that
+# would leave behind the triangle is mirrored by it, an isometry.
+
+DIRECTED = [law for law in LAWS if law in ("mixed", "rough", "rougher")]
+NORMALS = [direction(25.0, azimuth) for azimuth in (40.0, 160.0, 290.0)]
+"""The first towards the light, the others away from it."""
+WI = direction(60.0)
+
+
+def tilted(mi, wi, normal):
+    """Light from directions ``wi`` on a triangle with that normal."""
+    si = interaction(mi, wi)
+    si.n = mi.Normal3f(*vectors(mi, *normal))
+    return si
+
+
+def mirrored(directions, normal):
+    return directions - 2 * (directions @ normal)[..., None] * normal
+
+
+def along(normal):
+    """(3, 3) turn that takes z to a unit vector."""
+    axis = np.cross([0, 0, 1], normal)
+    cross = np.cross(np.eye(3), axis)
+    return np.eye(3) + cross + cross @ cross / (1 + normal[2])
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("normal", NORMALS)
+def test_a_mirror_reflects_twice_where_once_leads_behind(llvm_mono, normal, side):
+    mi = llvm_mono
+    wi = np.stack([side * direction(angle, azimuth) for angle in (5, 30, 60, 80) for azimuth in (30, 110, 200, 290)])
+    wi = wi[side * (wi @ normal) > 0]
+    bsdf, ctx = mi.load_dict({"type": "wall", "scattering": "mirror"}), context(mi, "Importance")
+    bs, weight = bsdf.sample(ctx, tilted(mi, wi, normal), mi.Float(0.5), mi.Point2f(0.5))
+    once = wi * [-1, -1, 1]
+    behind = side * (once @ normal) < 0
+    assert np.any(behind) and not np.all(behind)
+    expected = np.where(behind[:, None], mirrored(once, normal), once)
+    assert np.allclose(as_array(bs.wo), expected, atol=1e-6)
+    assert np.allclose(weight[0].numpy(), 1)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("law", DIRECTED)
+@pytest.mark.parametrize("normal", NORMALS)
+def test_as_much_is_reflected_as_by_an_even_wall_and_nothing_behind(llvm_mono, law, mode, normal):
+    mi = llvm_mono
+    bsdf, ctx = wall(mi, law), context(mi, mode)
+    wo, weights = hemisphere()
+
+    def integrals(wo, si):
+        value, density = bsdf.eval_pdf(ctx, si, vectors(mi, *wo.T))
+        return np.array([weights @ value[0].numpy().astype(float), weights @ density.numpy().astype(float)])
+
+    before = np.tile(WI, (len(wo), 1))
+    even, front = integrals(wo, interaction(mi, before)), integrals(wo @ along(normal).T, tilted(mi, before, normal))
+    assert np.allclose(front, even, rtol=3e-3)
+    assert np.all(integrals(-wo @ along(normal).T, tilted(mi, before, normal)) == 0)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("law", DIRECTED)
+@pytest.mark.parametrize("normal", NORMALS[1:])
+def test_directions_follow_the_density_there(llvm_mono, law, mode, normal, side):
+    """Chi-square test; and the weight is the value over the density."""
+    import drjit as dr
+    from mitsuba.chi2 import SphericalDomain
+
+    mi = llvm_mono
+    bsdf, ctx, smooth = wall(mi, law), context(mi, mode), SMOOTH_SHARE.get(law, 1)
+
+    def at(width):
+        return tilted(mi, np.tile(side * WI, (width, 1)), normal)
+
+    def sample(numbers):
+        si = at(dr.width(numbers))
+        bs, weight = bsdf.sample(ctx, si, 1 - smooth * numbers.x, mi.Point2f(numbers.y, numbers.z))
+        return bs.wo, dr.select(weight[0] > 0, mi.Float(1), 0)
+
+    def density(wo):
+        return bsdf.pdf(ctx, at(dr.width(wo)), wo) / smooth
+
+    chi2(SphericalDomain(), sample, density, dimensions=3, resolution=21, inner=64)
+    rng = mi.PCG32(size=5000, initstate=1)
+    numbers = mi.Point2f(rng.next_float32(), rng.next_float32())
+    bs, weight = bsdf.sample(ctx, at(5000), 1 - smooth * rng.next_float32(), numbers)
+    value, density = bsdf.eval_pdf(ctx, at(5000), bs.wo)
+    drawn = weight[0].numpy() > 0
+    assert np.allclose((weight[0] * density).numpy()[drawn], value[0].numpy()[drawn], rtol=1e-3)
+    assert np.all(side * (as_array(bs.wo)[drawn] @ normal) > 0)
