@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.threads import side_by_side
 from mitsuba_taxel.sensing.derivative_values import Derivatives, unit_of
-from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN, reading_error
+from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN, MOST_OFF, reading_error
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotFollowed
 from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
 from mitsuba_taxel.sensing.equal_cells import equal_cells
@@ -204,10 +204,11 @@ class _OfCell:
             there = by_patch.sum(axis=1)
             spread = self._of_wider_horizon(coarse, gradient)
             share = self._whole.cells.light_share(self._number)
-            changes = [share * LIGHT_SHARE * (values - there), HORIZON_SHARE * spread, self._of_sides(coarse)]
+            emission = self._of_emission(fine, values)
+            changes = [share * LIGHT_SHARE * (values - there), HORIZON_SHARE * spread, self._of_sides(coarse), emission]
             of_derivatives = np.linalg.norm(changes, axis=0)
             edged = self._whole.cells.cells[self._number].has_edges
-            light = np.array([reading_error(fine.reading, coarse.reading, share, edged), *of_derivatives])
+            light = np.array([reading_error(fine, coarse.reading, share, edged), *of_derivatives])
             if second is not None:
                 against = self._against(second, coarse.reading, by_patch, gradient)
         return _Found(fine.reading, values, light, against, fine.flows())
@@ -218,6 +219,20 @@ class _OfCell:
             return np.zeros(len(self._velocities))
         change = coarse.gradient(wider=2) - gradient
         return np.array([(change * velocity).sum() for velocity in self._velocities])
+
+    def _of_emission(self, cell: Cell, values: np.ndarray) -> np.ndarray:
+        """(P,) errors of the derivatives by the power of the LED on the walls.
+
+        Raises
+        ------
+        NotFollowed
+            if they receive another share of it than passes through their outlines.
+        """
+        if cell.emission_error > MOST_OFF * cell.reading:
+            raise NotFollowed("derivatives are not available: the walls are too coarse for the LED's beam.")
+        moving = np.array([cell.emission_slope_error(velocity) for velocity in self._velocities])
+        relative = cell.emission_error / cell.reading if cell.reading else 0.0
+        return np.hypot(moving, relative * values)
 
     def _of_sides(self, cell: Cell) -> np.ndarray:
         """(P,) how far derivatives that are the mean of those on two sides are from either."""

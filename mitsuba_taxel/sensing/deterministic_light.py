@@ -14,6 +14,7 @@ from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
 from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
 from mitsuba_taxel.sensing.equal_cells import equal_at_rest, equal_cells
 from mitsuba_taxel.sensing.mechanics_error import combined
+from mitsuba_taxel.transport.cell import Cell
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -26,6 +27,8 @@ QUADRATURE, AT_EDGES = 5e-5, 4e-4
 """Standard deviation of a reading by the quadrature that both solutions share, and where walls that scatter meet at
 sharp edges. Against spheres, and against patches of 0.6 of the size under load, readings differ by up to 1.1e-4; with
 edges, and a load, from random paths by up to 8e-3, where the difference of the solutions is a third of that."""
+MOST_OFF = 0.01
+"""Largest error of the LED's power on the walls, as share of a reading, with which there are derivatives."""
 MOST_HIDDEN = 3e-3
 """Largest share of a reading on paths that walls stand in, which are followed as if these were not there."""
 
@@ -90,10 +93,14 @@ def _touches(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...
     return bool(kept_off(np.concatenate(places).reshape(-1, 3), state.bodies, width)[1].any())
 
 
-def reading_error(fine: float, coarse: float, light_share: float, has_edges: bool) -> float:
-    """Standard deviation of a reading by patches and quadrature, in its unit; see :meth:`DiffuseCells.light_share`."""
+def reading_error(fine: Cell, coarse: float, light_share: float, has_edges: bool) -> float:
+    """Standard deviation of a reading by patches and quadrature, in W per W; see :meth:`DiffuseCells.light_share`.
+
+    It includes what the integrals over the walls add to the power of the LED, or leave out.
+    """
     quadrature = AT_EDGES if has_edges else QUADRATURE
-    return float(np.hypot(light_share * READING_SHARE * (fine - coarse), quadrature * fine))
+    by_patches = light_share * READING_SHARE * (fine.reading - coarse)
+    return float(np.linalg.norm([by_patches, quadrature * fine.reading, fine.emission_error]))
 
 
 class _Found(NamedTuple):
@@ -111,5 +118,5 @@ def _found(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...])
     fine, mesh = cells.solved(number, cells.light_mesh(number, FINE), at), cells.light_mesh(number, COARSE)
     before = cells.solved(number, mesh, at).reading
     changes = [cells.solved(number, mesh, at + patches.carried(part)).reading - before for part in deviations]
-    error = reading_error(fine.reading, before, cells.light_share(number), cells.cells[number].has_edges)
+    error = reading_error(fine, before, cells.light_share(number), cells.cells[number].has_edges)
     return _Found(fine.reading, error, changes, fine.flows())

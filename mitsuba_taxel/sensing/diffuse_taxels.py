@@ -18,7 +18,7 @@ from mitsuba_taxel.kernels.walls import walls_by_region
 from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.box_faces import BoxFaces, faces_of
 from mitsuba_taxel.transport.ends import AngularLaw, CosineFactor, End, uniform_cone
-from mitsuba_taxel.transport.polar_cone import BLUNT, PolarCone
+from mitsuba_taxel.transport.polar_cone import PolarCone
 from mitsuba_taxel.transport.rules import disc_annulus_rule, rectangle_rule, square_annulus_rule
 from mitsuba_taxel.transport.tabulated_law import TabulatedLaw
 
@@ -26,8 +26,8 @@ LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
 """Points along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
 SINGLE = 1e-7
 """Relative rounding error of single precision."""
-NARROWEST = 0.05
-"""Radians within which laws of tables may fall from their largest value."""
+STEEPEST = 20.0
+"""Largest spread of a law, relative to its width: the pieces of walls in its light increase with the square."""
 KINKED = 4.0
 """How much larger errors of light are relative to the difference of two solutions if a law has kinks, as polynomials
 follow these more slowly: compared with patches of 0.6 of the size, by tables of five rows."""
@@ -210,9 +210,7 @@ def _law_of_led(led: LedEmitter) -> AngularLaw:
         return uniform_cone(np.cos(np.radians(stated.cone_angle)))
     if stated.law == "uniform_polar_angle":
         assert stated.cone_angle is not None  # set with this law
-        if (angle := np.radians(stated.cone_angle)) < 2 * BLUNT:
-            raise NotDiffuse(f"the LED's cone is narrower than {np.degrees(2 * BLUNT):.2g} degrees")
-        return PolarCone(float(angle))
+        return PolarCone(math.radians(stated.cone_angle))
     if stated.law == "lambertian":
         return CosineFactor(1 / np.pi, 1.0)
     if stated.law == "cosine_power":
@@ -238,6 +236,6 @@ def _law_of_phototransistor(sensor: PhototransistorSensor) -> AngularLaw:
 
 def _tabulated(table: tuple[np.ndarray, np.ndarray], what: str) -> AngularLaw:
     law = TabulatedLaw(*table)
-    if law.width(np.ones(1)) < NARROWEST:
-        raise NotDiffuse(f"{what} changes by its largest value within {np.degrees(NARROWEST):.0f} degrees")
+    if law.spread > STEEPEST * law.width(np.ones(1)):
+        raise NotDiffuse(f"{what} changes by its largest value within a small part of its {np.degrees(law.spread):.2g} degrees")
     return law

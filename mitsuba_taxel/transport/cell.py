@@ -135,6 +135,29 @@ class Cell:
         """Power on the phototransistor, in W per W of the LED."""
         return float(self.emitted @ self.response) + self._direct.value
 
+    @property
+    def emission_error(self) -> float:
+        """Error of the reading by the power of the LED on each patch, as that within its outline is known, in W per W.
+
+        It is multiplied by the mean response to the light on the patch.
+        """
+        return abs(float(self._emission.deviation @ self._mean_response))
+
+    def emission_slope_error(self, velocity: np.ndarray) -> float:
+        """The same for the derivative of the reading for walls that move along a velocity (F, 15, 3)."""
+        lit, response = self._emission, self._mean_response
+        gradient = lit.gradient(*(response[each.points.face] for each in (lit.inside, lit.edge)))
+        velocity = velocity[: len(gradient)]
+        return abs(float((gradient * velocity).sum() - lit.outline_rate(velocity) @ response))
+
+    @cached_property
+    def _mean_response(self) -> np.ndarray:
+        """(F,) mean response to the light of the LED on each patch that it sees, or to any light where there is none."""
+        response = self.response[self._seen].reshape(len(self._walls.seen), -1)
+        power = np.abs(self._emission.power).reshape(response.shape)
+        weight = np.where(power.sum(axis=1, keepdims=True) > 0, power, 1.0)
+        return (weight * response).sum(axis=1) / weight.sum(axis=1)
+
     def flows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Samples of the light paths: from the LED, from wall to wall, and to the phototransistor.
 
@@ -155,8 +178,8 @@ class Cell:
         )
         sources, ends = (led, walls[target], walls), (walls, walls[patch * size + target % size], phototransistor)
         received = self._adjoint * self._of_all(self._reception.value)
-        into = self.emitted * self.response, between[target, patch], received
-        return np.concatenate(sources), np.concatenate(ends), np.concatenate(into) / self.reading
+        into = np.concatenate([self.emitted * self.response, between[target, patch], received])
+        return np.concatenate(sources), np.concatenate(ends), into / (self.reading or 1.0)
 
     def _between_walls(self, box: Box | None) -> Exchange:
         """Exchange from the points at which W is known to those of all patches, with a box between them if given."""

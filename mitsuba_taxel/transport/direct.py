@@ -2,20 +2,27 @@
 
 Polynomials on patches interpolate the response of the walls. Most of an LED's light falls on a few of them, so that
 their errors do not average out, and neither do those of slopes as the walls move. Most of it is that of the direct
-response, which needs no solution: it is interpolated by polynomials of fourth degree.
+response, which needs no solution: it is interpolated by polynomials of fourth degree, below a narrow beam on parts of
+patches that are small beside their distance from the phototransistor.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from mitsuba_taxel.transport.emission import Emission, LitPoints
-from mitsuba_taxel.transport.ends import End
+from mitsuba_taxel.transport.ends import NARROW, End
 from mitsuba_taxel.transport.exchange import Starts
 from mitsuba_taxel.transport.patches import DEGREE, LATTICE, PatchPoints
+from mitsuba_taxel.transport.pieces import WHOLE, Pieces
 from mitsuba_taxel.transport.reception import Reception
 from mitsuba_taxel.transport.rules import monomials
 
+FINE, MOST_CUTS = 0.3, 4
+"""Largest side of parts of patches below a narrow beam, relative to their distance from the phototransistor: readings
+are right to 1e-5 then; and most subdivisions."""
 _NODES = 1 / 3 + 0.8 * (LATTICE - 1 / 3)
 """(15, 2) coordinates (s, t) where the response is known: within patches, as it may end at their rim."""
 _COEFFICIENTS = np.linalg.inv(monomials(_NODES, DEGREE))
@@ -39,15 +46,15 @@ class Direct:
         self, emission: Emission, phototransistor: End, isotropic: np.ndarray, lambertian: np.ndarray, known: np.ndarray
     ) -> None:
         self._emission, self._known = emission, known
-        count, size = len(emission.places), len(_NODES)
-        own = np.repeat(np.arange(count), size)
-        self._points = PatchPoints(own, np.tile(_NODES, (count, 1)))
+        self._parts = _Parts(emission, phototransistor)
+        own = np.repeat(self._parts.face, len(_NODES))
+        self._points = PatchPoints(own, self._parts.nodes)
         at, area = self._points.placed(emission.places)
         self._length = np.linalg.norm(area, axis=1, keepdims=True)
         self._normal = area / self._length
         self._reception = Reception(phototransistor, Starts(at, self._normal, isotropic[own], lambertian[own]))
-        into = emission.inside.points.face[:, None] * size + np.arange(size)
-        lit = emission.lit[:, None] * _shares(emission.inside)
+        into = self._parts.of_inside[:, None] * len(_NODES) + np.arange(len(_NODES))
+        lit = emission.lit[:, None] * self._parts.shares(emission.inside, self._parts.of_inside)
         self._power = np.bincount(into.ravel(), lit.ravel(), len(own))
 
     @property
@@ -57,14 +64,15 @@ class Direct:
 
     def by_patch(self) -> np.ndarray:
         """(F,) the same, by the patch that is lit."""
-        both = self._power * self._reception.value, self._emission.power * self._known
-        finer, coarser = (each.reshape(len(self._emission.places), -1).sum(axis=1) for each in both)
-        return finer - coarser
+        count = len(self._emission.places)
+        finer = np.bincount(self._points.face, self._power * self._reception.value, count)
+        return finer - (self._emission.power * self._known).reshape(count, -1).sum(axis=1)
 
     def missing(self, lit: LitPoints) -> np.ndarray:
         """(N,) direct responses at lit points, less those of the coarser interpolation."""
-        finer = self._reception.value.reshape(-1, len(_NODES))[lit.points.face]
-        return np.einsum("nq,nq->n", _shares(lit), finer) - self._emission.at(lit, self._known)
+        part = self._parts.of_inside if lit is self._emission.inside else self._parts.of_edge
+        finer = self._reception.value.reshape(-1, len(_NODES))[part]
+        return np.einsum("nq,nq->n", self._parts.shares(lit, part), finer) - self._emission.at(lit, self._known)
 
     def gradient(self, wider: float) -> np.ndarray:
         """(F, 15, 3) derivatives by the patches' positions through the finer direct response alone."""
@@ -73,6 +81,48 @@ class Direct:
         return self._points.gradient(self._emission.places, by_start, across / self._length)
 
 
-def _shares(lit: LitPoints) -> np.ndarray:
-    """(N, 15) weights of the values at nodes for those at lit points."""
-    return monomials(lit.points.at, DEGREE) @ _COEFFICIENTS
+class _Parts:
+    """Equal triangular parts of patches, on each of which a polynomial interpolates.
+
+    Attributes
+    ----------
+    face : (M,) ndarray
+        Number of the patch of each part, in ascending order.
+    of_inside, of_edge : (N,) ndarray
+        Number of the part of each point that is lit.
+    """
+
+    def __init__(self, emission: Emission, phototransistor: End) -> None:
+        count = len(emission.places)
+        if emission.led.law.spread >= NARROW or not len(emission.lit):
+            self.face, self._origin, self._side = np.arange(count), np.zeros((count, 2)), np.ones(count)
+            self.of_inside, self.of_edge = emission.inside.points.face, emission.edge.points.face
+            return
+        middle, size = Pieces(np.arange(count), np.broadcast_to(WHOLE, (count, 3, 2))).extents(emission.places)
+        distance = np.linalg.norm(middle - phototransistor.points.mean(axis=0), axis=1)
+        cuts = np.clip(np.ceil(np.log2(size / (FINE * distance))), 0, MOST_CUTS)
+        points = [each.points for each in (emission.inside, emission.edge)]
+        face, at = np.concatenate([each.face for each in points]), np.concatenate([each.at for each in points])
+        # Part (i, j) of n x n, the lower or the upper triangle of its square, but for those above the hypotenuse.
+        n = 2.0 ** cuts[face]
+        corner = np.clip(np.floor(at * n[:, None]), 0, n[:, None] - 1)
+        corner[:, 0] = np.minimum(corner[:, 0], n - 1 - corner[:, 1])
+        upper = (at * n[:, None] - corner).sum(axis=1) > 1
+        upper &= corner.sum(axis=1) < n - 1
+        keys, part = np.unique(np.column_stack([face, corner, upper]), axis=0, return_inverse=True)
+        part = part.ravel()
+        self.of_inside, self.of_edge = part[: len(points[0].face)], part[len(points[0].face) :]
+        self.face = keys[:, 0].astype(int)
+        n, upper = 2.0 ** cuts[self.face], keys[:, 3]
+        self._origin = (keys[:, 1:3] + upper[:, None]) / n[:, None]
+        self._side = (1 - 2 * upper) / n
+
+    @cached_property
+    def nodes(self) -> np.ndarray:
+        """(M * 15, 2) coordinates (s, t) of the points on parts at which the response is known."""
+        return (self._origin[:, None] + self._side[:, None, None] * _NODES).reshape(-1, 2)
+
+    def shares(self, lit: LitPoints, part: np.ndarray) -> np.ndarray:
+        """(N, 15) weights of the values at the nodes of their parts for those at lit points."""
+        at = (lit.points.at - self._origin[part]) / self._side[part, None]
+        return monomials(at, DEGREE) @ _COEFFICIENTS

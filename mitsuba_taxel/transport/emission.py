@@ -8,18 +8,27 @@ from functools import cached_property
 
 import numpy as np
 
-from mitsuba_taxel.transport.ends import End
+from mitsuba_taxel.transport.ends import NARROW, End
+from mitsuba_taxel.transport.outline import power_within
 from mitsuba_taxel.transport.patches import PatchPoints
-from mitsuba_taxel.transport.pieces import Pieces, cut_near, quartered
+from mitsuba_taxel.transport.pieces import WHOLE, Pieces, quartered
 from mitsuba_taxel.transport.rules import coefficients, gauss, monomials, triangle_rule
 
 DISTANCE = 1.5
-"""As for :func:`cut_near`, for laws that vary over a radian."""
+"""Least distance from an LED's point to the middle of a piece, relative to its longest side, for laws that vary over a
+radian; in proportion to the width of narrower ones."""
+MOST_CUTS = 16
+"""Most subdivisions of a patch: the spot of a cone of 0.05 degrees at 0.1 mm is wider than the smallest pieces."""
 EDGE_CUTS = 2
 """Number of subdivisions of pieces that the edge of the cone crosses, before the edge is approximated by a parabola."""
 MOST_EDGE_CUTS = 4
 """The same, where the edge leaves a piece by the side by which it entered."""
-RIM_POINTS = 3
+CLOSED, CLOSE = 1e-6, 0.01
+"""Largest part of the power of an LED's point that leaves the walls if these receive all of it, and largest error of
+the rules on pieces that is mended then."""
+STEP = 1e-3
+"""Movement in mm of the walls for the rate of the power within outlines, in proportion to the spread of narrow beams."""
+RIM_POINTS = 4
 """Number of rays from a corner that the edge cuts off; each has one point less."""
 TINY = np.finfo(float).tiny
 _SIX = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)])
@@ -65,12 +74,66 @@ class Emission:
     @cached_property
     def lit(self) -> np.ndarray:
         """(N,) shares of the LED's power for each of the points inside its cone."""
+        return self._integrated * self._scale[self.inside.source]
+
+    @cached_property
+    def _integrated(self) -> np.ndarray:
+        """(N,) the same by the rules on the pieces alone."""
         return _Rays(self.led, self.inside, self.places).value
+
+    @cached_property
+    def _of_source(self) -> np.ndarray:
+        """(L,) shares of the LED's power from each of its points, by the rules on the pieces alone."""
+        return np.bincount(self.inside.source, self._integrated, len(self.led.points))
+
+    @cached_property
+    def _scale(self) -> np.ndarray:
+        """(L,) factors by which each point of an LED with a narrow beam emits its power if the walls receive all of it.
+
+        Derivatives of the power through the position of the beam are differences of large numbers, which then cancel.
+        """
+        scale = np.ones(len(self.led.points))
+        if self.led.law.spread < NARROW:
+            whole = np.abs(self._within_outlines.sum(axis=1) - self.led.weights) < CLOSED * self.led.weights
+            known = whole & (np.abs(self._of_source - self.led.weights) < CLOSE * self.led.weights)
+            scale[known] = self.led.weights[known] / self._of_source[known]
+        return scale
+
+    @cached_property
+    def _within_outlines(self) -> np.ndarray:
+        """(L, F) shares of the LED's power from each of its points on each patch, by line integrals."""
+        return self._outlined(self.places)
+
+    def _outlined(self, places: np.ndarray) -> np.ndarray:
+        share = power_within(self.led.points, self.led.normal, self.led.law.within, places)
+        return self.led.weights[:, None] * share
+
+    def outline_rate(self, velocity: np.ndarray) -> np.ndarray:
+        """(F,) rate of the share of the LED's power within the outline of each patch, for patches that move along a
+        velocity (F, 15, 3)."""
+        fastest = np.abs(velocity).max(initial=0)
+        if not fastest:
+            return np.zeros(len(velocity))
+        step = STEP * min(self.led.law.spread, 1.0) / fastest
+        ahead, behind = (self._outlined(self.places + sign * step * velocity).sum(axis=0) for sign in (1, -1))
+        return (ahead - behind) / (2 * step)
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """(F,) shares of the LED's power that the rules add on each patch to what passes through its outline."""
+        on_patch = np.bincount(self.inside.points.face, self._integrated, len(self.places))
+        return on_patch - self._within_outlines.sum(axis=0)
 
     def gradient(self, inside: np.ndarray, edge: np.ndarray) -> np.ndarray:
         """(F, 15, 3) derivatives, by the patches' positions, of the integral of the power times values that are given
         at the points inside the cone and at its edge."""
         rays, rim = _Rays(self.led, self.inside, self.places), _Rays(self.led, self.edge, self.places)
+        if (scaled := self._scale != 1).any():
+            # d(sum v R / sum v) = sum dv (R - mean of R) / sum v
+            mean = np.bincount(self.inside.source, self.lit * inside, len(self._scale)) / self.led.weights
+            mean, scale = np.where(scaled, mean, 0), self._scale
+            inside = scale[self.inside.source] * (inside - mean[self.inside.source])
+            edge = scale[self.edge.source] * (edge - mean[self.edge.source])
         at, passed = inside[:, None], (edge * rim.value)[:, None]
         by_places = self.inside.points.gradient(self.places, at * rays.by_place, at * rays.by_area)
         return by_places + self.edge.points.gradient(self.places, passed * rim.of_cosine, np.zeros_like(rim.of_cosine))
@@ -129,19 +192,38 @@ def emission(led: End, places: np.ndarray, rest: np.ndarray, degree: int) -> Emi
     They are subdivided as needed at ``rest``, for sums that are smooth in the load, or at ``places`` if the law is
     peaked, as walls move along below the peak.
     """
-    sources, faces, corners = [], [], []
-
-    def distance(away: np.ndarray) -> np.ndarray:
-        cosines = away @ led.normal / np.linalg.norm(away, axis=1)
-        return DISTANCE / np.minimum(led.law.width(cosines), 1.0)
-
-    for source, which, pieces in cut_near(led.points, places if led.law.is_peaked else rest, None, distance):
-        sources.append(source)
-        faces.append(pieces.face[which])
-        corners.append(pieces.corners[which])
-    source, pieces = np.concatenate(sources), Pieces(np.concatenate(faces), np.concatenate(corners))
+    source, pieces = _lit_pieces(led, places if led.law.is_peaked else rest)
     inside, edge = _clipped(led, places, source, pieces, degree)
     return Emission(led, places, degree, inside, edge)
+
+
+def _lit_pieces(led: End, places: np.ndarray) -> tuple[np.ndarray, Pieces]:
+    """Points of the LED (M,), each with a piece that it may light, as small as its distance and the law ask for.
+
+    What lies wholly outside the law's spread is left out, so that the number of pieces depends neither on the width of
+    the beam nor on the size of the patches.
+    """
+    face, source = (numbers.ravel() for numbers in np.indices((len(places), len(led.points))))
+    pieces = Pieces(face, np.broadcast_to(WHOLE, (len(face), 3, 2)))
+    kept = []
+    for cut in range(MOST_CUTS + 1):
+        middle, size = pieces.extents(places)
+        away = middle - led.points[source]
+        distance = np.linalg.norm(away, axis=1)
+        cosine = away @ led.normal / distance
+        # A piece lies within a sphere round its middle with its longest side as radius.
+        angular_radius = np.arcsin(np.minimum(size / distance, 1))
+        lit = (np.arccos(np.clip(cosine, -1, 1)) - angular_radius < led.law.spread) | (size >= distance)
+        near = distance < size * DISTANCE / np.minimum(led.law.width(cosine), 1.0)
+        ready = lit & ~near if cut < MOST_CUTS else lit
+        kept.append((source[ready], pieces.face[ready], pieces.corners[ready]))
+        further = lit & ~ready
+        if not further.any():
+            break
+        source = np.repeat(source[further], 4)
+        pieces = Pieces(np.repeat(pieces.face[further], 4), quartered(pieces.corners[further]))
+    source, face, corners = (np.concatenate(part) for part in zip(*kept, strict=True))
+    return source, Pieces(face, corners)
 
 
 def _clipped(

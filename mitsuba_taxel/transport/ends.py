@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +17,10 @@ class AngularLaw(Protocol):
     def cutoff(self) -> float:
         """Cosine."""
 
+    @property
+    def spread(self) -> float:
+        """Angle in radians from the normal, outside of which the share :data:`TAIL` of its integral lies at most."""
+
     def width(self, cosine: np.ndarray) -> np.ndarray | float:
         """Angle in radians over which it varies substantially at these angles."""
 
@@ -25,10 +30,21 @@ class AngularLaw(Protocol):
 
     @property
     def is_peaked(self) -> bool:
-        """Whether its width is much less in some directions than in others."""
+        """Whether it varies much more in some directions than in others."""
 
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Value and derivative, also slightly below the cutoff."""
+
+    def within(self, cosine: np.ndarray) -> np.ndarray:
+        """Integral over all directions of at least these cosines; 0 along the normal."""
+
+
+TAIL = 1e-9
+NARROW = 0.5
+"""Angle in radians up to which a law lights a spot of a wall."""
+ROUND, POWER = 1.5, 1.5
+"""Widths of laws: of one that is even within its spread, relative to that; of a power of the cosine, relative to the
+standard deviation of a narrow one."""
 
 
 @dataclass(frozen=True)
@@ -39,21 +55,29 @@ class CosineFactor:
     exponent: float
     cutoff: float = 0.0
 
+    @cached_property
+    def spread(self) -> float:
+        return math.acos(max(self.cutoff, TAIL ** (1 / (self.exponent + 1))))
+
     @property
     def has_kinks(self) -> bool:
         return False
 
     @property
     def is_peaked(self) -> bool:
-        return False
+        return self.spread < NARROW
 
     def width(self, _: np.ndarray) -> float:
-        return 1 / math.sqrt(max(self.exponent, 1.0))
+        return min(POWER / math.sqrt(max(self.exponent, 1.0)), ROUND * self.spread)
 
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         cosine = np.maximum(cosine, np.finfo(float).tiny)
         slope = self.factor * self.exponent * cosine ** (self.exponent - 1) if self.exponent else np.zeros_like(cosine)
         return self.factor * cosine**self.exponent, slope
+
+    def within(self, cosine: np.ndarray) -> np.ndarray:
+        power, cosine = self.exponent + 1, np.clip(cosine, max(self.cutoff, np.finfo(float).tiny), 1)
+        return -2 * math.pi * self.factor / power * np.expm1(power * np.log(cosine))
 
 
 def uniform_cone(cosine: float) -> CosineFactor:

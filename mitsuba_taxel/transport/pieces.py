@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,12 +56,8 @@ def quartered(corners: np.ndarray) -> np.ndarray:
     return (start + QUARTERS @ sides[:, None]).reshape(-1, 3, 2)
 
 
-Distance = Callable[[np.ndarray], np.ndarray]
-"""Takes vectors (N, 3) from targets to pieces, and returns numbers (N,)."""
-
-
 def cut_near(
-    targets: np.ndarray, places: np.ndarray, own: np.ndarray | None, distance: float | Distance
+    targets: np.ndarray, places: np.ndarray, own: np.ndarray | None, distance: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray, Pieces]]:
     """Pairs of targets and pieces that together cover all patches, grouped by the size of the pieces.
 
@@ -73,7 +69,7 @@ def cut_near(
         Of the patches, in mm.
     own : (T,) ndarray or None
         Patch of each target, with which it forms no pair.
-    distance : float or Distance
+    distance : float
         Distance from a target to the middle of a piece, relative to its longest side, from which it is not subdivided.
 
     Yields
@@ -90,8 +86,7 @@ def cut_near(
         pieces = Pieces(used // len(corners), corners[used % len(corners)])
         middle, size = pieces.extents(places)
         away = middle[which] - targets[target]
-        least = distance(away) if callable(distance) else distance
-        near = (away**2).sum(axis=1) < (least * size[which]) ** 2
+        near = (away**2).sum(axis=1) < (distance * size[which]) ** 2
         if cut == MOST_CUTS:
             near[:] = False
         yield target[~near], which[~near], pieces

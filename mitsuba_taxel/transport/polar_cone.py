@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-BLUNT = 0.03
-"""Radians round the axis within which a polynomial replaces the law."""
+BLUNT = 0.01
+"""Largest angle in radians round the axis within which a polynomial replaces the law."""
 CHANGE = 0.7
 """Angle over which it varies substantially, relative to that from the axis: the power on a plate is then right to 3e-6,
 its derivatives to 3e-4."""
@@ -19,17 +19,26 @@ its derivatives to 3e-4."""
 class PolarCone:
     """The density [1/sr] of directions whose polar angle is uniform in [0, ``angle``]: 1 / (2 pi angle sin(theta)).
 
-    Within :data:`BLUNT` of the axis it is a polynomial in cos(theta), with the same value and derivatives at the edge,
+    Within :data:`BLUNT` of the axis, or half of the angle, it is a polynomial in cos(theta), with the same value and derivatives at the edge,
     the same power, and the same mean of cos(theta): where it lights no edge of a wall, this changes nothing but the
     fourth moment of light that meets some 0.1 mm.
 
     Attributes
     ----------
     angle : float
-        In radians, at least 2 :data:`BLUNT`.
+        In radians.
     """
 
     angle: float
+
+    @property
+    def blunt(self) -> float:
+        """Angle in radians round the axis within which the polynomial replaces the law."""
+        return min(BLUNT, self.angle / 2)
+
+    @property
+    def spread(self) -> float:
+        return self.angle
 
     @property
     def has_kinks(self) -> bool:
@@ -44,19 +53,24 @@ class PolarCone:
         return math.cos(self.angle)
 
     def width(self, cosine: np.ndarray) -> np.ndarray:
-        return CHANGE * np.maximum(np.sqrt(np.maximum((1 - cosine) * (1 + cosine), 0)), BLUNT)
+        return CHANGE * np.maximum(np.sqrt(np.maximum((1 - cosine) * (1 + cosine), 0)), self.blunt)
+
+    @property
+    def _height(self) -> float:
+        """1 - cos(blunt)"""
+        return 2 * math.sin(self.blunt / 2) ** 2
 
     @cached_property
     def _near(self) -> np.ndarray:
-        """Coefficients, the highest power first, in (1 - cos(theta)) / (1 - cos(BLUNT)) = v."""
-        room, edge = 1 - math.cos(BLUNT), np.array(math.cos(BLUNT))
+        """Coefficients, the highest power first, in (1 - cos(theta)) / (1 - cos(blunt)) = v."""
+        room, edge = self._height, np.array(math.cos(self.blunt))
         value, slope = self._beyond(edge)
-        bend = (1 + 2 * edge**2) / math.sin(BLUNT) ** 4 * value
+        bend = (1 + 2 * edge**2) / math.sin(self.blunt) ** 4 * value
         power = np.arange(4, -1, -1)
         conditions = np.stack([np.ones(5), power, power * (power - 1), 1 / (power + 1), 1 / (power + 2)])
         # At v = 1 the value and its derivatives by v; the integrals of the law, and of v times it, over v.
         per_turn = 2 * math.pi * room * self.angle
-        means = BLUNT / per_turn, (BLUNT - math.sin(BLUNT)) / (room * per_turn)
+        means = self.blunt / per_turn, _arc_above_sine(self.blunt) / (room * per_turn)
         return np.linalg.solve(conditions, np.array([value, -room * slope, room**2 * bend, *means]))
 
     def _beyond(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -65,7 +79,7 @@ class PolarCone:
         return value, value * cosine / squared
 
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        room = 1 - math.cos(BLUNT)
+        room = self._height
         share = (1 - cosine) / room
         value, slope = self._beyond(np.minimum(cosine, 1 - room))
         near = share < 1
@@ -73,3 +87,12 @@ class PolarCone:
             np.where(near, np.polyval(self._near, share), value),
             np.where(near, -np.polyval(np.polyder(self._near), share) / room, slope),
         )
+
+    def within(self, cosine: np.ndarray) -> np.ndarray:
+        """Of the law with its pole."""
+        return np.arccos(np.clip(cosine, self.cutoff, 1)) / self.angle
+
+
+def _arc_above_sine(angle: float) -> float:
+    """angle - sin(angle), also for small angles."""
+    return angle**3 / 6 * (1 - angle**2 / 20 * (1 - angle**2 / 42 * (1 - angle**2 / 72)))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+
+from mitsuba_taxel.transport.ends import NARROW, ROUND, TAIL
 
 STEEPEST = 1.65
 """Largest slope of cosine**n relative to its largest value, times the width of such a law, for n not near 1."""
@@ -38,20 +41,31 @@ class TabulatedLaw:
 
     @property
     def is_peaked(self) -> bool:
-        return False
+        return self.spread < NARROW
 
     @property
     def cutoff(self) -> float:
         return float(self.cosines[0])
 
+    @cached_property
+    def spread(self) -> float:
+        outside = self._beyond[-1] - self._beyond >= (1 - TAIL) * self._beyond[-1]
+        return math.acos(self.cosines[np.flatnonzero(outside)[-1]])
+
     def width(self, _: np.ndarray) -> float:
         """As a power of the cosine that falls as steeply has it."""
-        return self._width
+        return min(self._width, ROUND * self.spread)
 
     @cached_property
     def _width(self) -> float:
         steepest = np.abs(np.diff(self.values) / np.diff(np.arccos(self.cosines))).max()
         return float(self.values.max() / (STEEPEST * steepest)) if steepest else 1.0
+
+    @cached_property
+    def _beyond(self) -> np.ndarray:
+        """(N,) integrals over all directions beyond the nodes."""
+        means = (self.values[1:] + self.values[:-1]) / 2
+        return 2 * math.pi * np.concatenate([[0.0], np.cumsum(means * np.diff(self.cosines))])
 
     @cached_property
     def _slopes(self) -> np.ndarray:
@@ -61,3 +75,10 @@ class TabulatedLaw:
         piece = np.clip(np.searchsorted(self.cosines, cosine) - 1, 0, len(self._slopes) - 1)
         slope = self._slopes[piece]
         return np.maximum(self.values[piece] + slope * (cosine - self.cosines[piece]), 0), slope
+
+    def within(self, cosine: np.ndarray) -> np.ndarray:
+        cosine = np.clip(cosine, self.cutoff, 1)
+        piece = np.clip(np.searchsorted(self.cosines, cosine) - 1, 0, len(self._slopes) - 1)
+        past = self.cosines[piece + 1] - cosine
+        mean = self.values[piece + 1] - self._slopes[piece] * past / 2
+        return self._beyond[-1] - self._beyond[piece + 1] + 2 * math.pi * mean * past
