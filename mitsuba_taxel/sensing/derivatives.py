@@ -204,8 +204,13 @@ class _OfCell:
             there = by_patch.sum(axis=1)
             spread = self._of_wider_horizon(coarse, gradient)
             share = self._whole.cells.light_share(self._number)
-            emission = self._of_emission(fine, values)
-            changes = [share * LIGHT_SHARE * (values - there), HORIZON_SHARE * spread, self._of_sides(coarse), emission]
+            conservation = self._of_conservation(fine, values)
+            changes = [
+                share * LIGHT_SHARE * (values - there),
+                HORIZON_SHARE * spread,
+                self._of_sides(coarse),
+                conservation,
+            ]
             of_derivatives = np.linalg.norm(changes, axis=0)
             edged = self._whole.cells.cells[self._number].has_edges
             light = np.array([reading_error(fine, coarse.reading, share, edged), *of_derivatives])
@@ -220,18 +225,19 @@ class _OfCell:
         change = coarse.gradient(wider=2) - gradient
         return np.array([(change * velocity).sum() for velocity in self._velocities])
 
-    def _of_emission(self, cell: Cell, values: np.ndarray) -> np.ndarray:
-        """(P,) errors of the derivatives by the power of the LED on the walls.
+    def _of_conservation(self, cell: Cell, values: np.ndarray) -> np.ndarray:
+        """(P,) errors of the derivatives by the light between the walls and LED and phototransistor.
 
         Raises
         ------
         NotFollowed
-            if they receive another share of it than passes through their outlines.
+            if integrals over walls differ from those along their outlines.
         """
-        if cell.emission_error > MOST_OFF * cell.reading:
-            raise NotFollowed("derivatives are not available: the walls are too coarse for the LED's beam.")
-        moving = np.array([cell.emission_slope_error(velocity) for velocity in self._velocities])
-        relative = cell.emission_error / cell.reading if cell.reading else 0.0
+        error = np.hypot(cell.emission_error, cell.reception_error)
+        if error > MOST_OFF * cell.reading:
+            raise NotFollowed("derivatives are not available: patches are too coarse for a narrow beam or response.")
+        moving = np.array([cell.conservation_slope_error(velocity) for velocity in self._velocities])
+        relative = error / cell.reading if cell.reading else 0.0
         return np.hypot(moving, relative * values)
 
     def _of_sides(self, cell: Cell) -> np.ndarray:

@@ -28,7 +28,8 @@ QUADRATURE, AT_EDGES = 5e-5, 4e-4
 sharp edges. Against spheres, and against patches of 0.6 of the size under load, readings differ by up to 1.1e-4; with
 edges, and a load, from random paths by up to 8e-3, where the difference of the solutions is a third of that."""
 MOST_OFF = 0.01
-"""Largest error of the LED's power on the walls, as share of a reading, with which there are derivatives."""
+"""Largest error by the power of LEDs on walls and by what phototransistors accept, as share of a reading, with which
+there are derivatives."""
 MOST_HIDDEN = 3e-3
 """Largest share of a reading on paths that walls stand in, which are followed as if these were not there."""
 
@@ -96,11 +97,12 @@ def _touches(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...
 def reading_error(fine: Cell, coarse: float, light_share: float, has_edges: bool) -> float:
     """Standard deviation of a reading by patches and quadrature, in W per W; see :meth:`DiffuseCells.light_share`.
 
-    It includes what the integrals over the walls add to the power of the LED, or leave out.
+    It includes what the integrals over the walls add to the power of the LED and to what the phototransistor accepts,
+    or leave out.
     """
     quadrature = AT_EDGES if has_edges else QUADRATURE
     by_patches = light_share * READING_SHARE * (fine.reading - coarse)
-    return float(np.linalg.norm([by_patches, quadrature * fine.reading, fine.emission_error]))
+    return float(np.linalg.norm([by_patches, quadrature * fine.reading, fine.emission_error, fine.reception_error]))
 
 
 class _Found(NamedTuple):

@@ -237,5 +237,5 @@ def _law_of_phototransistor(sensor: PhototransistorSensor) -> AngularLaw:
 def _tabulated(table: tuple[np.ndarray, np.ndarray], what: str) -> AngularLaw:
     law = TabulatedLaw(*table)
     if law.spread > STEEPEST * law.width(np.ones(1)):
-        raise NotDiffuse(f"{what} changes by its largest value within a small part of its {np.degrees(law.spread):.2g} degrees")
+        raise NotDiffuse(f"{what} falls within a small part of its {np.degrees(law.spread):.2g} degrees")
     return law

@@ -18,12 +18,12 @@ from scipy.linalg import lu_factor, lu_solve
 
 from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.direct import Direct
-from mitsuba_taxel.transport.emission import Emission, emission
+from mitsuba_taxel.transport.emission import STEP, Emission, emission
 from mitsuba_taxel.transport.ends import End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
 from mitsuba_taxel.transport.pairs import pairs_of
 from mitsuba_taxel.transport.patches import PatchPoints
-from mitsuba_taxel.transport.reception import Reception
+from mitsuba_taxel.transport.reception import CHECKED, Reception, acceptance
 from mitsuba_taxel.transport.rules import triangle_rule
 
 DISTANCE = 0.8
@@ -143,16 +143,61 @@ class Cell:
         """
         return abs(float(self._emission.deviation @ self._mean_response))
 
-    def emission_slope_error(self, velocity: np.ndarray) -> float:
-        """The same for the derivative of the reading for walls that move along a velocity (F, 15, 3)."""
+    @cached_property
+    def reception_error(self) -> float:
+        """Error of the reading by what the phototransistor accepts from each patch, in W per W; see :func:`acceptance`.
+
+        It is that of all patches together, and of each as if they were independent.
+        """
+        by_rule, by_outline = self._accepted
+        errors = self._radiance * (by_rule - by_outline)
+        return float(np.hypot(errors.sum(), np.linalg.norm(errors)))
+
+    def conservation_slope_error(self, velocity: np.ndarray) -> float:
+        """Error of the derivative of the reading, for walls that move along a velocity (F, 15, 3), by what the walls
+        receive from the LED and what the phototransistor accepts from them."""
         lit, response = self._emission, self._mean_response
         gradient = lit.gradient(*(response[each.points.face] for each in (lit.inside, lit.edge)))
         velocity = velocity[: len(gradient)]
-        return abs(float((gradient * velocity).sum() - lit.outline_rate(velocity) @ response))
+        by_emission = (gradient * velocity).sum() - lit.outline_rate(velocity) @ response
+        fastest = np.abs(velocity).max(initial=0)
+        if not fastest:
+            return abs(float(by_emission))
+        step = STEP / fastest
+        moved = (self._acceptance(self._walls.seen + sign * step * velocity) for sign in (1, -1))
+        ahead, behind = (by_rule - by_outline for by_rule, by_outline in moved)
+        return float(np.hypot(by_emission, self._radiance @ (ahead - behind) / (2 * step)))
+
+    @cached_property
+    def _accepted(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._acceptance(self._walls.seen)
+
+    def _acceptance(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the phototransistor accepts from the patches that it sees; see :func:`acceptance`."""
+        rule, weights = triangle_rule(self._mesh.degree)
+        faces = np.repeat(np.arange(len(places)), len(rule))
+        points = PatchPoints(faces, np.tile(rule, (len(places), 1)))
+        return acceptance(self._phototransistor, places, points, np.tile(weights, len(places)))
+
+    @cached_property
+    def _radiance(self) -> np.ndarray:
+        """(F,) radiance of each patch towards the phototransistor, in W per W, mm² and sr; of those that seem to be
+        hidden from it, that of all directions."""
+        count = len(self._walls.seen)
+        power, received = self._adjoint[self._seen], self._reception.value
+        by_rule, by_outline = self._accepted
+        some = self._phototransistor.weights[CHECKED // 2 :: CHECKED].sum() / self._phototransistor.weights.sum()
+        towards = some * (power * received).reshape(count, -1).sum(axis=1)
+        _, weights = triangle_rule(self._mesh.degree)
+        area = self._length[self._seen].reshape(count, -1) @ weights
+        scattered = (self._walls.isotropic + self._walls.lambertian)[:count]
+        on_average = scattered * power.reshape(count, -1).sum(axis=1) / (np.pi * area)
+        known = by_rule > np.abs(by_outline) / 2
+        return np.where(known, towards / np.where(known, by_rule, 1), on_average)
 
     @cached_property
     def _mean_response(self) -> np.ndarray:
-        """(F,) mean response to the light of the LED on each patch that it sees, or to any light where there is none."""
+        """(F,) mean response to the light of the LED on each patch, or to all light where there is none."""
         response = self.response[self._seen].reshape(len(self._walls.seen), -1)
         power = np.abs(self._emission.power).reshape(response.shape)
         weight = np.where(power.sum(axis=1, keepdims=True) > 0, power, 1.0)

@@ -20,9 +20,9 @@ from mitsuba_taxel.transport.pieces import WHOLE, Pieces
 from mitsuba_taxel.transport.reception import Reception
 from mitsuba_taxel.transport.rules import monomials
 
-FINE, MOST_CUTS = 0.3, 4
-"""Largest side of parts of patches below a narrow beam, relative to their distance from the phototransistor: readings
-are right to 1e-5 then; and most subdivisions."""
+FINE, MOST_CUTS = 0.3, 7
+"""Largest side of parts of patches below a narrow beam, relative to their distance from the phototransistor, times the
+width of a narrow response: readings are right to 1e-5 then; and most subdivisions."""
 _NODES = 1 / 3 + 0.8 * (LATTICE - 1 / 3)
 """(15, 2) coordinates (s, t) where the response is known: within patches, as it may end at their rim."""
 _COEFFICIENTS = np.linalg.inv(monomials(_NODES, DEGREE))
@@ -100,7 +100,8 @@ class _Parts:
             return
         middle, size = Pieces(np.arange(count), np.broadcast_to(WHOLE, (count, 3, 2))).extents(emission.places)
         distance = np.linalg.norm(middle - phototransistor.points.mean(axis=0), axis=1)
-        cuts = np.clip(np.ceil(np.log2(size / (FINE * distance))), 0, MOST_CUTS)
+        resolved = FINE * distance * np.minimum(phototransistor.law.width(np.ones(1)), 1)
+        cuts = np.clip(np.ceil(np.log2(size / resolved)), 0, MOST_CUTS)
         points = [each.points for each in (emission.inside, emission.edge)]
         face, at = np.concatenate([each.face for each in points]), np.concatenate([each.at for each in points])
         # Part (i, j) of n x n, the lower or the upper triangle of its square, but for those above the hypotenuse.

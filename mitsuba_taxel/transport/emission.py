@@ -27,7 +27,7 @@ CLOSED, CLOSE = 1e-6, 0.01
 """Largest part of the power of an LED's point that leaves the walls if these receive all of it, and largest error of
 the rules on pieces that is mended then."""
 STEP = 1e-3
-"""Movement in mm of the walls for the rate of the power within outlines, in proportion to the spread of narrow beams."""
+"""Movement in mm of the walls for the rate of the power within outlines, times the spread of narrow beams."""
 RIM_POINTS = 4
 """Number of rays from a corner that the edge cuts off; each has one point less."""
 TINY = np.finfo(float).tiny

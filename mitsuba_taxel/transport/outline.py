@@ -11,7 +11,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mitsuba_taxel.transport.patches import LATTICE
 from mitsuba_taxel.transport.rules import gauss
 
 POINTS = 6
@@ -21,10 +20,8 @@ TOLERANCE = 1e-6
 MOST_CUTS = 24
 GRAIN = 1e-7
 """Relative to the largest coordinate: sides whose points differ by less are the same."""
-_SIDES = np.array([[np.flatnonzero((LATTICE == at).all(axis=1))[0] for at in zip(s, t)] for s, t in (
-    (np.arange(5) / 4, np.zeros(5)), (1 - np.arange(5) / 4, np.arange(5) / 4), (np.zeros(5), 1 - np.arange(5) / 4)
-)])  # fmt: skip
-"""(3, 5) numbers of a patch's points along its sides, counterclockwise in (s, t)."""
+_SIDES = np.array([[0, 1, 2, 3, 4], [4, 8, 11, 13, 14], [14, 12, 9, 5, 0]])
+"""(3, 5) numbers of a patch's points (see `LATTICE`) along its sides, counterclockwise in (s, t)."""
 _POWERS = np.arange(5)
 _POLYNOMIAL = np.linalg.inv(np.vander(_POWERS / 4, increasing=True))
 """(5, 5) from five points of a side to the coefficients of the polynomial through them."""

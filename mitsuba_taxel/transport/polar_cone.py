@@ -19,9 +19,9 @@ its derivatives to 3e-4."""
 class PolarCone:
     """The density [1/sr] of directions whose polar angle is uniform in [0, ``angle``]: 1 / (2 pi angle sin(theta)).
 
-    Within :data:`BLUNT` of the axis, or half of the angle, it is a polynomial in cos(theta), with the same value and derivatives at the edge,
-    the same power, and the same mean of cos(theta): where it lights no edge of a wall, this changes nothing but the
-    fourth moment of light that meets some 0.1 mm.
+    Within :data:`BLUNT` of the axis, or half of the angle, it is a polynomial in cos(theta), with the same value and
+    derivatives at the edge, the same power, and the same mean of cos(theta): where it lights no edge of a wall, this
+    changes nothing but the fourth moment of light that meets some 0.03 mm.
 
     Attributes
     ----------

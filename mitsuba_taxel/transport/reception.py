@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.transport.ends import End
+from mitsuba_taxel.transport.ends import AngularLaw, End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
+from mitsuba_taxel.transport.outline import Cumulative, power_within
+from mitsuba_taxel.transport.patches import PatchPoints
+from mitsuba_taxel.transport.rules import gauss
 
+CHECKED, ANGLES = 7, 1024
+"""One of so many points of a phototransistor is checked; parts of the angles that its response depends on."""
 WIDER = 10.0
 """Width over which the step at the horizon of a wall is spread, relative to that between walls: the spacing of the
 points of a phototransistor as seen from a wall nearby, whose horizon passes whole rows of them at once."""
@@ -43,3 +48,44 @@ class Reception:
         direction = self._away / self._distance[:, :, None]
         along = np.einsum("te,tec->tc", turned * self._cosine, direction)
         return along + turned.sum(axis=1)[:, None] * self._end.normal - by_end, by_normal
+
+
+def acceptance(end: End, places: np.ndarray, points: PatchPoints, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What a phototransistor accepts from patches that are all equally bright, by two integrals.
+
+    Parameters
+    ----------
+    end : End
+    places : (F, 15, 3) ndarray
+        Of the patches, in mm.
+    points : PatchPoints
+    weights : (P,) ndarray
+        Rule over s and t of each patch, by which other integrals over walls are computed.
+
+    Returns
+    -------
+    by_rule, by_outline : (F,) ndarray
+        In mm² sr, of some points of the phototransistor; the second is right (see :func:`power_within`).
+    """
+    some = slice(CHECKED // 2, None, CHECKED)
+    at, area = points.placed(places)
+    away = end.points[some] - at[:, None]
+    squared = (away**2).sum(axis=2)
+    cosine = -(away @ end.normal) / np.sqrt(squared)
+    facing = np.maximum(np.einsum("pkc,pc->pk", away, area), 0) / np.sqrt(squared)
+    response = np.where(cosine > max(end.law.cutoff, 0.0), end.law(np.maximum(cosine, 0))[0], 0)
+    accepted = (facing * response * np.maximum(cosine, 0) / squared) @ end.weights[some]
+    by_rule = np.bincount(points.face, weights * accepted, len(places))
+    by_outline = end.weights[some] @ power_within(end.points[some], end.normal, _accepted_within(end.law), places)
+    return by_rule, by_outline
+
+
+def _accepted_within(law: AngularLaw) -> Cumulative:
+    """Integral of a response times the cosine over the directions of at least some cosines."""
+    angles = np.linspace(0, min(law.spread, np.pi / 2), ANGLES + 1)
+    place, weight = gauss(3)
+    theta = angles[:-1, None] + np.diff(angles)[:, None] * place
+    values = 2 * np.pi * np.sin(theta) * np.cos(theta) * law(np.cos(theta))[0]
+    sums = np.concatenate([[0.0], np.cumsum(np.diff(angles) * (values @ weight))])
+    cosines = np.cos(angles)
+    return lambda cosine: np.interp(cosine, cosines[::-1], sums[::-1])

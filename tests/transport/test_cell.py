@@ -15,6 +15,7 @@ from mitsuba_taxel.transport.exchange import Starts
 from mitsuba_taxel.transport.reception import Reception
 from mitsuba_taxel.transport.rules import rectangle_rule
 
+
 @pytest.mark.parametrize(
     ("height", "law", "isotropic", "expected"),
     [

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from patch_cells import UP, cell, dome, led, phototransistor, plate
+from patch_cells import cell, dome, led, phototransistor, plate
 
 from mitsuba_taxel.transport import emission as module
-from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
 from mitsuba_taxel.transport.emission import emission
 from mitsuba_taxel.transport.ends import CosineFactor, uniform_cone
 from mitsuba_taxel.transport.polar_cone import PolarCone
@@ -101,12 +100,12 @@ def test_derivatives_state_what_the_beam_gains_or_loses_on_the_walls(monkeypatch
     upwards[..., 2] = 1.0
     whole = cell(places, 0, 0.9, law, hole=0.1)
     truth = whole.gradient().sum(axis=(0, 1))[2]
-    assert whole.emission_slope_error(upwards) < 1e-5 * abs(truth)
+    assert whole.conservation_slope_error(upwards) < 1e-4 * abs(truth)
     monkeypatch.setattr(module, "MOST_CUTS", 1)
     coarse = cell(places, 0, 0.9, law, hole=0.1)
     off = abs(coarse.gradient().sum(axis=(0, 1))[2] - truth)
     assert off > 0.01 * abs(truth)
-    assert off < 2 * coarse.emission_slope_error(upwards)
+    assert off < 2 * coarse.conservation_slope_error(upwards)
 
 
 @pytest.mark.parametrize("name", ["cone of 0.5 degrees", "exponent 1000", "ring", "polar cone of 4 degrees"])
