@@ -52,6 +52,8 @@ def why_no_contact(scene: Scene, along: str) -> str | None:
     (pad,) = (DeformablePad.read(props) for props in nodes if props.plugin_name() == DeformablePad.plugin)
     if pad.load == "indenter_force":
         return f"first contact along {along} cannot be told: paths of an indenter follow its displacement, no force."
+    if pad.load == "indenter_displacement" and change[:2].any():
+        return f"first contact along {along} cannot be told: a dragged indenter has a path of its own at each place."
     if not _on_one_path(np.array(pad.load_value), change):
         return f"first contact along {along} cannot be told: its values are not one load path."
     return None

@@ -106,6 +106,17 @@ def test_what_is_no_line_of_a_path_is_refused(contact, along, last, furthest, sa
     assert said in str(refused.value)
 
 
+def test_a_dragged_indenter_is_refused(tmp_path):
+    """At each place it has a path of its own."""
+    load = """<string name="load" value="indenter_displacement"/> <float name="indenter_radius" value="4"/>
+        <vector name="displacement" value="$dx, 0, -0.1"/>"""
+    start, force = one_cell(fz=-1).replace('"fz"', '"dx"').split("<vector", 1)
+    text = start + load + force.split("/>", 1)[1]
+    (tmp_path / "dragged.xml").write_text(text)
+    with pytest.raises(InputError, match="along dx cannot be told: a dragged indenter has a path of its own"):
+        first_contact(lambda dx: Scene(tmp_path / "dragged.xml", {"dx": dx}), "dx", 0.5, 1.0)
+
+
 def test_a_force_on_an_indenter_is_refused(tmp_path):
     """Its paths are those of the displacement."""
     text = one_cell(fz=-1).replace(
