@@ -69,7 +69,7 @@ def reading_curve(scene: Scene, truth: Truth, seconds: float, starting: Callable
     for target in TARGETS:
         starting(f"chain: target {target:.1%}")
         found, spent = _timed(scene, target, seconds)
-        points.append(_reading_point(found, truth.power, spent, target, truth))
+        points.append(reading_point(found, truth.power, spent, target, truth))
     return ErrorCurve("chain", "reading", points, launched=True)
 
 
@@ -92,7 +92,7 @@ def chain_curves(
                 slopes.append(_slope_point(found, other, near.step, spent + now() - start, target, slope))
             on_this_mesh = scene.with_mesh_size(found.mesh_size)
             long = measure(on_this_mesh, points=POINTS, seed=SEED, mechanics_error=False).power
-        readings.append(_reading_point(found, long, spent, target, truth))
+        readings.append(reading_point(found, long, spent, target, truth))
     curves = [ErrorCurve("chain", "reading", readings)]
     return curves if near is None else [*curves, ErrorCurve("chain", f"slope over {near.force}", slopes)]
 
@@ -104,7 +104,7 @@ def _timed(scene: Scene, target: float, seconds: float) -> tuple[Readings, float
     return found, now() - start
 
 
-def _reading_point(found: Readings, long: np.ndarray, seconds: float, target: float, truth: Truth) -> Point:
+def reading_point(found: Readings, long: np.ndarray, seconds: float, target: float, truth: Truth) -> Point:
     """``long`` are readings with many points on the same mesh."""
     shares = {
         "light_error": relative_rms(found.power - long, truth.power),

@@ -96,7 +96,7 @@ def estimator(method: Method, scene: Scene, folder: Path, stray: float) -> Estim
         raise InputError(f"it lights all LEDs at once, and {share} of a reading would be of other taxels.")
     ready = prepare(_variant(method, scene, folder))
     if method.is_ours:
-        return _ours(ready)
+        return of_readings(ready)
     set_wavelength(ready.scene, ready.scene.emitters())
     return _stock(ready.scene)
 
@@ -137,7 +137,9 @@ def offset_share(scene: Scene) -> float:
     return float(9e-5 * (1 + furthest) / np.median(distance[hit]))
 
 
-def _ours(ready: Prepared) -> Estimator:
+def of_readings(ready: Prepared) -> Estimator:
+    """Readings of a prepared scene by random paths of its own integrator."""
+
     def estimate(samples: int, seed: int) -> Estimate:
         points = max(1, samples // REPLICATES)
         readings = measure(ready, points=points, seed=seed, mechanics_error=False)

@@ -96,7 +96,7 @@ def optics_curves(scene: Scene, seconds: float, starting: Callable[[str], None])
             starting(f"optics: reference by {trial.method.name}")
             estimate = estimator(trial.method, scene, Path(folder), stray)
             samples = trial.rungs[-1].samples
-            truth = reference(trial.method, estimate, samples, REFERENCE_TIME * seconds)
+            truth = reference(trial.method.name, estimate, samples, REFERENCE_TIME * seconds)
             if not trial.method.is_ours:
                 truth = replace(truth, error=np.hypot(truth.error, offset_share(scene) * truth.power))
             references[trial.method] = truth
@@ -116,7 +116,7 @@ def _trial(method: Method, scene: Scene, folder: Path, stray: float, seconds: fl
         return _Trial(method, [], str(reason).strip().splitlines()[-1])
 
 
-def rungs(estimate: Estimator, seconds: float, most_samples: int) -> Iterator[Rung]:
+def rungs(estimate: Estimator, seconds: float, most_samples: int, first_samples: int = FIRST_SAMPLES) -> Iterator[Rung]:
     """Runs with successively doubled samples, for about ``seconds`` in total.
 
     Compilation is excluded; the seconds of runs are medians.
@@ -136,13 +136,13 @@ def rungs(estimate: Estimator, seconds: float, most_samples: int) -> Iterator[Ru
         samples *= 2
 
 
-def reference(method: Method, estimate: Estimator, samples: int, seconds: float) -> Truth:
+def reference(name: str, estimate: Estimator, samples: int, seconds: float) -> Truth:
     """The mean of runs of ``samples`` samples, for ``seconds`` and at least :data:`FEWEST_SEEDS` runs."""
     powers: list[np.ndarray] = []
     start = now()
     while len(powers) < FEWEST_SEEDS or now() - start < seconds:
         powers.append(estimate(samples, derived_seed(samples, MOST_SEEDS + len(powers))).power)
-    return Truth(np.mean(powers, axis=0), standard_error(np.array(powers)), method.name)
+    return Truth(np.mean(powers, axis=0), standard_error(np.array(powers)), name)
 
 
 def _referees(trials: Sequence[_Trial]) -> list[_Trial]:
@@ -166,7 +166,7 @@ def _other(references: Mapping[Method, Truth], method: Method) -> Truth:
 
 def _curve(trial: _Trial, truth: Truth, unbounded: bool) -> ErrorCurve:
     method = trial.method
-    points = [_point(rung, truth) for rung in trial.rungs]
+    points = [rung_point(rung, truth) for rung in trial.rungs]
     remarks = [trial.reason] if trial.reason else []
     if unbounded and method.integrator == "path":
         remarks.append("isotropic walls give paths from the detector weights without bound: the error may fall slowly")
@@ -178,7 +178,8 @@ def _curve(trial: _Trial, truth: Truth, unbounded: bool) -> ErrorCurve:
     return ErrorCurve("optics", method.name, points, launched=True, remark="; ".join(remarks))
 
 
-def _point(rung: Rung, truth: Truth) -> Point:
+def rung_point(rung: Rung, truth: Truth) -> Point:
+    """Runs with one number of samples, compared with a reference."""
     return Point(
         setting=f"{rung.samples} samples",
         seconds=rung.seconds,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,37 +15,49 @@ if TYPE_CHECKING:
     from mitsuba_taxel.bench.work_precision import ErrorCurve, Point
 
 TITLES = {"optics": "light", "mechanics": "mechanics", "chain": "reading: light and mechanics"}
+MOST_ACROSS = 4
 LABELLED = ("mechanics", "chain")
 """Parts with few points, which are labelled."""
 
 
-def plot_accuracy(curves: Sequence[ErrorCurve], title: str, folder: Path) -> None:
-    """Write the diagram as ``accuracy.png`` and ``accuracy.svg``.
+def plot_accuracy(
+    curves: Sequence[ErrorCurve],
+    title: str,
+    folder: Path,
+    titles: Mapping[str, str] = TITLES,
+    labelled: Sequence[str] = LABELLED,
+) -> None:
+    """Write the diagram as ``accuracy.png`` and ``accuracy.svg``, a panel for each of the parts that have ``titles``.
 
     Filled markers are significant errors, hollow ones lie below the error of the reference, a dashed line. Dotted lines
-    are errors stated by the method, for parts with few methods.
+    are errors stated by the method, for parts with few methods, which are ``labelled``.
     """
-    parts = [part for part in TITLES if any(curve.part == part and curve.points for curve in curves)]
-    axes = axes_of((6.4 * len(parts), 7.2), 1, len(parts))
-    for ax, part in zip(axes[0], parts, strict=True):
-        _panel(ax, [curve for curve in curves if curve.part == part and curve.points], part)
-    axes[0, 0].set_ylabel("relative error (root mean square over taxels)")
+    parts = [part for part in titles if any(curve.part == part and curve.points for curve in curves)]
+    across = min(len(parts), MOST_ACROSS)
+    down = math.ceil(len(parts) / across)
+    axes = axes_of((6.4 * across, 7.2 * down), down, across)
+    for ax in axes.ravel()[len(parts) :]:
+        ax.set_axis_off()
+    for ax, part in zip(axes.ravel(), parts, strict=False):
+        _panel(ax, [curve for curve in curves if curve.part == part and curve.points], part, part in labelled)
+        ax.set_title(titles[part])
+    for ax in axes[:, 0]:
+        ax.set_ylabel("relative error (root mean square over taxels)")
     axes[0, 0].figure.suptitle(title)
     save_figure(axes[0, 0].figure, folder, "accuracy")
 
 
-def _panel(ax: Axes, curves: Sequence[ErrorCurve], part: str) -> None:
+def _panel(ax: Axes, curves: Sequence[ErrorCurve], part: str, labelled: bool) -> None:
     from matplotlib.ticker import NullFormatter
 
     for number, curve in enumerate(curves):
-        _draw(ax, curve, number, part in LABELLED)
+        _draw(ax, curve, number, labelled)
     for number, (label, floor) in enumerate(_floors(curves, part).items()):
         ax.axhline(floor, color="0.5", linewidth=1, linestyle=("--", "-.", ":")[number % 3], label=label)
     ax.set_xscale("log")
     ax.set_yscale("log")
     _widen(ax)
     ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_title(TITLES[part])
     ax.set_xlabel("seconds of all processors")
     ax.grid(which="major", alpha=0.4)
     ax.grid(which="minor", alpha=0.12)

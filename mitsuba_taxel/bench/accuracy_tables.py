@@ -16,6 +16,7 @@ COLUMNS = (
     "optics_seconds", "remark",
 )  # fmt: skip
 HEADINGS = ("part", "method", "points", "error", "stated", "reference", "seconds", "slope", "remark")
+POINT_HEADINGS = ("setting", "method", "varied", "error", "stated", "floor", "seconds")
 PEERS = (
     "Radiance, raysect, a loop over Embree and CalculiX do special cases only, for which they were modelled by hand: "
     "taxel bench peers optics compares the first three with this project on a plate, Embree on pads too, and "
@@ -57,4 +58,22 @@ def cells(curve: ErrorCurve) -> list[str]:
         f"{last.seconds:.3g}",
         "-" if math.isnan(steepness.value) else f"{steepness.value:.2f} +- {steepness.standard_error:.2f}",
         "; ".join(dict.fromkeys(filter(None, [curve.remark, last.remark]))) or "-",
+    ]
+
+
+def point_cells(curve: ErrorCurve) -> list[list[str]]:
+    """A row for every point of a curve, in the order of :data:`POINT_HEADINGS`."""
+    if not curve.points:
+        return [[curve.part, curve.method, f"not possible: {curve.remark}", "-", "-", "-", "-"]]
+    return [
+        [
+            curve.part,
+            curve.method,
+            point.setting,
+            f"{point.error:.2g}" if point.error > point.floor else f"< {point.floor:.2g}",
+            f"{point.stated:.2g}",
+            f"{point.floor:.1g}",
+            f"{point.seconds:.3g}",
+        ]
+        for point in curve.points
     ]

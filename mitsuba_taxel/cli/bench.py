@@ -168,7 +168,7 @@ def nominal_command(only: str | None, markdown: Path | None) -> None:
 
 
 @command.command("accuracy", short_help="Error against time of every method.")
-@click.argument("scene")
+@click.argument("scene", required=False)
 @defines_option
 @folder_option
 @click.option(
@@ -180,19 +180,30 @@ def nominal_command(only: str | None, markdown: Path | None) -> None:
     "take longer.",
 )
 @debug_option
-def accuracy_command(scene: str, defines: dict[str, str], folder: Path, seconds: float) -> None:
+def accuracy_command(scene: str | None, defines: dict[str, str], folder: Path, seconds: float) -> None:
     """Measure the error against time of every method to read SCENE, as table, CSV and diagram.
 
     Light: each integrator, against one of another family. Mechanics: element sizes and load steps, against much smaller
     ones. Chain: readings and slopes to a target error, against a fine mesh with many paths.
+
+    Without a SCENE, settings of one cell are measured: light without random numbers over the size of its patches,
+    random paths over their number, derivatives over either, and touch over its depth.
     """
     from mitsuba_taxel.bench.accuracy import accuracy
     from mitsuba_taxel.bench.accuracy_mechanics import ELEMENTS
-    from mitsuba_taxel.bench.accuracy_tables import HEADINGS, PEERS, cells
+    from mitsuba_taxel.bench.accuracy_settings import settings_accuracy
+    from mitsuba_taxel.bench.accuracy_tables import HEADINGS, PEERS, POINT_HEADINGS, cells, point_cells
     from mitsuba_taxel.sensing import Scene
 
     from .tables import print_text_table
 
+    if scene is None:
+        if defines:
+            raise click.UsageError("-D is for a SCENE, and none is given.")
+        curves = settings_accuracy(folder, seconds, _say)
+        print_text_table(POINT_HEADINGS, [row for curve in curves for row in point_cells(curve)])
+        click.echo("Seconds are of all processors together; compilation is not in them.")
+        return
     curves = accuracy(Scene.from_file(scene, **defines), folder, seconds, _say)
     print_text_table(HEADINGS, map(cells, curves))
     click.echo("Seconds are of all processors together; compilation is not in them.")

@@ -49,6 +49,7 @@ def derivatives_by(
     degree: int = FINE,
     wider: float = 1.0,
     of_light_alone: bool = False,
+    patch_size: float | None = None,
 ) -> Derivatives:
     """Derivatives of the readings of a loaded scene by the parameters whose :func:`rates` are given.
 
@@ -62,6 +63,8 @@ def derivatives_by(
         Factor of the width over which the step at the horizon is spread.
     of_light_alone : bool
         Whether to leave out strain and clearance of the pad; they are NaN then.
+    patch_size : float, optional
+        Size in mm of the patches for the light instead of the default.
 
     Raises
     ------
@@ -72,7 +75,7 @@ def derivatives_by(
     """
     try:
         with stages.stage("derivatives"):
-            cells = DiffuseCells(live)
+            cells = DiffuseCells(live, patch_size=patch_size)
             begins = not cells.pad.is_loaded and any(change.load.any() for change in changes)
             state = cells.pad.at_onset() if begins else cells.pad.state
             return _Linearised(cells, degree, state, wider).by(changes, with_errors, of_light_alone)
@@ -92,7 +95,8 @@ class _Linearised:
     def by(self, changes: list[Rates], with_errors: bool, of_light_alone: bool) -> Derivatives:
         nodal = [self.linear.nodal(change) for change in changes]
         scenes = [change.scenes() for change in changes]
-        others = [[(weight, DiffuseCells(live)) for weight, live in each] for each in scenes]
+        size = self.cells.patch_size
+        others = [[(weight, DiffuseCells(live, patch_size=size)) for weight, live in each] for each in scenes]
         displaced = self.cells.pad.is_loaded or any(change.load.any() for change in changes)
         second = self._second(changes) if with_errors and displaced else None
         first = self._equal(nodal, others, second)

@@ -50,13 +50,16 @@ class DeterministicLight(NamedTuple):
     deviation: np.ndarray | None
 
 
-def deterministic_light(scene: mi.Scene, mechanics_error: bool = True) -> DeterministicLight | None:
+def deterministic_light(
+    scene: mi.Scene, mechanics_error: bool = True, patch_size: float | None = None
+) -> DeterministicLight | None:
     """Readings of a scene of diffuse cells, None if it is of another kind or its light is blocked too often.
 
-    The coarser solution gives the error, and the changes of readings with coarser finite elements.
+    The coarser solution gives the error, and the changes of readings with coarser finite elements. The size of patches
+    in mm is that of `DiffuseCells`.
     """
     try:
-        cells = DiffuseCells(scene)
+        cells = DiffuseCells(scene, patch_size=patch_size)
     except (NotDiffuse, ComputationError):
         return None
     state, loaded = cells.pad.state, cells.pad.is_loaded

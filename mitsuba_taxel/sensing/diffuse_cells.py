@@ -96,6 +96,8 @@ class DiffuseCells:
     scene : mi.Scene
     points : int
         Along a side of each phototransistor.
+    patch_size : float, optional
+        Size in mm of the patches for the light instead of the default.
 
     Raises
     ------
@@ -105,12 +107,13 @@ class DiffuseCells:
         if a cell has too many patches.
     """
 
-    def __init__(self, scene: mi.Scene, points: int = PHOTOTRANSISTOR_POINTS) -> None:
+    def __init__(self, scene: mi.Scene, points: int = PHOTOTRANSISTOR_POINTS, patch_size: float | None = None) -> None:
         if not llvm.is_fit():
             raise NotDiffuse(f"light without random numbers needs an LLVM of version {llvm.OLDEST_LLVM} or newer")
         self.scene = scene
         self.pad = _pad_of(scene)
-        self._mesh = _mesh_of(self.pad.pad)
+        self.patch_size = patch_size
+        self._mesh = _mesh_of(self.pad.pad, patch_size or self.pad.pad.default_mesh_size)
         placed = self._into_pad, self._scale
         pairs = taxels_of(scene)
         self.taxels = [taxel for pair in pairs for taxel in diffuse_taxels(pair, *placed, points)]
@@ -166,7 +169,7 @@ class DiffuseCells:
 
     def _cuts(self, package: PackageFaces) -> np.ndarray:
         """Parts of a package's faces, which are no larger than the patches of walls."""
-        return package.faces.cuts(self.pad.pad.default_mesh_size)
+        return package.faces.cuts(self.patch_size or self.pad.pad.default_mesh_size)
 
     def _refuse_other_cells(self) -> None:
         """Raise if an LED lights scattering walls of another cell."""
@@ -296,11 +299,11 @@ def _pad_of(scene: mi.Scene) -> PadShape:
 
 
 @lru_cache(maxsize=4)
-def _mesh_of(pad: Pad | PadFile) -> VolumeMesh:
+def _mesh_of(pad: Pad | PadFile, size: float) -> VolumeMesh:
     """The mesh whose faces are the patches for the light."""
     from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 
-    return pad_mesh(pad, pad.default_mesh_size)
+    return pad_mesh(pad, size)
 
 
 class _Places(NamedTuple):

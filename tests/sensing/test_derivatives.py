@@ -371,7 +371,7 @@ def test_readings_and_slopes_do_not_depend_on_the_patches_of_the_light(cell, mon
     scene = pad_scene(cell=cell)
     usual = derivatives(scene, "fx")
     share = 0.8 if cell == "hemispheric" else 0.6  # of which the domes have 0.8 * 0.8
-    monkeypatch.setattr(diffuse_cells, "_mesh_of", lambda pad: pad_mesh(pad, share * pad.default_mesh_size))
+    monkeypatch.setattr(diffuse_cells, "_mesh_of", lambda pad, size: pad_mesh(pad, share * size))
     finer = derivatives(scene, "fx")
     assert usual.power == pytest.approx(finer.power, rel=1e-4)
     assert usual.values == pytest.approx(finer.values, rel=3e-3)
