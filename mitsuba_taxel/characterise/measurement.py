@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,13 +11,16 @@ from typing import NoReturn
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.text import read_text
+from mitsuba_taxel.base.table import UNITS, Column, read_table
 
 FEWEST_ROWS = 10
-FACTORS = {"s": 1.0, "ms": 1e-3, "n": 1.0, "mn": 1e-3, "v": 1.0, "mv": 1e-3}
-HEADING = re.compile(
-    r"(?P<name>t|time|f|force|fx|fy|fz|(?:v|voltage)_?(?P<taxel>\d+))[_ ]*[(\[]?(?P<unit>m?[snv])[)\]]?"
-)
+NAMES = {
+    "t": "time", "time": "time", "timestamp": "time", "f": "force", "force": "force", "load": "force",
+    "weight": "force",
+    "fx": "fx", "fy": "fy", "fz": "fz", "forcex": "fx", "forcey": "fy", "forcez": "fz",
+}  # fmt: skip
+"""Quantities by heading, in small letters and without blanks."""
+_VOLTAGE = re.compile(r"(?:v|voltage|u|ch|channel|taxel)[ _]*(?P<taxel>\d+)?")
 FORCE_COLUMNS = ({"force"}, {"fx"}, {"fy"}, {"fz"}, {"fx", "fy", "fz"})
 
 
@@ -40,13 +41,14 @@ class Measurement:
 
 
 def read_measurement(file: str | Path) -> Measurement:
-    """Read a table of time, force and one voltage per taxel: ``time_s,force_N,v1_V,v2_V``.
+    """Read a table of time, force and one voltage per taxel: ``time_s,force_N,v1_V,v2_V``; see
+    `mitsuba_taxel.base.table.read_table`.
 
-    The first line has the headings; ``#`` starts a comment. Every heading is a name and a unit, such as ``v1_V``, ``v1
-    [V]`` or ``v1 (V)``, case-insensitive, in any order:
+    Every heading is a name and a unit, such as ``v1_V``, ``v1 [V]`` or ``v1 (V)``, or the units are a line of their
+    own; names are case-insensitive, in any order:
 
-    - ``time`` or ``t`` in s or ms, rising from row to row;
-    - ``force`` or ``f``, or one of ``fx``, ``fy``, ``fz``, or all three of these, in N or mN;
+    - ``time`` or ``t`` in s or ms, or ``millis``, rising from row to row;
+    - ``force`` or ``f``, or one of ``fx``, ``fy``, ``fz``, or all three of these, in N, mN, kN, g or kg of weight;
     - ``v1``, ``v2``, ... or ``voltage1``, ... in V or mV, with the number of the taxel.
 
     Raises
@@ -59,34 +61,26 @@ def read_measurement(file: str | Path) -> Measurement:
     def refuse(problem: str) -> NoReturn:
         raise InputError(f"measurement {str(file)!r}{problem}")
 
-    text = read_text(f"measurement {str(file)!r}", Path(file))
-    lines = [(number, line.split("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1)]
-    numbers = [number for number, line in lines if line]
-    try:
-        head, *rows = [[word.strip() for word in row] for row in csv.reader(line for _, line in lines if line)] or [[]]
-    except csv.Error as error:
-        refuse(f" is not a CSV file: {error}.")
-    if not any(map(str.isalpha, "".join(head))):
+    table = read_table(f"measurement {str(file)!r}", Path(file))
+    headings = [column.heading for column in table.columns]
+    if not any(map(str.isalpha, "".join(headings))):
         refuse(" has no headings: a first line such as time_s,force_N,v1_V,v2_V is needed.")
-    columns = [_column(word, refuse) for word in head]
-    names = [name for name, _ in columns]
+    volts = [column for column in table.columns if _VOLTAGE.fullmatch(column.name.lower())]
+    names = [_quantity(column, len(volts), refuse) for column in table.columns]
     forces = tuple(sorted(name for name in names if not isinstance(name, int) and name != "time"))
     taxels = sorted(name for name in names if isinstance(name, int))
+    shown = f"{', '.join(headings)} (separated by {table.separator})"
     if len(set(names)) < len(names):
-        refuse(f": columns {', '.join(head)} are not allowed: each must occur once.")
+        refuse(f": columns {shown} are not allowed: each must occur once.")
     if "time" not in names or set(forces) not in FORCE_COLUMNS or not taxels:
-        refuse(
-            f": columns {', '.join(head)} are not enough: time_s, force_N (or fx_N, fy_N, fz_N), v1_V, ... are needed."
-        )
-    if len(rows) < FEWEST_ROWS:
-        refuse(f" holds {len(rows)} rows of numbers: at least {FEWEST_ROWS} are needed.")
-    data = np.empty((len(rows), len(head)))
-    for row, number in enumerate(numbers[1:]):
-        data[row] = _numbers(rows[row], head, number, refuse)
+        refuse(f": columns {shown} are not enough: time_s, force_N (or fx_N, fy_N, fz_N), v1_V, ... are needed.")
+    if len(table.lines) < FEWEST_ROWS:
+        refuse(f" holds {len(table.lines)} rows of numbers: at least {FEWEST_ROWS} are needed.")
+    data = np.stack([table.numbers(column) for column in table.columns], axis=1)
     late = np.flatnonzero(np.diff(data[:, names.index("time")]) <= 0)
     if len(late):
-        refuse(f", line {numbers[late[0] + 2]}: {head[names.index('time')]} does not rise from the row before.")
-    data *= [factor for _, factor in columns]
+        refuse(f", line {table.lines[late[0] + 1]}: {headings[names.index('time')]} does not rise from the row before.")
+    data *= [float(UNITS[column.unit][1]) for column in table.columns]
     of = {name: data[:, number] for number, name in enumerate(names)}
     return Measurement(
         of["time"],
@@ -98,27 +92,26 @@ def read_measurement(file: str | Path) -> Measurement:
     )
 
 
-def _column(heading: str, refuse: Callable[[str], NoReturn]) -> tuple[str | int, float]:
-    """``time``, a force's name or a taxel's number, and the factor to s, N or V."""
-    match = HEADING.fullmatch(heading.lower())
-    if match is not None:
-        unit, taxel = match["unit"], match["taxel"]
-        name: str | int = int(taxel) if taxel else {"t": "time", "f": "force"}.get(match["name"], match["name"])
-        if unit[-1] == ("v" if taxel else "s" if name == "time" else "n"):
-            return name, FACTORS[unit]
-    refuse(f": column {heading!r} is not known: time_s, force_N, fx_N, fy_N, fz_N or v1_V, v2_V, ... are.")
-
-
-def _numbers(words: list[str], head: list[str], line: int, refuse: Callable[[str], NoReturn]) -> list[float]:
-    if len(words) != len(head):
-        refuse(f", line {line}: {len(words)} values are not allowed: {len(head)} are needed, one per column.")
-    numbers = []
-    for word, heading in zip(words, head, strict=True):
-        try:
-            number = float(word)
-        except ValueError:
-            refuse(f", line {line}, column {heading}: {word!r} is not a number.")
-        if not math.isfinite(number):
-            refuse(f", line {line}, column {heading}: {word!r} is not allowed: a finite number is needed.")
-        numbers.append(number)
-    return numbers
+def _quantity(column: Column, voltages: int, refuse: Callable[[str], NoReturn]) -> str | int:
+    """``time``, a force's name or a taxel's number."""
+    bare = re.sub(r"[ _]", "", column.name.lower())
+    voltage = _VOLTAGE.fullmatch(column.name.lower())
+    name: str | int = NAMES.get(bare, "")
+    if voltage and (voltage["taxel"] or voltages == 1):
+        name = int(voltage["taxel"] or 1)
+    needed = {"time": "s", "": ""}.get(name, "N") if isinstance(name, str) else "V"
+    kind = UNITS[column.unit][0] if column.unit else ""
+    if name != "" and kind == needed:
+        return name
+    if name != "" and kind == "counts":
+        refuse(
+            f": column {column.heading!r} holds counts of a converter: volts are needed, which are counts times its "
+            "full scale by their number, 2^bits."
+        )
+    if name != "" and kind == "A":
+        refuse(f": column {column.heading!r} holds a current: volts are needed, the current times the load resistance.")
+    if name != "":
+        of = f"in {column.unit}" if column.unit else "without a unit"
+        unit = {"s": "s or ms", "N": "N, mN, kN or g", "V": "V or mV"}[needed]
+        refuse(f": column {column.heading!r} is {of}: {unit} is needed, as in {column.name}_{needed}.")
+    refuse(f": column {column.heading!r} is not known: time_s, force_N, fx_N, fy_N, fz_N or v1_V, v2_V, ... are.")

@@ -22,10 +22,11 @@ from .options import debug_option, defines_option, folder_option, json_option
 def command(scene: str, defines: dict[str, str], folder: Path, steps: Path | None, vtu: bool, as_json: bool) -> None:
     """Write the deformed pads of SCENE to DIR as PLY, with region and cell of each face."""
     from mitsuba_taxel.studies import deform, read_steps
+    from mitsuba_taxel.studies.plan.batch import parameters_in
 
     from .tables import print_json, print_pads, progress_bar
 
-    path = [{}] if steps is None else read_steps(steps)
+    path = [{}] if steps is None else read_steps(steps, known=parameters_in(scene))
     with progress_bar("load steps") as progress:
         rows = deform(scene, defines, folder, path, vtu=vtu, progress=progress)
     if as_json:

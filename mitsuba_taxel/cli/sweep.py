@@ -100,7 +100,7 @@ def command(
     import xarray as xr
 
     from mitsuba_taxel.studies import run_study, sweep
-    from mitsuba_taxel.studies.plan.batch import columns_of
+    from mitsuba_taxel.studies.plan.batch import columns_of, parameters_in
 
     from .tables import circuit_in, end_beyond_target, print_json, study_bar
 
@@ -121,7 +121,7 @@ def command(
                 "target_slope": target_slope,
                 "circuit": circuit_in(circuit),
             }
-            rows = {**together, **(columns_of(steps) if steps else {})}
+            rows = {**together, **(columns_of(steps, known=parameters_in(source)) if steps else {})}
             study = sweep(source, vary, defines, together=rows, output=folder, progress=progress, **what, **how)
     studies = {"": study} if isinstance(study, xr.Dataset) else dict(study.children.items())
     if as_json:

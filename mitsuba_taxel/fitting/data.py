@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.studies.plan.batch import columns_of
+from mitsuba_taxel.base.table import UNITS, as_parameter, read_table
 
-READING = re.compile(r"(?P<kind>[vp])(?P<taxel>[1-9]\d*)(?P<error>_error)?_(?P<unit>mV|V|W|mW|uW)")
-FACTORS = {"V": 1.0, "mV": 1e-3, "W": 1.0, "mW": 1e-3, "uW": 1e-6}
-SETTING_UNITS = re.compile(r"_(N|mm|MPa|W|degrees|nm|s)$")
+READING = re.compile(r"(?P<kind>[vVpP])_?(?P<taxel>[1-9]\d*)(?P<error>_error)?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +44,13 @@ class Data:
         return len(self.readings)
 
 
-def read_data(file: Path) -> Data:
-    """Read a table with headings: settings such as ``fz`` or ``fz_N``, readings of taxel 1 as ``v1_V`` or ``p1_W``, and
-    their standard deviations as ``v1_error_V``, for all readings or for none.
+def read_data(file: Path, known: Collection[str] = ()) -> Data:
+    """Read a table with headings: settings such as ``fz`` or ``fz_mN``, readings of taxel 1 as ``v1_V`` or ``p1_W``,
+    and their standard deviations as ``v1_error_V``, for all readings or for none; see
+    `mitsuba_taxel.base.table.read_table`.
+
+    Settings with a unit become those in mm, N, MPa, s and degrees, unless their heading is one of the ``known``
+    parameters as it stands.
 
     Raises
     ------
@@ -55,20 +58,26 @@ def read_data(file: Path) -> Data:
         if the file cannot be read, or is not such a table.
     """
     given = f"data {file.name!r}"
-    columns = columns_of(file, "data")
     readings: dict[int, np.ndarray] = {}
     errors: dict[int, np.ndarray] = {}
     settings, units = {}, set()
-    for name, words in columns.items():
-        match = READING.fullmatch(name)
+    table = read_table(f"data = {str(file)!r}", file, known)
+    for column in table.columns:
+        match = READING.fullmatch(column.name)
         if match is None:
-            settings[SETTING_UNITS.sub("", name)] = words
+            name, words = as_parameter(column)
+            if not name or name in settings or not all(words):
+                raise InputError(f"{given}, column {column.heading!r}: a distinct name and a value per row are needed.")
+            settings[name] = words
             continue
-        if (match["kind"] == "v") != match["unit"].endswith("V"):
-            raise InputError(f"{given}, column {name}: volts of v, and watts of p, are needed.")
-        units.add(match["unit"][-1])
+        kind, factor = UNITS.get(column.unit, ("", "1"))
+        if kind != ("V" if match["kind"] in "vV" else "W"):
+            raise InputError(f"{given}, column {column.heading}: volts of v, and watts of p, are needed.")
+        units.add(kind)
         into = errors if match["error"] else readings
-        into[int(match["taxel"])] = FACTORS[match["unit"]] * _numbers(words, name, given)
+        into[int(match["taxel"])] = float(factor) * table.numbers(column)
+    if not table.lines:
+        raise InputError(f"{given} is not allowed: a heading and at least one row are needed.")
     if not readings or len(units) > 1:
         raise InputError(f"{given} is not allowed: columns such as v1_V, or p1_W, of one kind are needed.")
     if errors and errors.keys() != readings.keys():
@@ -77,17 +86,7 @@ def read_data(file: Path) -> Data:
         raise InputError(f"{given} is not allowed: errors above 0 are needed.")
     taxels = sorted(readings)
 
-    def table(of: dict[int, np.ndarray]) -> np.ndarray:
+    def stacked(of: dict[int, np.ndarray]) -> np.ndarray:
         return np.stack([of[taxel] for taxel in taxels], axis=1)
 
-    return Data(settings, units.pop(), np.array(taxels), table(readings), table(errors) if errors else None)
-
-
-def _numbers(words: list[str], name: str, given: str) -> np.ndarray:
-    try:
-        numbers = np.array([float(word) for word in words])
-    except ValueError:
-        numbers = np.array([np.nan])
-    if not np.isfinite(numbers).all():
-        raise InputError(f"{given}, column {name}: finite numbers are needed.")
-    return numbers
+    return Data(settings, units.pop(), np.array(taxels), stacked(readings), stacked(errors) if errors else None)

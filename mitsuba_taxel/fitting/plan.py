@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.base.arguments import is_number
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.units import TIME
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
 from mitsuba_taxel.fitting.data import Data, read_data
 from mitsuba_taxel.parameters import Number, parameters_of
-from mitsuba_taxel.studies.plan.batch import read_study_of
+from mitsuba_taxel.studies.plan.batch import parameters_in, read_study_of
 
 OWN = ("gain", "offset")
 """Unknowns of the electronics without a circuit: volts per watt, and volts without light."""
@@ -68,7 +70,13 @@ def read_plan(file: Path) -> FitPlan:
         if name not in (*READ_KEYS, "circuit", "scene", "define"):
             raise InputError(f"{name} is not allowed in a fit: the settings are those of the data.")
     folder = file.resolve().parent
-    data = read_data(folder / table["data"])
+    known = parameters_in(str(scene.get("scene", "")), folder)
+    data = read_data(folder / table["data"], known)
+    if TIME in data.settings and known and TIME not in known:
+        warnings.warn(
+            f"data {table['data']!r}: the scene has no parameter {TIME}: that column is not used.", stacklevel=1
+        )
+        data = replace(data, settings={name: words for name, words in data.settings.items() if name != TIME})
     circuit = circuit_of(content.pop("circuit")) if "circuit" in content else None
     unknowns = [_unknown(name, given) for name, given in table["unknowns"].items()]
     plan = FitPlan(str(scene.get("scene", "")), folder, dict(scene.get("define", {})), content, circuit, unknowns, data)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -9,6 +11,7 @@ import numpy as np
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.backend.plugin_objects import found
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.table import separated
 from mitsuba_taxel.base.text import read_text
 
 NODES = 4096
@@ -98,13 +101,16 @@ def read_angular_table(file: str) -> tuple[np.ndarray, np.ndarray]:
 def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
     """The numbers in the CSV file of a parameter, two columns, (n, 2) with n from ``fewest`` to ``NODES``."""
     given = f"{parameter} = {file!r}"
-    lines = [line for line in read_text(given, found(file)).splitlines() if line.split("#")[0].strip()]
-    try:
-        table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, 2))
-    except ValueError:
-        row = next(number for number, line in enumerate(lines, start=1) if not _is_pair(line))
-        # It is not quoted: a scene may name any file.
-        raise InputError(f"{given}: row {row} is not allowed: two columns of numbers are needed.") from None
+    lines = [words for line in read_text(given, found(file)).splitlines() if (words := line.split("#")[0].strip())]
+    mark, fields = separated(given, lines)
+    if mark != ",":  # decimal commas
+        fields = [[word.replace(",", ".") for word in row] for row in fields]
+    if fields and not _is_pair(fields[0]) and all(re.match(r"[^\W\d]", word) for word in fields[0]):
+        fields = fields[1:]  # a heading
+    for row, pair in enumerate(fields, start=1):
+        if not _is_pair(pair):  # it is not quoted: a scene may name any file
+            raise InputError(f"{given}: row {row} is not allowed: two columns of numbers are needed.")
+    table = np.array(fields, dtype=float).reshape(-1, 2)
     rows, columns = table.shape
     if columns != 2 or not fewest <= rows <= NODES:
         raise InputError(
@@ -113,9 +119,9 @@ def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
     return table
 
 
-def _is_pair(line: str) -> bool:
+def _is_pair(words: list[str]) -> bool:
     try:
-        return np.loadtxt([line], delimiter=",").shape == (2,)
+        return len([float(word) for word in words]) == 2
     except ValueError:
         return False
 

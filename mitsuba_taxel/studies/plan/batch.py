@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -275,7 +275,7 @@ def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
     tables = {name: scene.get(name, {}) for name in TABLES}
     together = dict(tables["together"])
     if "steps" in scene:
-        together.update(columns_of(folder / str(scene["steps"])))
+        together.update(columns_of(folder / str(scene["steps"]), known=parameters_in(str(scene["scene"]), folder)))
     run = {name: study[name] for name in RUN_KEYS if name in study}
     if "circuit" in run:
         run["circuit"] = circuit_of(run["circuit"])
@@ -290,9 +290,18 @@ def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
     )
 
 
-def columns_of(file: Path, what: str = "steps") -> dict[str, list[str]]:
+def parameters_in(source: str, folder: Path = Path()) -> Collection[str]:
+    """Names of the parameters of a scene as a study states it; none if there is no such scene."""
+    try:
+        beside = folder / source
+        return Scene(beside if is_file(beside) else source).defaults
+    except InputError:  # which is reported where the scene is needed
+        return ()
+
+
+def columns_of(file: Path, what: str = "steps", known: Collection[str] = ()) -> dict[str, list[str]]:
     """The columns of a CSV file of steps, or of ``what`` messages say; see :func:`read_steps`."""
-    rows = read_steps(file, what)
+    rows = read_steps(file, what, known)
     return {name: [row[name] for row in rows] for name in rows[0]}
 
 

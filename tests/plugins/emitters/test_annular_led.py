@@ -318,8 +318,8 @@ TABULATED = '<string name="law" value="tabulated"/> <string name="file" value="l
         (TABULATED, b"0,1\n90,\xff\xfe", "file = 'led.csv' is not text"),
         (TABULATED, "", "file = 'led.csv' has 0 rows .* from 2 to 4096 rows and 2 columns"),
         (TABULATED, "0,1\n", "has 1 rows"),
-        (TABULATED, "0,1,1\n90,0,0\n", "and 3 columns"),
-        (TABULATED, "angle,intensity\n0,1\n90,0\n", "row 1 is not allowed: two columns of numbers are needed"),
+        (TABULATED, "0,1,1\n90,0,0\n", "row 1 is not allowed: two columns"),
+        (TABULATED, "angle,intensity\n0,1\nhalf,0\n", "row 2 is not allowed: two columns of numbers are needed"),
         (TABULATED, "0,1\n10\n", "row 2 is not allowed: two columns of numbers are needed"),
         (TABULATED, "1,1\n90,0\n", "the angle 1 in row 1 is not allowed: angles must start at 0"),
         (TABULATED, "0,1\n20,1\n20,0.5\n", "the angle 20 in row 3"),
@@ -416,3 +416,13 @@ def test_led_must_fit_on_its_rectangle(llvm_mono):
     }
     with pytest.raises(InputError, match=r"annular_led: 0.25 x 0.25 mm do not fit on its rectangle, 0.1 x 0.1 mm"):
         measure(Scene(scene), points=16)
+
+
+@pytest.mark.parametrize("text", ["angle,intensity\n{}", "angle (deg);intensity\n{}", "Angle\tIntensity\n{}"])
+def test_tables_may_have_a_heading_and_other_separators(llvm_mono, tmp_path, text):
+    from mitsuba_taxel.kernels.tables import read_angular_table
+
+    rows, mark = "0,1\n30,0.75\n90,0\n", next(one for one in ("\t", ";", ",") if one in text)
+    (tmp_path / "led.csv").write_text(text.format(rows.replace(",", mark).replace(".", "." if mark == "," else ",")))
+    angles, values = read_angular_table(str(tmp_path / "led.csv"))
+    assert angles.tolist() == [0, 30, 90] and values.tolist() == [1, 0.75, 0]
