@@ -116,13 +116,18 @@ class Parameter:
     def _default_in_brackets(self) -> str:
         return f" (Default: {self.default_text})" if self.default_text else ""
 
+    @property
+    def shown(self) -> str:
+        """The parameter as a scene has it, for messages."""
+        return self.name
+
     def conflict(self, given: Any) -> str:
         """Why it is not allowed with the other values ``given``, as attributes of an object; empty if it is."""
         if self.when and (chosen := getattr(given, self.when[0])) not in self.when[1:]:
             words = ", ".join(map(repr, self.when[1:]))
             return f"{self.name} is not allowed for {self.when[0]} = {chosen!r}, only for {words}."
         if self.without and getattr(given, self.without) is not None:
-            return f"{self.name} and {self.without} exclude each other: one of them is needed."
+            return f"{self.shown} and {self.without} exclude each other: one of them is needed."
         if self.needs and getattr(given, self.needs) is None:
             return f"{self.name} is not allowed without {self.needs}."
         return ""
@@ -362,6 +367,10 @@ class Nested(Parameter):
     @property
     def label(self) -> str:
         return self.name if self.by_name else "(nested)"
+
+    @property
+    def shown(self) -> str:
+        return self.name if self.by_name else f"<{self.kind}> ({self.name} in Python)"
 
     def checked(self, value: Any) -> Any:
         if not isinstance(value, self.made_of):

@@ -138,6 +138,7 @@ class Scene(Displayed):
 
         from mitsuba_taxel.kernels.packages_to_come import announced
         from mitsuba_taxel.sensing.clearance import heed_packages
+        from mitsuba_taxel.sensing.parsed_parts import read_parts
 
         with stages.stage("load"), self.files_beside_it():
             config = parser_config(activate_variant())
@@ -146,6 +147,8 @@ class Scene(Displayed):
                 state = self.parsed(config)
                 self._refuse_far_transforms(state)
                 mi.parser.transform_all(config, state)
+                if _pads(state):  # which may take minutes
+                    read_parts(state.nodes)
                 with announced(any(node.props.plugin_name() == "photo_reflector" for node in state.nodes)):
                     live = mi.parser.instantiate(config, state)
             except RuntimeError as error:

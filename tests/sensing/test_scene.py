@@ -193,3 +193,23 @@ def test_a_scene_from_a_dictionary_can_be_copied(llvm_mono):
     copied = copy.deepcopy(scene)
     del copied.source["turned"]
     assert len(scene.load().shapes()) == 2 and len(copied.load().shapes()) == 1
+
+
+@pytest.mark.parametrize(
+    ("inside", "said"),
+    [
+        ('<string name="part" value="vcnt2020"/> <emitter type="annular_led"/>', "<emitter> .* and part exclude"),
+        ('<emitter type="annular_led"> <float name="size" value="-1"/> </emitter>', "size = -1"),
+    ],
+)
+def test_parts_are_refused_before_the_pad_is_solved(tmp_path, monkeypatch, llvm_mono, inside, said):
+    """Also those that stand below the pad in the file."""
+    (tmp_path / "scene.xml").write_text(
+        f"""<scene version="3.9.0"> <integrator type="taxel_tracer"/>
+        <shape type="deformable_pad"> <integer name="rows" value="1"/> <integer name="columns" value="1"/>
+            <vector name="force" value="0, 0, -1"/> </shape>
+        <shape type="photo_reflector"> {inside} </shape> </scene>"""
+    )
+    monkeypatch.setattr("mitsuba_taxel.mechanics.load_path", lambda *_, **__: pytest.fail("the pad was solved"))
+    with pytest.raises(InputError, match=said):
+        Scene.from_file(tmp_path / "scene.xml").load()

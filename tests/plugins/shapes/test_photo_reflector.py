@@ -267,7 +267,7 @@ def test_parts_that_are_no_packages(tmp_path, before, after, words):
     [
         ({"part": "none"}, "is not known"),
         ({"part": "njl5908ar", "spacing": 0.8}, "spacing and part exclude each other"),
-        ({"part": "njl5908ar", "led": AnnularLed()}, "led and part exclude each other"),
+        ({"part": "njl5908ar", "led": AnnularLed()}, r"<emitter> \(led in Python\) and part exclude each other"),
     ],
 )
 def test_refusals(given, words):
