@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics.contact.local_mesh import CLOSE, SMALL_DEPTH, swept_legs
+from mitsuba_taxel.mechanics.contact.resolution import Unresolved
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
@@ -75,14 +75,14 @@ def solved_on(
     tips = isinstance(path.load, IndenterDisplacement | IndenterForce) and path.load.indenter.shape != "punch"
     left = MOST_FINER if tips and not path.load.goes_on else 0
     while True:
-        state = path.state(there, obstacles)
         try:
+            path.refuse_unresolved(there, None)
+            state = path.state(there, obstacles)
             path.refuse_unresolved(there, state.displacement)
-        except ComputationError:
+            return path, there, state
+        except Unresolved:
             if not left:
                 raise
-        else:
-            return path, there, state
         left -= 1
         path = path.like(refinement=replace(path.refinement, depth=SHALLOWER * path.refinement.depth))
 

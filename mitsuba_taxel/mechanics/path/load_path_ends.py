@@ -9,7 +9,8 @@ from mitsuba_taxel.geometry.bezier_patches import Place
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.feet import said_of
 from mitsuba_taxel.mechanics.contact.self_contact import Contact
-from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load
+from mitsuba_taxel.mechanics.path.solution import UNSTABLE
 
 
 class LoadPathEnds(ComputationError):
@@ -66,6 +67,10 @@ def end_of_path(
     elif folded_at:
         near = _listed(np.array(folded_at))
         further = f" It is folded into itself at an inner edge, near ({near}) mm: self_contact = true prevents that."
+    elif UNSTABLE in reason and isinstance(load, IndenterDisplacement) and load.indenter.shape != "plane":
+        further = (
+            " At the edge of a contact that may be due to large elements: smaller ones, by mesh_size, may bear it."
+        )
     further = said_of(what, mesh, place) + further
     if buckled_at is not None:
         further = f" It buckled at {_shown(load, buckled_at)}, into one of its mirrored shapes.{further}"

@@ -290,15 +290,16 @@ class PadPath:
         linear = where_linear(self.mesh, self.load, share)
         return glued_force(self.mesh, self.material, displacement, pressure, region="top", linear=linear)
 
-    def refuse_unresolved(self, value: np.ndarray, displacement: np.ndarray) -> None:
-        """Raise `ComputationError` if elements are too large for the contact with an indenter in a canonical state."""
-        if isinstance(self.load, IndenterDisplacement | IndenterForce):
-            moved = value if isinstance(self.load, IndenterDisplacement) else self.driven_to(value, None)
-            refuse_unresolved(self.mesh, self.load.indenter, displacement, moved, self._usual_size)
+    def refuse_unresolved(self, value: np.ndarray, displacement: np.ndarray | None) -> None:
+        """Raise `ComputationError` if elements are too large for the contact with an indenter in a canonical state.
 
-    @property
-    def _usual_size(self) -> float:
-        return min(self.mesh_size, self.pad.default_mesh_size)
+        Before it is solved, without its ``displacement``, that of one that is moved is judged by their size alone.
+        """
+        size = min(self.mesh_size, self.pad.default_mesh_size)  # of which larger ones are no larger under a body
+        if isinstance(self.load, IndenterDisplacement):
+            refuse_unresolved(self.mesh, self.load.indenter, displacement, value, size)
+        elif isinstance(self.load, IndenterForce) and displacement is not None:
+            refuse_unresolved(self.mesh, self.load.indenter, displacement, self.driven_to(value, None), size)
 
     def canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None

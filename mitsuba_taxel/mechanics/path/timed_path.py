@@ -96,7 +96,10 @@ class TimedPath:
         path = self._path
         if path.bodies is not None:
             refuse_at_rest(path.contact.at_rest)
-        (time, value), at = rows[-1], self.reached(rows)
+        time, value = rows[-1]
+        if path.load == self._moving:
+            self._refuse_unresolved(None, np.array(value))
+        at = self.reached(rows)
         self._refuse_unresolved(at.displacement, at.moved)
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
         memory = None
@@ -108,7 +111,7 @@ class TimedPath:
             indenter_moved=at.moved if isinstance(self._moving, IndenterDisplacement) else None, bodies=path.bodies,
         )  # fmt: skip
 
-    def _refuse_unresolved(self, displacement: np.ndarray, moved: np.ndarray) -> None:
+    def _refuse_unresolved(self, displacement: np.ndarray | None, moved: np.ndarray) -> None:
         if isinstance(self._moving, IndenterDisplacement):
             driven = self._path.driven if isinstance(self._path.load, IndenterForce) else self._path
             driven.refuse_unresolved(moved, displacement)

@@ -33,7 +33,7 @@ def test_a_contact_that_is_resolved_has_the_force_of_hertz(radius, depth, x):
     for relative_size in (1.0, 2.0, 4.0):
         force, found, _ = pressed(radius, depth, relative_size, x)
         if found.suffices:
-            assert force == pytest.approx(1.01, abs=0.06)
+            assert force == pytest.approx(1.0, abs=0.08)
         assert found.suffices == (relative_size < 1.5 or (relative_size == 2.0 and depth == 0.02))
         if not found.suffices:
             assert found.size > 2
@@ -43,8 +43,8 @@ def test_a_ball_that_is_not_felt_is_inside_by_all_of_its_depth():
     force, found, (path, moved, displacement) = pressed(1.0, 0.005, 4.0)
     assert abs(force) < 1e-9 and found.depth == pytest.approx(1.0)
     said = (
-        r"the finite elements are too large for an indenter 0.005 mm deep at \(0, 0\) mm: it is inside the pad by 100% "
-        r"of that. A mesh_size of 0.098 mm, or a deeper or larger indenter is needed."
+        r"the finite elements are too large for an indenter 0.005 mm deep at \(0, 0\) mm: their faces are [67][.0-9]* "
+        r"times half the width of its contact. A mesh_size of 0.098 mm, or a deeper or larger indenter is needed."
     )
     with pytest.raises(ComputationError, match=said):
         path.refuse_unresolved(moved, displacement)
