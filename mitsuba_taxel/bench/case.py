@@ -21,7 +21,8 @@ from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterForce, 
 from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE
 from mitsuba_taxel.mechanics.path.load_path import load_path
-from mitsuba_taxel.mechanics.path.load_segment import TICKS, LoadSegment
+from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
+from mitsuba_taxel.mechanics.path.natural_step import TICKS
 from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.mechanics.path.state import State
@@ -213,17 +214,17 @@ def cutbacks(segment: LoadSegment) -> int:
     Halves that the segment foresees count as those that it finds to be needed.
     """
     nodes = segment.nodes[:-1] if segment.mode.size else segment.nodes  # the last is where the pad buckles
-    positions = [round(node.s * TICKS / segment.step) for node in nodes]
+    positions = [round(node.s / segment.tick) for node in nodes]
     halved = 0
     for position, following in zip(positions, positions[1:], strict=False):
-        halved += round(math.log2(_longest(position) / (following - position)))
+        halved += round(math.log2(_longest(position, segment.ticks) / (following - position)))
     given_up = bool(positions) and (len(nodes) < len(segment.nodes) or segment.limit == segment.nodes[-1].s)
-    return halved + (1 + round(math.log2(_longest(positions[-1]))) if given_up else 0)
+    return halved + (1 + round(math.log2(_longest(positions[-1], segment.ticks))) if given_up else 0)
 
 
-def _longest(position: int) -> int:
+def _longest(position: int, ticks: int) -> int:
     """Length in ticks of the longest interval that may begin at a node."""
-    return min(position & -position, TICKS) or TICKS
+    return min(position & -position, ticks) or TICKS
 
 
 def _stability(checked: bool) -> str:

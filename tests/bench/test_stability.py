@@ -28,7 +28,8 @@ from mitsuba_taxel.bench.stability import check, chosen
 from mitsuba_taxel.bench.tables import write_csv, write_markdown
 from mitsuba_taxel.geometry.element_maps import worst_element
 from mitsuba_taxel.mechanics import NeoHookean
-from mitsuba_taxel.mechanics.path.load_segment import TICKS, LoadSegment, Node
+from mitsuba_taxel.mechanics.path.load_segment import LoadSegment, Node
+from mitsuba_taxel.mechanics.path.natural_step import TICKS
 from mitsuba_taxel.pads import REGIONS, Pad
 
 ONE_CELL = Pad(rows=1, columns=1)

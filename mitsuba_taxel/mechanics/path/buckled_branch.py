@@ -25,7 +25,7 @@ from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.path.equilibrium import MOST_ITERATIONS, RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
 from mitsuba_taxel.mechanics.path.load_segment import Interpolated, LoadSegment, hermite
-from mitsuba_taxel.mechanics.path.natural_step import NATURAL_STRAIN
+from mitsuba_taxel.mechanics.path.natural_step import NATURAL_STRAIN, TICKS
 from mitsuba_taxel.mechanics.path.solution import UNSTABLE, Rejected, Solution
 
 PRECISE = 1e-14
@@ -80,6 +80,9 @@ class BuckledPad:
 
     def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.pad.split(unknowns[:-1])
+
+    def ticks(self, response: np.ndarray) -> int:
+        return TICKS
 
     def solve_symmetric(self, start: np.ndarray, amplitude: np.ndarray) -> tuple[Solution, _Bordered]:
         solution, bordered = self.solve_linearised(start, amplitude)

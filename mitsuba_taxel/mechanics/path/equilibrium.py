@@ -23,7 +23,7 @@ from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import part_between
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.linearised import Linearised, Steps
-from mitsuba_taxel.mechanics.path.natural_step import NATURAL_STRAIN, natural_step
+from mitsuba_taxel.mechanics.path.natural_step import NATURAL_STRAIN, TICKS, natural_step, ticks_of
 from mitsuba_taxel.mechanics.path.solution import Balanced, Rejected, Solution, refuse_surplus, singular
 from mitsuba_taxel.mechanics.path.stability import Stability
 from mitsuba_taxel.mechanics.path.top_corners import gives_way
@@ -56,6 +56,8 @@ class LoadedPad:
         Of the nodes, from :func:`node_images`; needed with mirrors.
     solver : str, optional
         Name of a linear solver; None for the best available.
+    ticks : int
+        Of :func:`ticks_of`: where there are many, smaller loads than a step are resolved as that is.
 
     Attributes
     ----------
@@ -74,6 +76,7 @@ class LoadedPad:
         mirrors: Sequence[Mirror] = (),
         images: Mapping[Mirror, np.ndarray] | None = None,
         solver: str | None = None,
+        ticks: int = TICKS,
     ) -> None:
         self.whole, self.material, self.load = mesh, material, load
         self.mirrors, self.images, self._solver_name = tuple(mirrors), images or {}, solver
@@ -84,6 +87,7 @@ class LoadedPad:
         self._volume = float(self.model.assembly.elements.weight.sum())
         self.height = float(np.ptp(mesh.points[:, 2]))
         self.step = natural_step(mesh, material, self.load)
+        self._ticks = ticks
         self.past: Past | None = None
 
     @property
@@ -111,6 +115,10 @@ class LoadedPad:
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
         """As much of the way from the unknowns of a known state to a guess as a solve may start from."""
         return guess
+
+    def ticks(self, response: np.ndarray) -> int:
+        """Into how many fractions a step may be cut, by the change of the unknowns with it to first order."""
+        return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split(response)[0]))
 
     def solve(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         """The equilibrium that Newton's method finds from the unknowns ``start``, if stable.
@@ -376,17 +384,18 @@ class LoadedPad:
         missed = self._gap(unknowns, value)
         gap = 0.0 if missed is None else float(np.abs(missed).max())
         forces_off, volumes_off = float(np.linalg.norm(forces)), float(np.linalg.norm(volumes))
-        return max(forces_off / scale, volumes_off / self._volume, gap / self.height)
+        return max(forces_off / scale, volumes_off * self._ticks / TICKS / self._volume, gap / self.height)
 
     @cached_property
     def _small_load(self) -> float:
-        """Norm of the load vector of a natural step, the scale for smaller loads."""
+        """Norm of the load vector of a natural step, or of as many ticks where these are smaller: the scale for smaller
+        loads."""
         zero = np.zeros((len(self.part.mesh.points), 3))
         value = np.zeros(self.load.components)
         value[-1] = self.step
         if self._driven:
             return NATURAL_STRAIN * self.material.youngs_modulus * loaded_area(self.whole, self.load) / self.part.copies
-        return float(np.linalg.norm(self.model.load_vector(zero, value)))
+        return TICKS / self._ticks * float(np.linalg.norm(self.model.load_vector(zero, value)))
 
     @property
     def _driven(self) -> bool:

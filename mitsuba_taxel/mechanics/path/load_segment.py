@@ -18,15 +18,14 @@ from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.path.natural_step import TICKS
 from mitsuba_taxel.mechanics.path.solution import Rejected, Solution
 
 INTERPOLATION_TOLERANCE = 1e-5
 """Default for the root mean square error of interpolated displacements, relative to the largest displacement there. The
 largest error is that of few nodes beside singular edges, and is larger on smaller elements."""
-TICKS = 64
-"""Smallest fraction of a whole step."""
-CONTACT_RESOLUTION = 1e-3
-"""Tolerance of the load at the first contact, relative to a whole step."""
+CONTACT_RESOLUTION = 1e-3 * TICKS
+"""Tolerance of the load at the first contact, relative to the smallest fraction of a step."""
 
 
 class Followed(Protocol):
@@ -46,6 +45,8 @@ class Followed(Protocol):
     def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray: ...
+
+    def ticks(self, response: np.ndarray) -> int: ...
 
     def solve_symmetric(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Any]: ...
 
@@ -113,6 +114,8 @@ class LoadSegment:
 
     Attributes
     ----------
+    ticks : int
+        Number of smallest fractions of a whole step, known from the first node on.
     limit, reason : float, str
         Distance beyond which there is no state, and the reason; infinite and empty if unknown.
     place : (3,) ndarray
@@ -132,6 +135,7 @@ class LoadSegment:
         self.origin, self.direction, self.step, self.judged = origin, direction, step, judged
         self.tolerance = tolerance
         self.nodes: list[Node] = []
+        self.ticks = TICKS
         self.limit, self.reason, self.place = math.inf, "", np.full(3, math.nan)
         self.mode = np.zeros(0)
 
@@ -156,13 +160,13 @@ class LoadSegment:
         Between intervals, ``far_enough`` tells whether further nodes are unnecessary.
 
         The next node is tried at the end of the longest interval of step / 2^k that begins at the last one and is
-        aligned to its own length, or as far away as the last, if one of twice its length would not have been accurate;
-        an interval is halved if Newton's method finds no acceptable state. Further nodes are inserted midway where the
-        interpolation would not be accurate. The continuation of a segment thus depends on its nodes alone. It ends at
-        its `limit`: where no stable state is found beyond, or the pad touches itself or the board.
+        aligned to its own length, `TICKS` ticks at first, or as far away as the last, if one of twice its length would
+        not have been accurate; an interval is halved if Newton's method finds no acceptable state. Further nodes are
+        inserted midway where the interpolation would not be accurate. The continuation of a segment thus depends on its
+        nodes alone. It ends at its `limit`: where no stable state is found beyond, or the pad touches itself or the
+        board.
         """
-        if not self.nodes and math.isinf(self.limit):
-            self._begin(pad, start)
+        self.begin(pad, start)
         while not self.reaches(s) and math.isinf(self.limit) and not far_enough():
             for node in self._next(pad):
                 self.nodes.append(node)
@@ -170,17 +174,28 @@ class LoadSegment:
                 if math.isfinite(self.limit):
                     break
 
-    def _begin(self, pad: Followed, start: Callable[[], np.ndarray]) -> None:
+    def begin(self, pad: Followed, start: Callable[[], np.ndarray]) -> None:
+        """Solve the first node, unless it is known, whose tangent tells into how small fractions steps may be cut."""
+        if self.nodes or math.isfinite(self.limit):
+            return
         try:  # at rest, or between states of another segment
-            self.nodes.append(self._node(pad, pad.solve_linearised, 0.0, start())[0])
+            first = self._node(pad, pad.solve_linearised, 0.0, start())[0]
         except Rejected as rejection:
             self.limit, self.reason = 0.0, f"cannot be loaded further ({rejection})"
+            return
+        self.nodes.append(first)
+        self.ticks = pad.ticks(self.step * first.tangent)
+
+    @property
+    def tick(self) -> float:
+        """Length of the shortest interval."""
+        return self.step / self.ticks
 
     def _next(self, pad: Followed) -> list[Node]:
         """The nodes of the next interval; none, and a `limit`, where the segment ends."""
-        last, tick = self.nodes[-1], self.step / TICKS
+        last, tick = self.nodes[-1], self.tick
         position = round(last.s / tick)
-        length = min(position & -position, TICKS) or TICKS
+        length = min(position & -position, self.ticks) or TICKS
         if self._needed_middle(pad):
             length = min(length, round((last.s - self.nodes[-2].s) / tick))
         while True:
@@ -212,7 +227,7 @@ class LoadSegment:
         s = 0.5 * (start.s + end.s)
         middle, linearised = self._node(pad, pad.solve_linearised, s, hermite(start, end, s))
         halves = (start, middle), (middle, end)
-        finest = end.s - start.s < 2.5 * self.step / TICKS
+        finest = end.s - start.s < 2.5 * self.tick
         fit = [finest or self._interpolates(pad, *half, linearised) for half in halves]
         del linearised
         return [node for half, fits in zip(halves, fit, strict=True) for node in self._between(pad, *half, fits)]
@@ -300,7 +315,7 @@ class LoadSegment:
             return None
         start, end = self.nodes[index - 1], self.nodes[index]
         free, touching = start.s, end.s
-        while touching - free > CONTACT_RESOLUTION * self.step:
+        while touching - free > CONTACT_RESOLUTION * self.tick:
             middle = 0.5 * (free + touching)
             contact = find(pad.split(hermite(start, end, middle))[0])
             free, touching, found = (middle, touching, found) if contact is None else (free, middle, contact)
@@ -355,12 +370,12 @@ class LoadSegment:
         """Nodes and limit as arrays by name, for the cache."""
         nodes = {field.name: np.array([getattr(node, field.name) for node in self.nodes]) for field in fields(Node)}
         end = {"limit": np.array(self.limit), "reason": np.array(self.reason), "place": self.place, "mode": self.mode}
-        return nodes | end
+        return nodes | end | {"ticks": np.array(self.ticks)}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Restore nodes and limit from :meth:`arrays`."""
         self.limit, self.reason, self.place = float(arrays["limit"]), str(arrays["reason"]), arrays["place"]
-        self.mode = arrays["mode"]
+        self.mode, self.ticks = arrays["mode"], int(arrays["ticks"])
         names = [field.name for field in fields(Node)]
         columns = [arrays[name] if arrays[name].ndim == 2 else arrays[name].tolist() for name in names]
         self.nodes = [Node(*row) for row in zip(*columns, strict=True)]

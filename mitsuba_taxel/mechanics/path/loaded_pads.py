@@ -16,6 +16,7 @@ from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.path.indented_touching_pad import IndentedTouchingPad
+from mitsuba_taxel.mechanics.path.natural_step import TICKS
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
 
 
@@ -27,10 +28,15 @@ def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
 
 @lru_cache(maxsize=4)  # normal and tangential segments, also of the coarser mesh: matrices take memory
 def loaded_pad(
-    mesh: VolumeMesh, material: Material, load: Load, mirrors: tuple[Mirror, ...], bodies: RigidBodies | None = None
+    mesh: VolumeMesh,
+    material: Material,
+    load: Load,
+    mirrors: tuple[Mirror, ...],
+    bodies: RigidBodies | None = None,
+    ticks: int = TICKS,
 ) -> LoadedPad:
     """The part of a pad between mirrors, kept off ``bodies`` where the load goes on."""
-    return new_pad(mesh, material, load, mirrors, mirror_images(mesh, load), bodies)
+    return new_pad(mesh, material, load, mirrors, mirror_images(mesh, load), bodies, ticks=ticks)
 
 
 def new_pad(
@@ -41,9 +47,10 @@ def new_pad(
     images: Mapping[Mirror, np.ndarray],
     bodies: RigidBodies | None = None,
     share: float = 1.0,
+    ticks: int = TICKS,
 ) -> LoadedPad:
     """As :func:`loaded_pad`, one that nobody shares; ``share`` is that of a :class:`SelfTouchingPad`."""
     indented, parts = isinstance(load, IndenterDisplacement), (mesh, material, load, mirrors, images)
     if load.goes_on:
-        return (IndentedTouchingPad if indented else SelfTouchingPad)(*parts, bodies=bodies, share=share)
-    return (IndentedPad if indented else LoadedPad)(*parts)
+        return (IndentedTouchingPad if indented else SelfTouchingPad)(*parts, bodies=bodies, share=share, ticks=ticks)
+    return (IndentedPad if indented else LoadedPad)(*parts, ticks=ticks)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load, PlateDisplacement, Pressure, loaded_area
 from mitsuba_taxel.mechanics.materials.laws import Material
 
@@ -12,6 +15,10 @@ THIN_STEP = 0.125
 """Largest step of an indenter, relative to its thickness: one that moves through the surface at once is not felt."""
 NATURAL_STRAIN = 0.02
 """Approximate mean strain of one step of a load path."""
+TICKS = 64
+"""Smallest fraction of a whole step, of pads that it strains little more."""
+MOST_TURNED = 0.05
+"""Largest gradient of the displacement by the smallest fraction of a step."""
 
 
 def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
@@ -23,3 +30,20 @@ def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
         return min(2 * strained, THIN_STEP * load.indenter.thickness)
     stress = NATURAL_STRAIN * material.youngs_modulus
     return stress if isinstance(load, Pressure) else stress * loaded_area(mesh, load)
+
+
+def ticks_of(elements: Elements, response: np.ndarray) -> int:
+    """Number of smallest fractions of a step, a power of two times :data:`TICKS`.
+
+    The step is measured by the strain of a block. A plate of side a and thickness t bends under the same pressure about
+    (a / t)^3 times as much, and turns before it strains: where the linear response of the pad would turn its silicone
+    by more than a little within the usual fraction, fractions are smaller.
+
+    Parameters
+    ----------
+    response : (N, 3) ndarray
+        In mm, change of the displacement with one step, to first order.
+    """
+    gradient = elements.gradient(slice(None), response)
+    turned = float(np.sqrt(np.einsum("mqij,mqij->mq", gradient, gradient).max()))
+    return TICKS << max(0, math.ceil(math.log2(max(turned, MOST_TURNED) / (MOST_TURNED * TICKS))))

@@ -19,7 +19,7 @@ from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.least_mode import least_mode
 from mitsuba_taxel.mechanics.path.linearised import Linearised
-from mitsuba_taxel.mechanics.path.load_segment import TICKS, LoadSegment, Node
+from mitsuba_taxel.mechanics.path.load_segment import LoadSegment, Node
 from mitsuba_taxel.mechanics.path.solution import UNSTABLE, Rejected
 from mitsuba_taxel.mechanics.path.tangent_blocks import TangentBlock, tangent_blocks
 
@@ -50,7 +50,7 @@ def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
         return None
     last = segment.nodes[-1]
     try:
-        ahead = segment.beyond(pad, last.s + segment.step / TICKS)
+        ahead = segment.beyond(pad, last.s + segment.tick)
         found = [_Crossing(pad, segment, block, ahead) for block in _unstable(pad, segment, ahead)]
         first = min(found, key=lambda crossing: crossing.node.s, default=None)
     except (Rejected, ComputationError):  # there is no state beyond, or modes cannot be told apart
@@ -84,7 +84,7 @@ class _Crossing:
         (was, _), (stiffness, self.mode) = (self._least(pad, segment, node) for node in (before, ahead))
         for _ in range(MOST_TRIED if was > 0 > stiffness else 0):
             slope = (was - stiffness) / (self.node.s - before.s)
-            if abs(stiffness) <= CLOSE * slope * segment.step / TICKS:
+            if abs(stiffness) <= CLOSE * slope * segment.tick:
                 return
             before, was = self.node, stiffness
             self.node = segment.beyond(pad, before.s + was / slope)

@@ -32,13 +32,12 @@ from mitsuba_taxel.mechanics.path.indenter_depth import depth_under, force_at, s
 from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds, end_of_path
 from mitsuba_taxel.mechanics.path.load_segment import (
     INTERPOLATION_TOLERANCE,
-    TICKS,
     Interpolated,
     LoadSegment,
 )
 from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
-from mitsuba_taxel.mechanics.path.natural_step import natural_step
+from mitsuba_taxel.mechanics.path.natural_step import TICKS, natural_step
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles, refuse_at_rest
 from mitsuba_taxel.mechanics.path.path_segments import PathSegments, nothing
 from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes

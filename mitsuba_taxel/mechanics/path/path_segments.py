@@ -16,6 +16,7 @@ from mitsuba_taxel.mechanics.path.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.path.load_segment import Followed, LoadSegment
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
+from mitsuba_taxel.mechanics.path.natural_step import TICKS
 from mitsuba_taxel.mechanics.path.onset_of_buckling import find_onset, is_kept
 
 if TYPE_CHECKING:
@@ -68,11 +69,15 @@ class PathSegments:
     def pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
         """The part of the pad that a segment needs: that between the mirrors which leave its loads as they are."""
         path, kept = np.stack([origin, direction]), self.mirrors_at(origin + direction)
-        return self.pad_between(tuple(m for m in kept if path.shape[1] == 1 or np.array_equal(m.image(path), path)))
+        mirrors = tuple(m for m in kept if path.shape[1] == 1 or np.array_equal(m.image(path), path))
+        segment, rest = self.known.get((*origin, *direction)), np.zeros_like(origin)
+        if origin.any() and not (segment and segment.nodes):  # at least as soft as under the normal load before
+            segment = self.known.get((*rest, *np.sign(origin)))
+        return self.pad_between(mirrors, segment.ticks if segment else TICKS)
 
-    def pad_between(self, mirrors: tuple[Mirror, ...]) -> LoadedPad:
-        """The part of the pad between mirrors, which are symmetries of it."""
-        return loaded_pad(self._path.mesh, self._path.material, self._path.load, mirrors, self._path.bodies)
+    def pad_between(self, mirrors: tuple[Mirror, ...], ticks: int) -> LoadedPad:
+        """The part of the pad between mirrors, which are symmetries of it, for a segment with so many ticks."""
+        return loaded_pad(self._path.mesh, self._path.material, self._path.load, mirrors, self._path.bodies, ticks)
 
     def extend(self, segment: LoadSegment, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:
         """Solve a segment as far as ``s``, or the pad touches something, unless another process has meanwhile.
@@ -83,6 +88,8 @@ class PathSegments:
             self._take_stored(segment)
             before = len(segment.nodes), segment.limit
             try:
+                segment.begin(pad, lambda: pad.gather(*start()))
+                pad = self.pad_between(pad.mirrors, segment.ticks)
                 contact = self._contact(pad)
                 segment.extend(pad, s, lambda: pad.gather(*start()), contact, lambda: touch(segment, pad) is not None)
                 onset = find_onset(pad, segment) if self.may_buckle and segment in self.known.values() else None
@@ -140,7 +147,7 @@ class PathSegments:
             pad = self.pad_for(segment.origin, segment.direction)
             kept = tuple(mirror for mirror in pad.mirrors if is_kept(segment.mode, mirror, self._path.images[mirror]))
             state = pad.split(segment.nodes[-1].unknowns)
-            self.branches[segment] = BuckledBranch(self.pad_between(kept), segment, state)
+            self.branches[segment] = BuckledBranch(self.pad_between(kept, segment.ticks), segment, state)
         return self.branches[segment]
 
     def buckled_at(self, value: np.ndarray, mirrors: Sequence[Mirror] = ()) -> np.ndarray | None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
+from mitsuba_taxel.mechanics.path.natural_step import TICKS
 from mitsuba_taxel.mechanics.path.solution import Rejected, Solution
 
 BEND = 384 * 2e-5
@@ -39,6 +40,9 @@ class Curve:
 
     def towards(self, known, guess):
         return guess
+
+    def ticks(self, response):
+        return TICKS
 
     def split(self, unknowns):
         return unknowns, unknowns
@@ -82,3 +86,16 @@ def test_the_way_on_does_not_depend_on_where_one_stopped():
 def test_where_no_state_is_found_halves_lead_to_the_end():
     found = extended(Curve(lambda s: s, lambda s: 1.0, end=1.3), 3.0)
     assert found[:3] == [0, 1, 1.25] and found[-1] == pytest.approx(1.3, abs=1 / 64)
+
+
+def test_soft_pads_begin_with_short_steps_which_grow():
+    """Whose first response tells into how many parts a step may be cut: the first step has as many as of others."""
+    soft = Curve(lambda s: np.cbrt(s), lambda s: min(1e9, s ** (-2 / 3) / 3 if s else 1e9))
+    soft.ticks = lambda response: TICKS << 12
+    segment = LoadSegment(np.zeros(1), np.ones(1), 1.0, judged=False, tolerance=1.0)
+    segment.extend(soft, 1.0, lambda: np.zeros(1), soft, lambda: False)
+    lengths = np.diff([node.s for node in segment.nodes])
+    assert lengths[0] == 2.0**-12 == 64 * segment.tick and lengths.max() >= 0.25
+    again = LoadSegment(np.zeros(1), np.ones(1), 1.0, judged=False)
+    again.restore(segment.arrays())
+    assert again.tick == segment.tick

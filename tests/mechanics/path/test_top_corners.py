@@ -9,7 +9,7 @@ import pytest
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics import NeoHookean, PlateForce, SpreadForce, load_path
 from mitsuba_taxel.mechanics.materials.corner_limit import corner_limit
-from mitsuba_taxel.mechanics.path.load_segment import TICKS
+from mitsuba_taxel.mechanics.path.natural_step import TICKS
 from mitsuba_taxel.pads import Pad
 
 FLAT = Pad(rows=1, columns=1, pitch=5.0, wall=2.0, height=1.5, cell_size=1.0, cell_height=0.4)
