@@ -43,7 +43,7 @@ FORCE = -1.0
 """N on the pad whose derivative by it is taken."""
 SLOPE_POINTS, SLOPE_SEEDS = (256, 1024, 4096), 2
 """Points per replicate of derivatives by random paths, and runs with each."""
-LONGER = 8
+LONGER, LONGER_SLOPES = 32, 8
 """Samples of a run of a reference, relative to those of the longest run that it judges."""
 LONGEST = MOST_POINTS * REPLICATES // LONGER
 WITHOUT, PATHS = "without random numbers", "random paths"
@@ -139,7 +139,7 @@ def _slope(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, startin
         return Estimate(np.abs(found.values[:, 0]), found.standard_errors[:, 0])
 
     starting("reference")
-    long = [by_paths(LONGER * SLOPE_POINTS[-1], seed) for seed in range(SLOPE_SEEDS)]
+    long = [by_paths(LONGER_SLOPES * SLOPE_POINTS[-1], seed) for seed in range(SLOPE_SEEDS)]
     stated = np.linalg.norm([run.stated for run in long], axis=0) / SLOPE_SEEDS
     truth = Truth(np.mean([run.power for run in long], axis=0), stated, PATHS)
     points = []
@@ -161,8 +161,8 @@ def _slope(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, startin
 
 
 def _over_paths(estimate: Estimator, seconds: float, starting: Starting) -> tuple[list[Rung], Truth]:
-    """Runs with more and more samples, and the mean of few long ones with other random numbers, whose error falls faster
-    than that of many."""
+    """Runs with more and more samples, and the mean of few long ones with other random numbers: its error falls faster
+    than that of many short ones."""
     starting(PATHS)
     found = list(rungs(estimate, seconds, LONGEST))
     starting("reference")
