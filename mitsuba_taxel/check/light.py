@@ -60,7 +60,9 @@ def check_prepared(scene: Scene, parts: Parts) -> list[Finding]:
         live = prepare(scene).scene
     except (InputError, ComputationError) as error:
         return [Finding("error", str(error), parts.file, 0, stopped=isinstance(error, ComputationError))]
-    shapes = [part.element for part in parts.roots if part.kind == "shape"]
+    # Pads are built last: see `Scene.load`.
+    built = sorted((part for part in parts.roots if part.kind == "shape"), key=lambda part: part.plugin == PAD)
+    shapes = [part.element for part in built]
     if len(shapes) != len(live.shapes()):  # a `merge` is taken apart
         shapes = [parts.roots[0].element] * len(live.shapes())
     touching = [Finding("warning", f"{note}.", parts.file, 0) for note in contact_notes(live)]

@@ -35,10 +35,10 @@ def doubt(parameter: Parameter, value: float) -> str:
     least, most = getattr(parameter, "common", None) or (0.0, math.inf)
     if value == 0 or not math.isfinite(value) or least <= abs(value) <= most:
         return ""
-    others = _OTHERS[parameter.unit]
+    others = _OTHERS.get(parameter.unit, {})
     meant = next((unit for unit, factor in others.items() if least <= abs(value) * factor <= most), "")
     hint = f"; if it is in {meant}, write {value * others[meant]:.4g}" if meant else ""
-    return f"{least:g} to {most:g} {parameter.unit} is common{hint}"
+    return f"{f'{least:g} to {most:g} {parameter.unit}'.strip()} is common{hint}"
 
 
 def check_units(parts: Parts) -> Iterator[Finding]:
@@ -61,7 +61,8 @@ def _doubts(part: ScenePart, parameter: Parameter) -> Iterator[Finding]:
     for component in np.atleast_1d(np.array(value, dtype=float)).tolist():
         odd = doubt(parameter, component)
         if odd:
-            said = f"{parameter.name} = {component:g} {parameter.unit} of {part.plugin} is odd: {odd}."
+            number = f"{component:g} {parameter.unit}".strip()
+            said = f"{parameter.name} = {number} of {part.plugin} is odd: {odd}."
             yield part.finding("warning", said, parameter.name)
             return
 

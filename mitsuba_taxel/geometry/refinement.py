@@ -6,18 +6,28 @@ Methods Eng. 20, 1984): angles stay bounded. New nodes lie on the curved element
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
+from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 
 
-def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray]) -> VolumeMesh:
-    """The mesh refined until no edge is longer than the ``size`` (n,) in mm at its middle (n, 3)."""
+def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: float = math.inf) -> VolumeMesh:
+    """The mesh refined until no edge is longer than the ``size`` (n,) in mm at its middle (n, 3).
+
+    Raises
+    ------
+    GeometryError
+        if that takes more than ``most`` elements.
+    """
     edges = np.array(TET_EDGES)
     while True:
+        if len(mesh.tets) > most:
+            raise GeometryError(f"more than {most:g} elements")
         tets = mesh.tets[:, :4]
         count = len(mesh.points)
         sides = np.sort(tets[:, edges], axis=2)

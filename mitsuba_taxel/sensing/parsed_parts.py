@@ -20,7 +20,7 @@ def refusal_of(scene: Scene) -> InputError | None:
     with scene.files_beside_it():
         try:
             nodes = scene.parsed(parser_config(activate_variant())).nodes
-            for part in read_parts(nodes):
+            for part in (_part(node, nodes) for node in nodes):
                 if isinstance(part, DeformablePad) and not part.filename:
                     part.build_pad()
         except InputError as error:
@@ -28,11 +28,6 @@ def refusal_of(scene: Scene) -> InputError | None:
         except RuntimeError as error:  # Mitsuba's own
             return InputError(as_own_error(error, scene))
     return None
-
-
-def read_parts(nodes: Sequence[mi.parser.SceneNode]) -> list[Specification | None]:
-    """The Python object of each node of a parsed scene, None for other plugins; raises `InputError` as these do."""
-    return [_part(node, nodes) for node in nodes]
 
 
 class _Props:

@@ -138,7 +138,6 @@ class Scene(Displayed):
 
         from mitsuba_taxel.kernels.packages_to_come import announced
         from mitsuba_taxel.sensing.clearance import heed_packages
-        from mitsuba_taxel.sensing.parsed_parts import read_parts
 
         with stages.stage("load"), self.files_beside_it():
             config = parser_config(activate_variant())
@@ -147,8 +146,7 @@ class Scene(Displayed):
                 state = self.parsed(config)
                 self._refuse_far_transforms(state)
                 mi.parser.transform_all(config, state)
-                if _pads(state):  # which may take minutes
-                    read_parts(state.nodes)
+                _build_pads_last(state)
                 with announced(any(node.props.plugin_name() == "photo_reflector" for node in state.nodes)):
                     live = mi.parser.instantiate(config, state)
             except RuntimeError as error:
@@ -169,7 +167,10 @@ class Scene(Displayed):
         state = self.parsed(config)
         mi.parser.transform_all(config, state)
         loads = [_take_load(pad) for pad in _pads(state)]
-        at_rest = mi.parser.instantiate(config, state)
+        try:
+            at_rest = mi.parser.instantiate(config, state)
+        except RuntimeError:  # something else is wrong as well
+            return
         for pad, (value, history) in zip(deformed_pads(at_rest), loads, strict=True):  # in the order of the scene
             pad.value, pad.history = value, history
         heed_packages(at_rest)
@@ -263,6 +264,18 @@ class Scene(Displayed):
         except (InputError, RuntimeError) as error:
             refused = error if isinstance(error, InputError) else as_own_error(error, self)
             raise InputError(f"{MESHED_AS} = {stated!r} is not allowed: {refused}") from error
+
+
+def _build_pads_last(state: mi.parser.ParserState) -> None:
+    """Have the parts of a scene built in this order, so that what is wrong is refused before a pad is solved."""
+    import mitsuba as mi
+
+    root = state.nodes[0].props
+    for name in [name for name in root.keys() if root.type(name) == mi.Properties.Type.ResolvedReference]:  # noqa: SIM118
+        part = root[name]
+        if state.nodes[part.index()].props.plugin_name() == "deformable_pad":
+            del root[name]
+            root[name] = part
 
 
 def _pads(state: mi.parser.ParserState) -> list[mi.Properties]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,6 +59,8 @@ LOADS: dict[str, Any] = {
 }
 FINISHES: dict[str, type[Finish]] = {"layer_steps": LayerSteps, "grooves": Grooves, "random": RandomRoughness}
 
+MOST_TRACTION = 10.0
+"""Largest force on a patch by its area, relative to Young's modulus: elements below would fold at any smaller step."""
 _NEO_HOOKEAN = ("material", "neo_hookean")
 _PATCH = ("load", "patch_force")
 _INDENTER = ("load", "indenter_displacement", "indenter_force")
@@ -263,7 +266,16 @@ class DeformablePad(Specification):
             raise InputError(f"time = {self.time:g} and rate = {self.rate:g} exclude each other: one is needed.")
         if terms and self.indenter_file is None:
             timed_rows(Viscoelastic(self.build_material(), terms), self.build_load()[0], np.array(values), times)
-        self.build_material()
+        material = self.build_material()
+        if self.load == "patch_force":
+            assert self.patch_width is not None and self.patch_depth is not None
+            traction = max(map(math.hypot, *zip(*values, strict=True))) / (self.patch_width * self.patch_depth)
+            if traction > MOST_TRACTION * material.youngs_modulus:
+                patch = f"{self.patch_width:g} x {self.patch_depth:g} mm"
+                raise InputError(
+                    f"a force of {traction:.3g} MPa on a patch of {patch} is not allowed: at most {MOST_TRACTION:g} "
+                    f"times Young's modulus, {material.youngs_modulus:g} MPa, is."
+                )
         if self.indenter is not None and self.indenter_file is None:
             load, value = self.build_load()
             if not terms:

@@ -8,12 +8,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, Mirror, mirrored
 from mitsuba_taxel.geometry.refinement import refined
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.indenter import TINY, Indenter
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 
+MOST_ELEMENTS = 60_000
+"""Of the symmetric part that is solved, under an indenter."""
 SMALL_DEPTH = 0.04
 """Smallest depth, relative to the pad's height, for which elements are fine enough; deeper contacts are wider, and
 elements may be larger away from the centre."""
@@ -52,6 +56,11 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> 
     """The mesh with elements of at most half the contact's radius, times a relative size, wherever an indenter goes.
 
     The result keeps the common symmetries of mesh, indenter and legs.
+
+    Raises
+    ------
+    InputError
+        if these would be more than :data:`MOST_ELEMENTS`.
     """
     depth = refinement.depth * float(np.ptp(mesh.points[:, 2]))
     least = finest(indenter, depth)
@@ -71,7 +80,13 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> 
         for mirror, image in node_images(mesh).items()
         if indenter.keeps(mirror) and _keeps(mirror, refinement.legs)
     }
-    part = refined(part_between(mesh, images, tuple(images)).mesh, size)
+    try:
+        part = refined(part_between(mesh, images, tuple(images)).mesh, size, MOST_ELEMENTS)
+    except GeometryError as error:
+        raise InputError(
+            f"indenter_radius = {indenter.radius:g} is not allowed: {error} would be needed under the indenter, of "
+            f"{refinement.relative_size * FINENESS * least:.2g} mm: a larger one is needed, or a larger mesh_size."
+        ) from error
     for mirror in (ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y) if len(images) == len(MIRRORS) else images:
         part = _completed(part, mirror, _cells_of_images(mesh, mirror, images[mirror]))
     corners, others = np.unique(part.tets[:, :4]), np.unique(part.tets[:, 4:])
