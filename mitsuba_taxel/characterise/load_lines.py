@@ -11,6 +11,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.units import FORCES, TIME
 from mitsuba_taxel.characterise.experiment import Branch, Experiment, Tangents, parts_at_zero, since
+from mitsuba_taxel.characterise.roles import with_forces_named
 
 SAME_DIRECTION = 1e-4
 """One minus the cosine up to which two steps of a path count as parallel: 0.8 degrees, as forces are rounded."""
@@ -117,6 +118,7 @@ def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:
             for leaf in study.leaves
             for experiment in experiments(leaf.to_dataset())
         ]
+    study = with_forces_named(study)
     found: dict[tuple, tuple[LoadLine, dict[str, Any], list[Branch]]] = {}
     for line in load_lines(study):
         for where, run in runs(study, line):

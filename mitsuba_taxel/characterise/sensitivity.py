@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.characteristics import NOT_ABOVE, NOT_RESOLVED
 from mitsuba_taxel.characterise.experiment import Branch
 from mitsuba_taxel.characterise.load_lines import LoadLine, load_lines, loading_lines, runs, unit_of
+from mitsuba_taxel.characterise.roles import with_forces_named
 from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
 from mitsuba_taxel.characterise.slopes import Slopes, relative_slope, slopes
 
@@ -30,7 +32,8 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     study : xr.Dataset
         As returned by ``sweep``.
     force : str
-        ``fx``, ``fy`` or ``fz``, if it is varied alone, along its own dimension or in the steps of a path; or the
+        ``fx``, ``fy`` or ``fz``, or the parameter that is this component, if it is varied alone, along its own
+        dimension or in the steps of a path; or the
         dimension of a path along which a force changes in one direction (the abscissa is then the component along it:
         the resultant of a diagonal load).
 
@@ -45,6 +48,8 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     InputError
         if ``force`` is not varied alone, has only one value, or grows along several runs of a path.
     """
+    force = json.loads(study.attrs.get("forces", "{}")).get(force, [force])[0]
+    study = with_forces_named(study)
     lines = [line for line in load_lines(study) if force in (line.name, line.dim) and line.loading]
     if not lines:
         raise InputError(f"{force} has no slope in this study: at least two values of it are needed.")
@@ -62,7 +67,7 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
     """
     import pandas
 
-    tables = []
+    study, tables = with_forces_named(study), []
     for line in loading_lines(study):
         result = _slopes_along(study, line)
         names = {name: f"{name}_{_suffix(study, name)}" for name in map(str, result)}

@@ -9,6 +9,7 @@ import xarray as xr
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
+from mitsuba_taxel.characterise.roles import with_forces_named
 from mitsuba_taxel.characterise.shape_error import off_by_shape, scenes_off_by_shape
 from mitsuba_taxel.characterise.tangential import TangentialMap, tangential_maps
 from mitsuba_taxel.electronics import Circuit, in_volts
@@ -39,6 +40,7 @@ def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | No
 
     With a circuit, they are given in watts and in volts, distinguished by ``reading``.
     """
+    study = with_forces_named(study) if isinstance(study, xr.Dataset) else study.map_over_datasets(_named)
     scenes = [study] if isinstance(study, xr.Dataset) else [leaf.to_dataset() for leaf in study.leaves]
     notes = [ERROR, *dict.fromkeys(note for scene in scenes for note in scene.attrs.get("notes", "").splitlines())]
     missing = sum(int(scene.replicate_power.isnull().any(("replicate", "taxel")).sum()) for scene in scenes)
@@ -56,6 +58,10 @@ def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | No
     if any(run.tangents is not None for one in found for run in one.runs):
         notes.insert(1, SLOPES)
     return Simulated(found, moved, maps, notes)
+
+
+def _named(leaf: xr.Dataset) -> xr.Dataset:
+    return with_forces_named(leaf) if "power" in leaf else leaf
 
 
 def _in_both(study: xr.Dataset | xr.DataTree, watts: list[Experiment], circuit: Circuit) -> list[Experiment]:

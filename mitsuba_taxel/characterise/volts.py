@@ -11,6 +11,7 @@ import xarray as xr
 
 from mitsuba_taxel.characterise.experiment import Branch
 from mitsuba_taxel.characterise.load_lines import loading_lines, runs
+from mitsuba_taxel.characterise.roles import with_forces_named
 from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
 from mitsuba_taxel.characterise.slopes import slopes
 from mitsuba_taxel.electronics import Circuit, in_volts, respond, saturation_force, total_noise
@@ -71,6 +72,7 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
 
 
 def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[str, Any]]:
+    study = with_forces_named(study)
     volts, *off = (in_volts(one, circuit) for one in (study, *off_by_shape(study)))
     for line in loading_lines(study):
         for (where, power), *shown in zip(*(runs(one, line) for one in (study, volts, *off)), strict=True):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.characterise.roles import with_forces_named
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.plots.figures import (
     MOST_PANELS,
@@ -109,6 +110,7 @@ def plot_curves(study: xr.Dataset, narrow: bool = False) -> Figure:
     :data:`mitsuba_taxel.plots.figures.MOST_LINES` lines are distributed over panels with the same axes. A ``narrow``
     picture, for a phone, has all panels and the legend in one column.
     """
+    study = with_forces_named(study)
     curves = curves_of(study)
     return _plot_taxels(study, curves[0], narrow) if len(curves) == 1 else _plot_compared(study, curves, narrow)
 
@@ -149,6 +151,7 @@ def _plot_compared(study: xr.Dataset, curves: list[Curve], narrow: bool) -> Figu
 
 def plot_taxels(study: xr.Dataset, narrow: bool = False) -> Figure:
     """How each taxel's reading changes, a panel for each curve of a study, with the same axes."""
+    study = with_forces_named(study)
     curves = curves_of(study)
     blocks = _blocks(min(len(curves), MOST_PANELS), 1, narrow)
     for (ax,), curve in zip(blocks, curves, strict=False):

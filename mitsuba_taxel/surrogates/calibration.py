@@ -18,6 +18,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.measurement import Measurement
 from mitsuba_taxel.characterise.recorded_runs import runs_of
+from mitsuba_taxel.characterise.roles import with_forces_named
 from mitsuba_taxel.electronics.samples import sampled
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.surrogates.polynomial import Polynomial, single
@@ -182,6 +183,7 @@ def _measured(measurement: Measurement) -> tuple[tuple[str, ...], str, _Rows]:
 
 
 def _simulated(study: xr.Dataset, noise: float, random: np.random.Generator) -> tuple[tuple[str, ...], str, _Rows]:
+    study = with_forces_named(study)
     dims = [dim for dim in study.power.dims if dim != "taxel"]
     stacked = study.power.stack(row=dims).transpose("row", "taxel")
     stacked = stacked[np.isfinite(stacked.values).all(axis=1)]

@@ -10,7 +10,6 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import check_whole, is_whole
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing.parsed_parts import refusal_of
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, read_study_of
 from mitsuba_taxel.studies.plan.vary import STEP
@@ -127,10 +126,10 @@ def _force(batch: Batch) -> str:
     if not axes:
         return ""
     (first, *others) = axes
-    if others or first.dim not in FORCES or first.size < 2 or first.is_open:
+    if others or not first.is_force or first.size < 2 or first.is_open:
         raise InputError(
-            f"vary = {', '.join(axis.dim for axis in axes)} is not allowed in a tolerance study: one of fx, fy and fz, "
-            "with two values or more, or nothing."
+            f"vary = {', '.join(axis.dim for axis in axes)} is not allowed in a tolerance study: one component of the "
+            "force, with two values or more, or nothing."
         )
     return first.dim
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,11 @@ import numpy as np
 from mitsuba_taxel.base.arguments import is_number, names_of, plain_number, require, table_of, word_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.toml import read_toml
-from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.electronics import Circuit
 from mitsuba_taxel.electronics.circuit import circuit_of
 from mitsuba_taxel.sensing import Scene, find_scene
 from mitsuba_taxel.sensing.measurement import check_request
+from mitsuba_taxel.sensing.parameter_roles import forces_of_parameters
 from mitsuba_taxel.sensing.scene import is_file, shipped_scenes
 from mitsuba_taxel.studies.plan.histories import HISTORY, histories
 from mitsuba_taxel.studies.plan.steps import read_steps
@@ -97,7 +98,12 @@ class Batch:
     @property
     def varied_forces(self) -> tuple[str, ...]:
         """Names of the forces with several values, alone or together with others."""
-        return _forces(self.axes)
+        return _forces(self.axes, self.forces)
+
+    @cached_property
+    def forces(self) -> dict[str, tuple[str, int]]:
+        """By parameter, the component of the force that it is, and its sign; see `forces_of_parameters`."""
+        return forces_of_parameters(self.file)
 
     def as_toml(self) -> dict[str, Any]:
         """The batch as the content of a study file, with all values written out."""
@@ -151,7 +157,8 @@ def make_batch(
     beside = folder / source
     file = find_scene(beside if is_file(beside) else source).resolve()
     fixed = {name: word_of(value) for name, value in table_of("defines", defines, "values").items()}
-    axes = make_axes(vary, together, folder)
+    forces = forces_of_parameters(file)
+    axes = make_axes(vary, together, folder, forces)
     for parameter in (name for axis in axes for name in axis.values):
         if parameter in fixed:
             raise InputError(f"{parameter} is both varied and given a value: take one of them out.")
@@ -163,7 +170,7 @@ def make_batch(
         raise InputError(f"maps = {maps!r} is not allowed: true or false is needed.")
     by = names_of("derivatives", derivatives)
     if target_slope is not None:
-        by = tuple(dict.fromkeys((*by, *_forces_for(target_slope, axes))))
+        by = tuple(dict.fromkeys((*by, *_forces_for(target_slope, axes, forces))))
     check_request(target_error, points, seed, time_budget, [*by, *(axis.dim for axis in axes if axis.is_open)])
     if circuit is not None:
         require("circuit", circuit, Circuit, "a Circuit")
@@ -197,17 +204,18 @@ def make_batch(
     return replace(batch, axes=tuple(filled))
 
 
-def _forces(axes: Iterable[Axis]) -> tuple[str, ...]:
-    return tuple(name for axis in axes if axis.size > 1 for name in axis.values if name in FORCES)
+def _forces(axes: Iterable[Axis], forces: Collection[str]) -> tuple[str, ...]:
+    return tuple(name for axis in axes if axis.size > 1 for name in axis.values if name in forces)
 
 
-def _forces_for(target_slope: object, axes: Iterable[Axis]) -> tuple[str, ...]:
+def _forces_for(target_slope: object, axes: Iterable[Axis], names: Collection[str]) -> tuple[str, ...]:
     """The varied forces, to whose slopes the target applies."""
     if not (is_number(target_slope) and 0 < target_slope < 1):  # type: ignore[operator]
         raise InputError(f"target_slope = {target_slope!r} is not allowed: a number between 0 and 1 is needed.")
-    forces = _forces(axes)
+    forces = _forces(axes, names)
     if not forces:
-        raise InputError(f"target_slope = {target_slope!r} is not allowed: fx, fy or fz must be varied.")
+        shown = ", ".join(names)
+        raise InputError(f"target_slope = {target_slope!r} is not allowed: one of {shown} must be varied.")
     return forces
 
 

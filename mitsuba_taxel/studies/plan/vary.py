@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal, InvalidOperation
 from itertools import product
 from math import isfinite, prod
@@ -43,11 +43,14 @@ class Axis(NamedTuple):
         By parameter, one word for each index along the dimension.
     is_open : bool
         Whether these are the ends of a range whose steps have yet to be chosen.
+    is_force : bool
+        Whether its parameter is a component of the force.
     """
 
     dim: str
     values: dict[str, list[str]]
     is_open: bool = False
+    is_force: bool = False
 
     @property
     def size(self) -> int:
@@ -59,6 +62,7 @@ def make_axes(
     vary: Mapping[str, str | Iterable[object]],
     together: Mapping[str, str | Iterable[object]] | None = None,
     folder: Path = Path(),
+    forces: Collection[str] = FORCES,
 ) -> tuple[Axis, ...]:
     """The dimensions of a study.
 
@@ -70,6 +74,8 @@ def make_axes(
         Values by parameter, of equal lengths, which make one further dimension.
     folder : Path
         Folder to which the paths of files with values are relative.
+    forces : Collection[str], optional
+        Names of the parameters that are components of the force.
 
     Raises
     ------
@@ -78,7 +84,7 @@ def make_axes(
     """
     vary, together = table_of("vary", vary, "values"), table_of("together", together, "values")
     rows = {name: parse_values(name, values, folder) for name, values in together.items()}
-    axes = [_axis(name, values, folder) for name, values in vary.items()]
+    axes = [_axis(name, values, folder, name in forces) for name, values in vary.items()]
     lengths = {name: len(words) for name, words in rows.items()}
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"{name} has {length}" for name, length in lengths.items())
@@ -99,15 +105,15 @@ def make_axes(
     return tuple(axes)
 
 
-def _axis(name: str, values: str | Iterable[object], folder: Path) -> Axis:
+def _axis(name: str, values: str | Iterable[object], folder: Path, is_force: bool) -> Axis:
     """The dimension of one parameter; a force may have a range ``start:stop`` without a step."""
-    if not (isinstance(values, str) and name in FORCES and values.count(":") == 1 and not values.startswith("@")):
-        return Axis(name, {name: _distinct(name, parse_values(name, values, folder))})
+    if not (isinstance(values, str) and is_force and values.count(":") == 1 and not values.startswith("@")):
+        return Axis(name, {name: _distinct(name, parse_values(name, values, folder))}, is_force=is_force)
     start, _, stop = values.partition(":")
     ends = [start.strip(), stop.strip()]
     if as_numbers(ends) is None or float(start) == float(stop):
         raise InputError(f"{name} = {values!r} is not a range: start:stop, two different numbers, is needed.")
-    return Axis(name, {name: ends}, is_open=True)
+    return Axis(name, {name: ends}, is_open=True, is_force=True)
 
 
 def parse_values(name: str, values: str | Iterable[object], folder: Path = Path()) -> list[str]:
@@ -164,7 +170,8 @@ def _range(name: str, text: str) -> list[str]:
         start, stop, step = (Decimal(part) for part in text.split(":"))
     except (ValueError, InvalidOperation):
         raise InputError(
-            f"{name} = {text!r} is not a range: start:stop:step, three numbers, is needed (for fx, fy, fz, start:stop)."
+            f"{name} = {text!r} is not a range: start:stop:step, three numbers, is needed (for a component of the "
+            "force, start:stop)."
         ) from None
     if not all(map(_is_in_range, (start, stop, step))):
         raise InputError(f"{name} = {text!r} is not allowed: finite numbers, none too close to 0, are needed.")
@@ -188,7 +195,7 @@ def _is_in_range(number: Decimal) -> bool:
 def curve_dimension(axes: Sequence[Axis]) -> str:
     """Dimension to plot readings against: steps or the first force, else the first number, else the first parameter."""
     longer = [axis for axis in axes if axis.size > 1]
-    forces = [axis.dim for axis in longer if axis.dim in (STEP, *FORCES)]
+    forces = [axis.dim for axis in longer if axis.dim == STEP or axis.is_force]
     numeric = [axis.dim for axis in longer if as_numbers(next(iter(axis.values.values())))]
     return next(iter([*forces, *numeric]), axes[0].dim)
 

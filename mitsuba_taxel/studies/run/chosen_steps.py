@@ -56,7 +56,7 @@ def with_chosen_steps(batch: Batch) -> Batch:
     steps = sorted({step for number in chosen for step in _Curve(batch, axis, curves[number]).steps()})
     start, stop = (float(word) for word in axis.values[axis.dim])
     words = [f"{start + share * (stop - start):.10g}" for share in steps]
-    filled = tuple(Axis(axis.dim, {axis.dim: words}) if one is axis else one for one in batch.axes)
+    filled = tuple(axis._replace(values={axis.dim: words}, is_open=False) if one is axis else one for one in batch.axes)
     return replace(batch, axes=filled, derivatives=tuple(dict.fromkeys((*batch.derivatives, axis.dim))))
 
 

@@ -107,6 +107,7 @@ def _provenance(about: Mapping[str, Any]) -> dict[str, Any]:
         **{name: about[name] for name in ("target_error", "target_slope", "mesh_size") if about[name] is not None},
         **{name: json.dumps(about[name]) for name in ("parameters", "versions", "pilot_seconds")},
         "units": json.dumps(about.get("units", {})),
+        "forces": json.dumps(about.get("forces", {})),
     }
 
 

@@ -31,8 +31,8 @@ def provenance(batch: Batch) -> dict[str, Any]:
     Returns
     -------
     ``scene_content``, digest of the scene and of the files that it or a value names; ``code``, digest of the sources
-    that readings depend on; ``versions`` by name; ``parameters``, values of those that are not varied; and ``units`` of
-    parameters, as far as known.
+    that readings depend on; ``versions`` by name; ``parameters``, values of those that are not varied; ``units`` of
+    parameters, as far as known; and ``forces``, components of the force by parameter.
     """
     first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
     parameters = batch.parameters(first)
@@ -43,6 +43,7 @@ def provenance(batch: Batch) -> dict[str, Any]:
         "versions": dict(versions()),
         "parameters": {name: value for name, value in parameters.items() if name not in first},
         "units": units_of_parameters(batch.file),
+        "forces": {name: list(role) for name, role in batch.forces.items()},
     }
 
 

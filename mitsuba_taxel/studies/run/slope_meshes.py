@@ -9,7 +9,6 @@ import numpy as np
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.convergence import SLOPE_ORDER
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import Scene
@@ -32,7 +31,7 @@ def mesh_size_for_slopes(batch: Batch, mesh_size: float | None) -> float | None:
         if there is no derivative, or the load path fails.
     """
     assert batch.target_slope is not None
-    forces = [name for name in batch.derivatives if name in FORCES]
+    forces = [name for name in batch.derivatives if name in batch.forces]
     curve = next(axis for axis in batch.axes if axis.dim == curve_dimension(batch.axes))
     ends = [{name: words[end] for name, words in curve.values.items()} for end in (0, -1)]
     others = [values for _, values in combinations([axis for axis in batch.axes if axis is not curve])]

@@ -9,6 +9,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.arguments import path_of
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.electronics import with_volts
 from mitsuba_taxel.electronics.circuit import circuit_of
 from mitsuba_taxel.sensing.prepared_scenes import Settings
@@ -46,7 +47,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
         tree.attrs["failures"] = "\n".join(lines)
         return tree
     (scene,), origin, store = study["scenes"], study["provenance"], Store(folder)
-    axes = make_axes(scene.get("vary", {}), scene.get("together"))
+    axes = make_axes(scene.get("vary", {}), scene.get("together"), forces=origin.get("forces", FORCES))
     places = dict(enumerate(combinations(axes)))
     results = {}
     for number in sorted(places.keys() & store.done()):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import NamedTuple
 
+from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.studies.plan.vary import Axis, checked_places, combinations, curve_dimension, make_axes
 from mitsuba_taxel.studies.store.folder import LOCK, RUN, STUDY, Store
 from mitsuba_taxel.studies.store.opening import read_results
@@ -54,19 +55,20 @@ def _states(folder: Path, name: str) -> Iterator[Status]:
             else:
                 yield Status(scene["name"], 0, 0, _size(scene), 0.0, False, None)
         return
-    store, values = Store(folder), dict(enumerate(values for _, values in combinations(_axes(scenes[0]))))
+    axes = _axes(scenes[0], study["provenance"].get("forces", FORCES))
+    store, values = Store(folder), dict(enumerate(values for _, values in combinations(axes)))
     fixed = study["provenance"]["parameters"]
     numbers = values.keys() & store.done()
     kept = {number: result for number in numbers if (result := store.load(number, {**fixed, **values[number]}))}
     failed, running = values.keys() & store.failures().keys(), _is_running(folder)
     seconds = {number: sum(result.seconds.values()) for number, result in kept.items()}
-    left = _seconds_left(_axes(scenes[0]), seconds, failed, _processes(folder)) if running else None
+    left = _seconds_left(axes, seconds, failed, _processes(folder)) if running else None
     error = max((result.readings.relative_total_error for result in kept.values()), default=0.0)
     yield Status(name, len(kept), len(failed), len(values), error, running, left)
 
 
-def _axes(scene: dict):
-    return make_axes(scene.get("vary", {}), scene.get("together"))
+def _axes(scene: dict, forces: Collection[str] = FORCES):
+    return make_axes(scene.get("vary", {}), scene.get("together"), forces=forces)
 
 
 def _size(scene: dict) -> int:
