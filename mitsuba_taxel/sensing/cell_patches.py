@@ -1,4 +1,8 @@
-"""Patches on all that scatters light within a cell: its walls, which move, and its package, which does not."""
+"""Patches on all that scatters light within a cell: its walls, which move, and its package, which does not.
+
+The phototransistor receives nothing from below its plane. There the response of walls has a kink, along which they are
+cut.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from mitsuba_taxel.transport.patch_cuts import PatchCuts
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
@@ -20,34 +26,37 @@ class CellPatches:
 
     Attributes
     ----------
-    walls : WallPatches
-        F of them.
+    faces : WallPatches
+        Faces of the mesh of the walls.
+    cuts : PatchCuts
+        The F patches into which they are cut.
     package : (G, 15, 3) ndarray
         Positions in mm.
     """
 
-    walls: WallPatches
+    faces: WallPatches
+    cuts: PatchCuts
     package: np.ndarray
 
     @property
     def rest(self) -> np.ndarray:
         """(F + G, 15, 3) mm, undeformed."""
-        return np.concatenate([self.walls.rest, self.package])
+        return self._with_package(self.faces.rest, self.package)
 
     @property
     def pattern(self) -> np.ndarray:
         """(F + G, 15, 3) mm, undeformed and roughly, the same for cells that are equal but for their place."""
-        grain = ROUNDED * np.ptp(self.walls.pattern)
-        package = np.round((self.package - self.walls.shift) / grain) * grain
-        return np.concatenate([self.walls.pattern, package]) + 0.0  # no negative zeros
+        grain = ROUNDED * np.ptp(self.faces.pattern)
+        package = np.round((self.package - self.faces.shift) / grain) * grain
+        return self._with_package(self.faces.pattern, package) + 0.0  # no negative zeros
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
         """(F + G, 15, 3) displacement or its rate, from that of the elements' nodes (N, 3)."""
-        return self._with_package(self.walls.carried(nodal))
+        return self._with_package(self.faces.carried(nodal), np.zeros_like(self.package))
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:
         """(F + G, 15, 3) mm per mm of a dimension of the pad; see :meth:`WallPatches.moved`."""
-        return self._with_package(self.walls.moved(parameter, displacement))
+        return self._with_package(self.faces.moved(parameter, displacement), np.zeros_like(self.package))
 
-    def _with_package(self, of_walls: np.ndarray) -> np.ndarray:
-        return np.concatenate([of_walls, np.zeros_like(self.package)])
+    def _with_package(self, of_faces: np.ndarray, of_package: np.ndarray) -> np.ndarray:
+        return np.concatenate([self.cuts.of(of_faces), of_package])

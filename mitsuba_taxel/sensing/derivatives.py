@@ -216,8 +216,8 @@ class _OfCell:
                 conservation,
             ]
             of_derivatives = np.linalg.norm(changes, axis=0)
-            edged = self._whole.cells.cells[self._number].has_edges
-            light = np.array([reading_error(fine, coarse.reading, share, edged), *of_derivatives])
+            of_reading = reading_error(fine, coarse.reading, self._whole.cells, self._number)
+            light = np.array([of_reading, *of_derivatives])
             if second is not None:
                 against = self._against(second, coarse.reading, by_patch, gradient)
         return _Found(fine.reading, values, light, against, fine.flows())
@@ -294,7 +294,7 @@ class _OfCell:
             there = other.cell_like(self._number, self._whole.cells)
             scattered = (there.isotropic + there.lambertian) / (own.isotropic + own.lambertian)
             change = cell.change(then.led, then.phototransistor, then.body, scattered)
-            change += (gradient[len(own.faces) :] * (there.package - own.package)).sum()
+            change += (gradient[len(own.cuts.parent) :] * (there.package - own.package)).sum()
             total += weight * (change + cell.reading * then.power / taxel.power)
         return total
 

@@ -23,10 +23,6 @@ FINE, COARSE = 2, 1
 """Degrees of the solutions on a patch, the coarser one for the error of the finer one."""
 READING_SHARE = 0.1
 """Standard deviation of a reading, relative to its difference from that of the coarser solution."""
-QUADRATURE, AT_EDGES = 5e-5, 4e-4
-"""Standard deviation of a reading by the quadrature that both solutions share, and where walls that scatter meet at
-sharp edges. Against spheres, and against patches of 0.6 of the size under load, readings differ by up to 1.1e-4; with
-edges, and a load, from random paths by up to 8e-3, where the difference of the solutions is a third of that."""
 MOST_OFF = 0.01
 """Largest error by the power of LEDs on walls and by what phototransistors accept, as share of a reading, with which
 there are derivatives."""
@@ -97,15 +93,15 @@ def _touches(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...
     return bool(kept_off(np.concatenate(places).reshape(-1, 3), state.bodies, width)[1].any())
 
 
-def reading_error(fine: Cell, coarse: float, light_share: float, has_edges: bool) -> float:
-    """Standard deviation of a reading by patches and quadrature, in W per W; see :meth:`DiffuseCells.light_share`.
+def reading_error(fine: Cell, coarse: float, cells: DiffuseCells, number: int) -> float:
+    """Standard deviation of a cell's reading by patches and quadrature, in W per W.
 
     It includes what the integrals over the walls add to the power of the LED and to what the phototransistor accepts,
     or leave out.
     """
-    quadrature = AT_EDGES if has_edges else QUADRATURE
-    by_patches = light_share * READING_SHARE * (fine.reading - coarse)
-    return float(np.linalg.norm([by_patches, quadrature * fine.reading, fine.emission_error, fine.reception_error]))
+    by_patches = cells.light_share(number) * READING_SHARE * (fine.reading - coarse)
+    by_quadrature = cells.quadrature_share(number) * fine.reading
+    return float(np.linalg.norm([by_patches, by_quadrature, fine.emission_error, fine.reception_error]))
 
 
 class _Found(NamedTuple):
@@ -123,5 +119,5 @@ def _found(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...])
     fine, mesh = cells.solved(number, cells.light_mesh(number, FINE), at), cells.light_mesh(number, COARSE)
     before = cells.solved(number, mesh, at).reading
     changes = [cells.solved(number, mesh, at + patches.carried(part)).reading - before for part in deviations]
-    error = reading_error(fine, before, cells.light_share(number), cells.cells[number].has_edges)
+    error = reading_error(fine, before, cells, number)
     return _Found(fine.reading, error, changes, fine.flows())

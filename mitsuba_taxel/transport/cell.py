@@ -21,6 +21,7 @@ from mitsuba_taxel.transport.direct import Direct
 from mitsuba_taxel.transport.emission import STEP, Emission, emission
 from mitsuba_taxel.transport.ends import End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
+from mitsuba_taxel.transport.horizon import pieces_at_horizon
 from mitsuba_taxel.transport.pairs import pairs_of
 from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.reception import CHECKED, Reception, acceptance
@@ -45,6 +46,9 @@ class ScatteringWalls:
     of_box : int
         Number of the last patches, which lie on the box: LED and phototransistor at its top do not see them, and it
         does not stand between them and others.
+    have_edges : bool
+        Whether walls meet at edges, at which isotropic light of one passes along the horizon of its points onto
+        another: patches that the horizon crosses count by the share above it.
     """
 
     places: np.ndarray
@@ -52,6 +56,7 @@ class ScatteringWalls:
     isotropic: np.ndarray
     lambertian: np.ndarray
     of_box: int = 0
+    have_edges: bool = False
 
     @property
     def seen(self) -> np.ndarray:
@@ -259,7 +264,11 @@ class Cell:
     def _exchanged(self, between: Exchange) -> np.ndarray:
         """(T, T) K."""
         pairs, shares = self._mesh.pairs, self._mesh.shares
-        values = pairs.weight * between.values()
+        values = between.values()
+        if self._walls.have_edges and self._walls.isotropic.any():
+            crossing = pieces_at_horizon(pairs, self._mesh.own, self._normal, between.leaving())
+            values[crossing.pairs] = between.part(crossing.pairs).values(crossing.share)
+        values *= pairs.weight
         return (sparse.csr_matrix((values, pairs.point, self._mesh.first_pairs), shares.shape[::-1]) @ shares).toarray()
 
     def gradient(self, wider: float = 1.0) -> np.ndarray:

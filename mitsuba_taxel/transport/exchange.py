@@ -86,12 +86,27 @@ class Exchange:
         self._starts, self._ends = starts, (at, area)
         self._start, self._end, self._box, self._walls = start, end, box, walls
 
-    def values(self) -> np.ndarray:
-        """(N,) light per unit of power and of the integration variables of the surface."""
+    def values(self, above: np.ndarray | None = None) -> np.ndarray:
+        """(N,) light per unit of power and of the integration variables of the surface.
+
+        Isotropic light ends at the horizon of its start, unless the share (N,) of the surface ``above`` it is given.
+        """
         with _TURN:
             pair = self._pairs()
             value = pair.per_facing * pair.facing
-            return np.asarray(value if self._box is None else value * self._passage(self._box).share)
+            if above is not None:
+                value = (pair.per_facing - pair.even + _floats(above) * pair.even_below) * pair.facing
+            return np.array(value if self._box is None else value * self._passage(self._box).share)
+
+    def leaving(self) -> np.ndarray:
+        """(N,) mm, heights of the ends above the horizons of the starts."""
+        with _TURN:
+            return np.asarray(self._pairs().leaving)
+
+    def part(self, pairs: np.ndarray) -> Exchange:
+        """The light of some pairs, by their numbers."""
+        walls = None if self._walls is None else self._walls[pairs]
+        return Exchange(self._starts, *self._ends, self._start[pairs], self._end[pairs], self._box, walls)
 
     def in_plane(self) -> np.ndarray:
         """(N,) whether both ends of a pair lie in one plane, of which each sees the other as soon as it is bent."""
@@ -149,6 +164,12 @@ class _Pairs:
         self.even = isotropic / (2 * math.pi) * self.over * dr.sqrt(self.over)
         self.cosine = lambertian / math.pi * self.over * self.over
         self.per_facing = self.even + self.cosine * self.leaving
+
+    @property
+    def even_below(self) -> Float64:
+        """Isotropic light, as if it did not end at the horizon."""
+        over = dr.select(self.facing > 0, dr.rcp(dr.square(self.distance)), 0)
+        return self.isotropic / (2 * math.pi) * over * dr.sqrt(over)
 
     def at_horizon(self, width: float) -> Float64:
         """Loss of isotropic light in directions that pass below the horizon of the start, per mm of ``leaving``.

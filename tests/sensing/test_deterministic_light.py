@@ -41,7 +41,8 @@ def test_domes_read_as_the_sphere_within_the_stated_error(llvm_mono, cell, law):
     ],
 )
 def test_walls_that_meet_at_edges_read_as_random_paths_within_the_stated_error(cell, roof, side, reflectance, edged):
-    """What would be stated without edges, as in hemispheric cells, is exceeded 3 to 14 times."""
+    """Patches that cross the plane of the phototransistor, and strips of walls hidden by a bent roof, were off by up to
+    8e-3."""
     source = pad_scene(cell=cell, wall={"scattering": roof}, mesh_size=1.25).source
     source["pad"]["bsdf"]["side"] = {"type": "wall", "scattering": side, "reflectance": reflectance}
     live = Scene(source).load()
@@ -49,6 +50,7 @@ def test_walls_that_meet_at_edges_read_as_random_paths_within_the_stated_error(c
     found = deterministic_light(live, False)
     readings = measure(live, points=32768, mechanics_error=False)
     assert abs(found.power - readings.power) < 2 * np.hypot(found.error, readings.standard_error)
+    assert found.error < 1e-3 * found.power
 
 
 def with_law(scene, law):
