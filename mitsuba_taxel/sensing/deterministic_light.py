@@ -84,7 +84,7 @@ def deterministic_light(
 
 def _touches(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> bool:
     """Whether the walls of a cell touch a package, or would, displaced by the error of the mechanics."""
-    state, walls = cells.pad.state, cells.patches(number).walls
+    state, walls = cells.pad.state, cells.patches(number).faces
     if state.bodies is None:
         return False
     width = widest_shut(state.mesh, state.bodies)

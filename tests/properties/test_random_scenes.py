@@ -34,7 +34,8 @@ CELL = """<scene version="3.9.0">
 <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"> {sensor} </sensor> </shape>
 </scene>"""
 ROD = """<string name="load" value="indenter_force"/> <string name="indenter" value="cylinder"/>
-<float name="indenter_radius" value="0.001"/> <float name="friction" value="0.3"/> <vector name="force" value="0, 0, 0"/>"""
+<float name="indenter_radius" value="0.001"/> <float name="friction" value="0.3"/>
+<vector name="force" value="0, 0, 0"/>"""
 PATCH = """<string name="load" value="patch_force"/> <vector name="force" value="0.1, 0.1, -0.1"/>
 <float name="patch_width" value="1"/> <float name="patch_depth" value="0.001"/> <string name="prony" value="0.9 1"/>"""
 ENDS = '<vector name="force" value="0, 0, -200"/>'
