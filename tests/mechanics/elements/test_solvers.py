@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import importlib.util
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 import scipy.sparse as sparse
 
+from mitsuba_taxel.mechanics import (
+    Indenter,
+    IndenterDisplacement,
+    NeoHookean,
+    PlateDisplacement,
+    Pressure,
+    SpreadForce,
+    load_path,
+)
 from mitsuba_taxel.mechanics.elements import solvers
-from mitsuba_taxel.mechanics.elements.solvers import Rslab, symmetric_product
+from mitsuba_taxel.mechanics.elements.solvers import Rslab, available_solvers, symmetric_product
+from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
+from mitsuba_taxel.pads import Pad
 
 SIDE = 18
 
@@ -64,3 +76,31 @@ def test_an_analysis_is_shared_by_matrices_of_one_pattern(monkeypatch):
         np.testing.assert_array_equal(found, Rslab().factor(matrix).solve(rhs))
         np.testing.assert_allclose(symmetric_product(matrix, found), rhs, atol=1e-9)
     assert len(analysed) == 9
+
+
+LOADS = [
+    (SpreadForce(), (0.2, 0.1, -1.5)),
+    (PlateDisplacement(), (0.0, 0.0, -0.3)),
+    (Pressure(), (0.1,)),
+    (IndenterDisplacement(Indenter("plane")), (0.0, 0.0, -0.2)),
+]
+
+
+@pytest.mark.parametrize(("load", "value"), LOADS, ids=[type(load).__name__ for load, _ in LOADS])
+def test_load_paths_are_the_same_without_rslab(load, value, fresh, monkeypatch):
+    """By the solver that is always there; it does not tell whether states are stable, and they do not say so."""
+    pytest.importorskip("rslab")
+
+    def solved():
+        fresh()
+        loaded_pad.cache_clear()
+        return load_path(Pad(rows=1, columns=1), NeoHookean(4.16, 0.49), [value], load=load, mesh_size=3.0)[0]
+
+    usual, find = solved(), importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *more: None if name == "rslab" else find(name, *more))
+    assert available_solvers() == ["superlu"]
+    other = solved()
+    loaded_pad.cache_clear()
+    assert usual.stability_checked and not other.stability_checked
+    np.testing.assert_allclose(other.displacement, usual.displacement, atol=1e-7 * np.abs(usual.displacement).max())
+    np.testing.assert_allclose(other.pressure, usual.pressure, atol=1e-5 * np.abs(usual.pressure).max())
