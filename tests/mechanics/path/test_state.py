@@ -50,15 +50,15 @@ def least_volume_ratio(state):
 
 @pytest.mark.parametrize(("load", "value"), KINDS, ids=NAMES)
 def test_the_least_volume_ratio(load, value):
-    """For small loads its distance from one is proportional to them, but where the area of contact grows with them."""
-    shares = (0.37, 1e-5, 2e-5)
+    """For small loads its distance from one is proportional to them; so little of an indenter is not resolved."""
+    indented = isinstance(load, IndenterDisplacement | IndenterForce)
+    shares = (0.37,) if indented else (0.37, 1e-5, 2e-5)
     found = load_path(PAD, LAW, np.multiply.outer(shares, value), load=load, mesh_size=SIZE)
     for state in found:
         assert state.min_jacobian == pytest.approx(least_volume_ratio(state), abs=1e-12)
-    once, twice = (1 - state.min_jacobian for state in found[1:])
-    assert 0 < once < 2e-4
-    if not isinstance(load, IndenterDisplacement | IndenterForce):
-        assert twice / once == pytest.approx(2.0, rel=1e-3)
+    if not indented:
+        once, twice = (1 - state.min_jacobian for state in found[1:])
+        assert 0 < once < 2e-4 and twice / once == pytest.approx(2.0, rel=1e-3)
 
 
 def test_the_residual():
