@@ -30,8 +30,8 @@ SPACING = 0.25
 """Distance of the points that are tested, relative to half the width of the contact."""
 BENT = 1.2
 """Largest ratio of lengths on curved faces and between their corners."""
-MOST_CUTS = 12
-"""Of a face into four, one within the other."""
+MOST_CUTS, MOST_NEAR = 12, 4096
+"""Cuts of a face into four, one within the other, and pieces that are cut at once."""
 
 _QUARTERS = np.array(
     [
@@ -96,7 +96,7 @@ def _inside(indenter: Indenter, nodes: np.ndarray, spacing: float) -> tuple[floa
     """Largest depth in mm of points of faces inside a body, and the numbers of the faces that have such points.
 
     Faces, of ``nodes`` (B, 6, 3) relative to the tip, are cut into four as long as they may enter the body and are
-    larger than the ``spacing`` in mm.
+    larger than the ``spacing`` in mm; of many, those that are nearest to it or deepest inside.
     """
     deepest, touched = 0.0, np.zeros(len(nodes), dtype=bool)
     face, corners = np.arange(len(nodes)), np.broadcast_to(np.eye(3), (len(nodes), 3, 3))
@@ -109,6 +109,7 @@ def _inside(indenter: Indenter, nodes: np.ndarray, spacing: float) -> tuple[floa
         near = np.flatnonzero((gap < size) & (size > spacing))
         if not len(near):
             break
+        near = near[np.argsort(gap[near], kind="stable")[:MOST_NEAR]]
         face, corners = face[near].repeat(4), np.einsum("qck,tkj->tqcj", _QUARTERS, corners[near]).reshape(-1, 3, 3)
     return deepest, np.flatnonzero(touched)
 
