@@ -43,7 +43,7 @@ def test_a_ball_that_is_not_felt_is_inside_by_all_of_its_depth():
     force, found, (path, moved, displacement) = pressed(1.0, 0.005, 4.0)
     assert abs(force) < 1e-9 and found.depth == pytest.approx(1.0)
     said = (
-        r"the finite elements are too large for an indenter 0.005 mm deep at \(0, 0\) mm: their faces are [67][.0-9]* "
+        r"the finite elements are too large for an indenter 0.005 mm deep at \(0, 0\) mm: their faces are 10 "
         r"times half the width of its contact. A mesh_size of 0.098 mm, or a deeper or larger indenter is needed."
     )
     with pytest.raises(ComputationError, match=said):
