@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from damaged_scenes import PAD, PLATE, damaged_bytes, damaged_tree
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -28,6 +29,7 @@ def is_refused(file) -> bool:
     return False
 
 
+@pytest.mark.filterwarnings("ignore:.*nothing uses the <default>")  # which is no error
 @FEW
 @given(data=st.data())
 def test_what_cannot_be_read_is_an_error(data, tmp_path):
