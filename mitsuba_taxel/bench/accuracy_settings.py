@@ -43,6 +43,8 @@ FORCE = -1.0
 """N on the pad whose derivative by it is taken."""
 SLOPE_POINTS, SLOPE_SEEDS = (256, 1024, 4096), 2
 """Points per replicate of derivatives by random paths, and runs with each."""
+FACETS_POINTS = 4096
+"""Points per replicate of the reading that states the error of triangles."""
 LONGER, LONGER_SLOPES = 32, 8
 """Samples of a run of a reference, relative to those of the longest run that it judges."""
 LONGEST = MOST_POINTS * REPLICATES // LONGER
@@ -112,7 +114,7 @@ def _light(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, startin
     estimate = of_readings(ready)
     paths, truth = _over_paths(estimate, seconds, starting)
     # Triangles of the paths are not the curved walls themselves.
-    facets = measure(ready, points=256).geometry_error
+    facets = measure(ready, points=FACETS_POINTS).geometry_error
     truth = replace(truth, error=np.hypot(truth.error, facets))
     curves = [ErrorCurve("", PATHS, [rung_point(rung, truth) for rung in paths], launched=True)]
     if is_diffuse:
