@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mitsuba_taxel.base.arguments import check_progress, path_of
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.fitting.model import ReadingModel
 from mitsuba_taxel.fitting.plan import FitPlan, read_plan
 from mitsuba_taxel.fitting.solve import LeastSquares, solve
@@ -152,4 +152,6 @@ def _write(result: FitResult, folder: Path) -> None:
             table.to_csv(file, index=False)
     with replacing(folder / "correlation.csv") as file:
         result.correlation.to_csv(file)
+    notes = [*(f"warning: {line}" for line in result.warnings), *result.notes]
+    write_text(folder / "notes.txt", "".join(f"{line}\n" for line in notes))
     save_figure(plot_residuals(result.residuals, result.correlation), folder, "fit")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.spreads import plot_spreads
@@ -106,6 +106,7 @@ def _write(result: Tolerance, folder: Path) -> None:
     for name, table in _tables(result):
         with replacing(folder / f"{name}.csv") as file:
             table.to_csv(file, index=False)
+    write_text(folder / "notes.txt", "".join(f"{line}\n" for line in result.notes))
     save_figure(plot_spreads(result.spread, result.parameters), folder, "tolerance")
 
 

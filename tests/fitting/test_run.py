@@ -46,7 +46,7 @@ def test_modulus_and_gain_of_a_cell(taxel, tmp_path):
     assert abs(gain["value"] - 180) < 4 * gain["error"] < 2
     assert not answer["notes"] and answer["misfit"] < 15
     made = {file.name for file in (tmp_path / "out").iterdir()}
-    assert made == {"fit.csv", "residuals.csv", "correlation.csv", "fit.png", "fit.svg"}
+    assert made == {"fit.csv", "residuals.csv", "correlation.csv", "notes.txt", "fit.png", "fit.svg"}
 
 
 def test_a_circuit_under_a_plate(taxel, tmp_path):

@@ -19,6 +19,7 @@ from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.report.page import sections
 from mitsuba_taxel.report.page.markup import paragraph
+from mitsuba_taxel.report.page.outcome import outcome_sections
 from mitsuba_taxel.report.page.panels import MOST_PANELS, viewer_panels
 from mitsuba_taxel.studies import open_study
 from mitsuba_taxel.studies.plan.batch import WRITTEN_KEYS, Batch, batch_from
@@ -30,12 +31,12 @@ from mitsuba_taxel.studies.store.opening import read_results
 def write_report(
     folder: Path, file: Path, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> list[str]:
-    """Write the page of the study in a folder.
+    """Write the page of a folder of results: of a study, of tolerances, of a fit or of an optimum.
 
     Parameters
     ----------
     folder : Path
-        Folder of a study of one or several scenes.
+        That of a study of one or several scenes, or what `taxel tolerance`, `taxel fit` or `taxel optimise` wrote.
     file : Path
         Must end in ``.html``; replaced when the page is complete.
     progress : Callable[[int, int], None]
@@ -50,13 +51,20 @@ def write_report(
     InputError
         if the folder holds no results.
     """
-    study = open_study(folder)
-    scenes: dict[str, Any] = {"": study}
-    if isinstance(study, xr.DataTree):
-        scenes = {name: one.to_dataset() for name, one in study.children.items()}
+    outcome = outcome_sections(folder)
+    scenes: dict[str, Any] = {}
+    try:
+        study = open_study(folder)
+        scenes = {"": study}
+        if isinstance(study, xr.DataTree):
+            scenes = {name: one.to_dataset() for name, one in study.children.items()}
+    except InputError:
+        if not outcome:
+            raise
     left_out: list[str] = []
     panels = _panels(scenes, folder, left_out, progress)
-    parts = [_viewer(panels), *(part for name, one in scenes.items() for part in _sections(name, one))]
+    parts = [_missing(scenes), *outcome, _viewer(panels)]
+    parts += [*(part for name, one in scenes.items() for part in _sections(name, one))]
     remarks = [paragraph(f"Left out: {line}", "quiet") for line in left_out]
     title, body = folder.resolve().name, "\n".join([*parts, *remarks])
     page = Template(_asset("page.html")).substitute(
@@ -69,6 +77,13 @@ def write_report(
     )
     write_text(file, page)
     return left_out
+
+
+def _missing(scenes: dict[str, xr.Dataset]) -> str:
+    """How many jobs of the scenes have no reading; empty if all have one."""
+    readings = [one.power.isnull().any("taxel") for one in scenes.values()]
+    missing, count = sum(int(each.sum()) for each in readings), sum(each.size for each in readings)
+    return paragraph(f"Jobs without a reading: {missing} of {count}.") if missing else ""
 
 
 def _panels(

@@ -1,0 +1,120 @@
+"""Sections of a page with what `taxel tolerance`, `taxel fit` or `taxel optimise` left in a folder."""
+
+from __future__ import annotations
+
+import base64
+from html import escape
+from pathlib import Path
+from typing import NamedTuple
+
+from mitsuba_taxel.report.page.markup import bullets, folded, section, table
+
+MOST_ROWS, MOST_COLUMNS = 50, 12
+"""Of a table on the page; the rest is in the file."""
+
+
+class Outcome(NamedTuple):
+    """What a command leaves in its folder.
+
+    Attributes
+    ----------
+    file : str
+        A file that says which command it was.
+    title : str
+        Of the section.
+    verdict : str
+        File with its lines of text.
+    plots, tables : dict[str, str]
+        Captions by the name of a file without its ending.
+    """
+
+    file: str
+    title: str
+    verdict: str
+    plots: dict[str, str]
+    tables: dict[str, str]
+
+
+OUTCOMES = (
+    Outcome(
+        "spread.csv",
+        "Tolerances",
+        "notes.txt",
+        {"tolerance": "Spreads of the figures, and the parameters that they come from."},
+        {
+            "spread": "Spreads: one standard deviation of each figure",
+            "parameters": "Which tolerance costs most: total Sobol' indices",
+            "shares": "Linear answer: contributions of the parameters",
+            "samples": "Samples",
+        },
+    ),
+    Outcome(
+        "fit.csv",
+        "Fit",
+        "notes.txt",
+        {"fit": "Residuals of the fit."},
+        {"fit": "Unknowns, with one standard deviation", "correlation": "Correlation", "residuals": "Residuals"},
+    ),
+    Outcome(
+        "optimum.md",
+        "Optimum",
+        "optimum.md",
+        {
+            "optimum": "Course, figures and variables before and after.",
+            "section": "Section of the pad before and after.",
+            "front": "Trade-off of two objectives.",
+        },
+        {
+            "figures": "Figures of merit before and after",
+            "variables": "Variables",
+            "slopes": "Change around the best design",
+            "front": "Trade-offs",
+            "history": "Designs",
+        },
+    ),
+)
+
+
+def outcome_sections(folder: Path) -> list[str]:
+    """Sections for the files of these commands in a folder; none if there are none."""
+    return [_section(kind, folder) for kind in OUTCOMES if (folder / kind.file).is_file()]
+
+
+def _section(kind: Outcome, folder: Path) -> str:
+    parts = [bullets(_lines(folder / kind.verdict))]
+    for name, caption in kind.plots.items():
+        if (file := folder / f"{name}.svg").is_file():
+            picture = base64.b64encode(file.read_bytes()).decode("ascii")
+            parts.append(
+                f'<figure><img class="plot" src="data:image/svg+xml;base64,{picture}" alt="{escape(caption)}">'
+                f"<figcaption>{escape(caption)}</figcaption></figure>"
+            )
+    for number, (name, caption) in enumerate(kind.tables.items()):
+        if (file := folder / f"{name}.csv").is_file():
+            made = _table(file, caption)
+            parts.append(made if number < 2 else folded(caption, made))
+    return section(kind.title.lower(), kind.title, *parts)
+
+
+def _lines(file: Path) -> list[str]:
+    """The lines of a verdict: all of a text, the first list of a page in Markdown."""
+    if not file.is_file():
+        return []
+    lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    if file.suffix == ".md":
+        return [line.removeprefix("- ") for line in lines if line.startswith("- ")]
+    return [line for line in lines if line.strip()]
+
+
+def _table(file: Path, caption: str) -> str:
+    import pandas
+
+    content = pandas.read_csv(file)
+    rows = [
+        ["" if value != value else f"{value:.4g}" if isinstance(value, float) else str(value) for value in row]
+        for row in content.iloc[:MOST_ROWS, :MOST_COLUMNS].to_numpy(dtype=object).tolist()
+    ]
+    more = [f"{len(content) - MOST_ROWS} more rows"] if len(content) > MOST_ROWS else []
+    more += [f"{content.shape[1] - MOST_COLUMNS} more columns"] if content.shape[1] > MOST_COLUMNS else []
+    caption += f" ({' and '.join(more)} in {file.name})" if more else ""
+    return table(caption, [str(name).replace("_", " ") for name in content.columns[:MOST_COLUMNS]], rows)

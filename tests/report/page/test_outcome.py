@@ -1,0 +1,48 @@
+"""Pages of folders that other commands wrote hold what these say."""
+
+from __future__ import annotations
+
+import pandas
+import pytest
+
+from mitsuba_taxel import InputError
+from mitsuba_taxel.fitting import run_fit
+from mitsuba_taxel.report.page import write_report
+from mitsuba_taxel.report.page.outcome import MOST_ROWS, outcome_sections
+
+
+def test_the_page_of_a_fit_has_its_unknowns_residuals_and_warnings(tmp_path, llvm_mono):
+    (tmp_path / "data.csv").write_text("z_mm,v1_mV\n0.5,10\n0.7,8\n0.9,6\n")
+    table = "[fit.unknowns]\ngain = { start = 0.8, low = 0.5, high = 0.9 }\n"
+    (tmp_path / "study.toml").write_text(f'scene = "plate.xml"\npoints = 64\n[fit]\ndata = "data.csv"\n{table}')
+    result = run_fit(tmp_path / "study.toml", tmp_path / "out")
+    assert write_report(tmp_path / "out", tmp_path / "page.html") == []
+    page = (tmp_path / "page.html").read_text()
+    assert f"<td>{result.unknowns.value[0]:.4g}</td>" in page and "data:image/svg+xml;base64," in page
+    assert result.warnings and all(
+        f"<li>warning: {line}</li>" in page.replace("&#x27;", "'") for line in result.warnings
+    )
+    assert page.count("<h2") == 1 and "Residuals" in page
+
+
+def test_the_page_of_tolerances_has_spreads_and_indices_and_the_shortened_samples(tmp_path):
+    pandas.DataFrame({"figure": ["gain"], "sd": [0.01234567]}).to_csv(tmp_path / "spread.csv", index=False)
+    pandas.DataFrame({"parameter": ["<x>"], "total_gain": [0.5]}).to_csv(tmp_path / "parameters.csv", index=False)
+    pandas.DataFrame({"x": range(MOST_ROWS + 3)}).to_csv(tmp_path / "samples.csv", index=False)
+    (tmp_path / "notes.txt").write_text("samples without readings, left out: 2 of 9\n")
+    (part,) = outcome_sections(tmp_path)
+    assert "<td>0.01235</td>" in part and "&lt;x&gt;" in part and '<th scope="col">total gain</th>' in part
+    assert "<li>samples without readings, left out: 2 of 9</li>" in part and "3 more rows in samples.csv" in part
+
+
+def test_the_page_of_an_optimum_has_its_verdict(tmp_path):
+    (tmp_path / "optimum.md").write_text("# Range\n\n- Improvement: 12%\n- a local optimum\n\n| a |\n|---|\n| 1 |\n")
+    pandas.DataFrame({"figure": ["range"], "best": [2.0]}).to_csv(tmp_path / "figures.csv", index=False)
+    write_report(tmp_path, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "<li>Improvement: 12%</li><li>a local optimum</li>" in page and "<td>range</td><td>2</td>" in page
+
+
+def test_a_folder_without_results_is_refused(tmp_path):
+    with pytest.raises(InputError, match="is not allowed"):
+        write_report(tmp_path, tmp_path / "page.html")
