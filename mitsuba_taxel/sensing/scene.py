@@ -14,7 +14,17 @@ from weakref import WeakSet
 
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.arguments import is_number, path_of, plain_number, refusal, require, table_of, text_of, word_of
+from mitsuba_taxel.base.arguments import (
+    as_numbers,
+    is_number,
+    path_of,
+    plain_number,
+    refusal,
+    require,
+    table_of,
+    text_of,
+    word_of,
+)
 from mitsuba_taxel.base.atomic import WriteError, write_text
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError, UnusedDefault
@@ -91,6 +101,9 @@ class Scene(Displayed):
                 names = ", ".join(sorted(allowed)) or "none"
                 raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
             text_of(name, value)
+            if re.fullmatch(r"\s*[+-]?\d*,\d+\s*", value) and as_numbers([self.defaults.get(name, "")]):
+                point = value.strip().replace(",", ".")
+                raise refusal(name, value, f"a decimal point is needed, as in {point}")
         self.parameters = {**self.defaults, **given}
         if self.unused:
             words = f"{self.name}: nothing uses the <default> {', '.join(self.unused)}"

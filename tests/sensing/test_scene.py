@@ -213,3 +213,10 @@ def test_parts_are_refused_before_the_pad_is_solved(tmp_path, monkeypatch, llvm_
     monkeypatch.setattr("mitsuba_taxel.mechanics.load_path", lambda *_, **__: pytest.fail("the pad was solved"))
     with pytest.raises(InputError, match=said):
         Scene.from_file(tmp_path / "scene.xml").load()
+
+
+def test_a_decimal_comma_is_refused_with_the_parameter(tmp_path):
+    """Of a parameter that is a number; vectors in words have commas."""
+    with pytest.raises(InputError, match=r"fz = '-1,5' is not allowed: a decimal point is needed, as in -1\.5"):
+        Scene.from_file("pad.xml", fz="-1,5")
+    assert Scene.from_file("pad.xml", history="0 0 0 0; 1,5").parameters["history"] == "0 0 0 0; 1,5"

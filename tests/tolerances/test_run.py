@@ -98,7 +98,7 @@ def test_noise_as_a_force_is_that_of_the_circuit(folder, result):
 def test_what_is_on_disk(folder, result):
     made = {file.name for file in (folder / "out").iterdir()}
     tables = {f"{name}.csv" for name in ("spread", "shares", "parameters", "samples")}
-    assert tables | {"tolerance.png", "tolerance.svg", "study.toml", "nominal", "samples"} == made
+    assert tables | {"notes.txt", "tolerance.png", "tolerance.svg", "study.toml", "nominal", "samples"} == made
     tree = open_study(folder / "out")
     assert tree["samples"].sizes["step"] == 8 and not (folder / "out" / "samples" / "meshes").exists()
     assert json.loads(tree["nominal"].attrs["circuit"])["transfer"] == 5e-3
