@@ -213,8 +213,11 @@ def prepare_for(
     for _ in range(MOST_MESHES):
         if not isinstance(scene, Scene):
             break
-        tried.append((smallest_mesh_size(ready), errors.share))
-        wanted = target_error if errors.power is not None else MECHANICS_SHARE * target_error
+        if errors.power is None:
+            wanted, share = MECHANICS_SHARE * target_error, errors.share
+        else:  # elements do not change the error of the light
+            wanted, share = math.sqrt(max(target_error**2 - errors.light_share**2, 0.0)), errors.mechanics.share
+        tried.append((smallest_mesh_size(ready), share))
         finer = finer_mesh(scene, ready, tried, wanted)
         if finer is None or (clock and not clock.allows(2 * seconds * (tried[-1][0] / finer) ** COST_ORDER)):
             break
