@@ -20,8 +20,8 @@ from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.direct import Direct
 from mitsuba_taxel.transport.emission import STEP, Emission, emission
 from mitsuba_taxel.transport.ends import End
-from mitsuba_taxel.transport.exchange import Exchange, Starts
-from mitsuba_taxel.transport.horizon import pieces_at_horizon
+from mitsuba_taxel.transport.exchange import Exchange, LightRates, Starts
+from mitsuba_taxel.transport.horizon import PiecesAtHorizon, pieces_at_horizon
 from mitsuba_taxel.transport.pairs import pairs_of
 from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.reception import CHECKED, Reception, acceptance
@@ -265,11 +265,32 @@ class Cell:
         """(T, T) K."""
         pairs, shares = self._mesh.pairs, self._mesh.shares
         values = between.values()
-        if self._walls.have_edges and self._walls.isotropic.any():
-            crossing = pieces_at_horizon(pairs, self._mesh.own, self._normal, between.leaving())
+        if (crossing := self._crossing(between)) is not None:
             values[crossing.pairs] = between.part(crossing.pairs).values(crossing.share)
         values *= pairs.weight
         return (sparse.csr_matrix((values, pairs.point, self._mesh.first_pairs), shares.shape[::-1]) @ shares).toarray()
+
+    def _crossing(self, between: Exchange) -> PiecesAtHorizon | None:
+        """Pieces that the horizon of isotropic light crosses, where walls meet at edges."""
+        if not (self._walls.have_edges and self._walls.isotropic.any()):
+            return None
+        return pieces_at_horizon(self._mesh.pairs, self._mesh.own, self._normal, between.leaving())
+
+    def _slopes(self, given: np.ndarray, wider: float) -> LightRates:
+        """Derivatives of the exchange between walls, times ``given`` (N,)."""
+        between = self._between_walls(self._box)
+        slopes = between.slopes(given, wider)
+        if (crossing := self._crossing(between)) is None:
+            return slopes
+        part, given = between.part(crossing.pairs), given[crossing.pairs]
+        ones = np.ones_like(given)
+        isotropic = given * (part.values(ones) - part.values(0 * ones))
+        by_share = isotropic.reshape(crossing.by_height.shape).sum(axis=1, keepdims=True)
+        rates = part.slopes(given, wider, crossing.share, (by_share * crossing.by_height).ravel())
+        for field in fields(LightRates):
+            for whole, crossed in zip(getattr(slopes, field.name) or (), getattr(rates, field.name) or (), strict=True):
+                whole[crossing.pairs] = crossed
+        return slopes
 
     def gradient(self, wider: float = 1.0) -> np.ndarray:
         """(F, 15, 3) derivatives of the reading by the positions of the patches, per mm; see
@@ -283,7 +304,7 @@ class Cell:
         points, size = pairs.shares.shape
         response = np.einsum("pq,pq->p", pairs.shares, self.response.reshape(-1, size)[pairs.points.face])
         given = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
-        slopes = self._between_walls(self._box).slopes(given, wider)  # whose pairs take four times a cell's memory
+        slopes = self._slopes(given, wider)  # whose pairs take four times a cell's memory
         adjoint = self._adjoint[self._seen] - self._emission.power
         by_start, by_normal = map(self._of_all, self._reception.gradient(adjoint, wider))
         by_start -= mesh.by_target(slopes.by_end)

@@ -115,22 +115,36 @@ class Exchange:
             most = IN_PLANE * pair.distance
             return np.array((dr.abs(pair.leaving) <= most) & (dr.abs(pair.facing) <= most * dr.norm(pair.area)))
 
-    def slopes(self, given: np.ndarray, wider: float = 1.0) -> LightRates:
-        """Derivatives of the values, times ``given`` (N,), with a horizon that is ``wider`` by a factor."""
+    def slopes(
+        self,
+        given: np.ndarray,
+        wider: float = 1.0,
+        above: np.ndarray | None = None,
+        by_leaving: np.ndarray | None = None,
+    ) -> LightRates:
+        """Derivatives of the values, times ``given`` (N,), with a horizon that is ``wider`` by a factor; or of those
+        with shares (N,) ``above`` it, which add ``by_leaving`` (N,) per mm of height above it."""
         with _TURN:
             pair, factor = self._pairs(), _floats(given)
-            radial = -(3 * pair.even + 4 * pair.cosine * pair.leaving) * pair.facing * pair.over
-            per_leaving = pair.cosine * pair.facing
-            per_leaving += pair.at_horizon(HORIZON * wider)
-            by_end = factor * (radial * pair.d - pair.per_facing * pair.area + per_leaving * pair.normal)
-            found = [by_end, -factor * pair.per_facing * pair.d, factor * per_leaving * pair.d]
+            even, over, per_leaving = pair.even, pair.over, factor * pair.cosine * pair.facing
+            if above is None or by_leaving is None:
+                per_leaving += factor * pair.at_horizon(HORIZON * wider)
+            else:
+                even, over = _floats(above) * pair.even_below, dr.rcp(dr.square(pair.distance))
+            per_facing = even + pair.cosine * pair.leaving
+            radial = -(3 * even + 4 * pair.cosine * pair.leaving) * pair.facing * over
+            by_end = factor * (radial * pair.d - per_facing * pair.area) + per_leaving * pair.normal
+            found = [by_end, -factor * per_facing * pair.d, per_leaving * pair.d]
             if self._box is not None:
                 passage = self._passage(self._box)
-                of_end, of_both = (factor * pair.per_facing * pair.facing * each for each in passage.slopes())
+                of_end, of_both = (factor * per_facing * pair.facing * each for each in passage.slopes())
                 found = [each * passage.share for each in found]
                 found = [found[0] + of_end, *found[1:], of_both]
+            if by_leaving is not None:
+                found[0] += _floats(by_leaving) * pair.normal
+                found[2] += _floats(by_leaving) * pair.d
             dr.eval(found)
-            return LightRates(*([np.asarray(part) for part in each] for each in found))
+            return LightRates(*([np.array(part) for part in each] for each in found))
 
     def _passage(self, box: Box) -> Passage:
         at, there = (

@@ -28,10 +28,13 @@ class PiecesAtHorizon(NamedTuple):
         Numbers of the pairs.
     share : (M,) ndarray
         Share of the area of the piece that is above the horizon.
+    by_height : (M / Q, Q) ndarray
+        Derivatives per mm of the share of each piece by the heights of its points.
     """
 
     pairs: np.ndarray
     share: np.ndarray
+    by_height: np.ndarray
 
 
 def pieces_at_horizon(pairs: Pairs, own: np.ndarray, normal: np.ndarray, leaving: np.ndarray) -> PiecesAtHorizon:
@@ -53,16 +56,23 @@ def pieces_at_horizon(pairs: Pairs, own: np.ndarray, normal: np.ndarray, leaving
     numbers = np.flatnonzero(own[pairs.target] != patch).reshape(-1, pairs.shares.shape[1])
     numbers = numbers[~along[numbers[:, 0]]]
     to_corners = monomials(WHOLE, pairs.degree) @ coefficients(pairs.degree)
-    heights = np.sort(leaving[numbers] @ to_corners.T, axis=1)
-    crossed = (heights[:, 0] < 0) & (heights[:, 2] > 0)
-    share = share_above(heights[crossed])
-    return PiecesAtHorizon(numbers[crossed].ravel(), np.repeat(share, numbers.shape[1]))
+    heights = leaving[numbers] @ to_corners.T
+    crossed = (heights.min(axis=1) < 0) & (heights.max(axis=1) > 0)
+    share, by_corner = share_above(heights[crossed])
+    return PiecesAtHorizon(numbers[crossed].ravel(), np.repeat(share, numbers.shape[1]), by_corner @ to_corners)
 
 
-def share_above(heights: np.ndarray) -> np.ndarray:
-    """(M,) shares of triangles on which a linear function is positive, from its values (M, 3) at the corners, sorted,
-    the first negative and the last positive."""
-    low, middle, high = heights.T
-    at_top = high**2 / ((high - low) * np.where(middle <= 0, high - middle, 1))
-    at_bottom = low**2 / ((high - low) * np.where(middle > 0, middle - low, 1))
-    return np.where(middle > 0, 1 - at_bottom, at_top)
+def share_above(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(M,) shares of triangles on which a linear function is positive, from its values (M, 3) at the corners, of which
+    one at least is negative and one positive, and (M, 3) the derivatives by these."""
+    order = np.argsort(heights, axis=1)
+    low, middle, high = np.take_along_axis(heights, order, axis=1).T
+    few = middle <= 0  # corners above the line: one, the tip of a triangle, or else one below it
+    tip, far, near = np.where(few, high, low), np.where(few, low, high), middle
+    share = tip**2 / ((tip - far) * (tip - near))
+    by_tip = share * (2 / tip - 1 / (tip - far) - 1 / (tip - near))
+    by_far, by_near = share / (tip - far), share / (tip - near)
+    by_sorted = np.stack([np.where(few, by_far, by_tip), by_near, np.where(few, by_tip, by_far)], axis=1)
+    by_corner = np.empty_like(by_sorted)
+    np.put_along_axis(by_corner, order, np.where(few, 1, -1)[:, None] * by_sorted, axis=1)
+    return np.where(few, share, 1 - share), by_corner

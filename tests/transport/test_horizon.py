@@ -17,12 +17,17 @@ WIDTH, DEPTH = 2.0, 0.6
 def test_shares_of_triangles_above_a_line():
     """Against counted points."""
     rng = np.random.default_rng(3)
-    heights = np.sort(rng.normal(size=(200, 3)), axis=1)
-    heights = heights[(heights[:, 0] < 0) & (heights[:, 2] > 0)]
+    heights = rng.normal(size=(200, 3))
+    heights = heights[(heights.min(axis=1) < 0) & (heights.max(axis=1) > 0)]
     points = rng.dirichlet((1, 1, 1), 40_000)
     counted = (points @ heights.T > 0).mean(axis=0)
-    np.testing.assert_allclose(share_above(heights), counted, atol=5 * 0.5 / 200)
-    assert share_above(np.array([[-1.0, 0.0, 1.0]])) == pytest.approx(0.5)
+    share, by_corner = share_above(heights)
+    np.testing.assert_allclose(share, counted, atol=5 * 0.5 / 200)
+    assert share_above(np.array([[-1.0, 0.0, 1.0]]))[0] == pytest.approx(0.5)
+    for corner in range(3):
+        step = 1e-6 * np.eye(3)[corner]
+        change = (share_above(heights + step)[0] - share_above(heights - step)[0]) / 2e-6
+        np.testing.assert_allclose(by_corner[:, corner], change, rtol=1e-3, atol=1e-3)
 
 
 def rectangle(corner, along, across, count):
@@ -86,3 +91,41 @@ def test_a_strip_of_the_wall_beside_a_tilted_roof_is_hidden(tilt, degree):
 
     assert light(True) == pytest.approx(expected, rel=7e-3)
     assert light(False) != pytest.approx(expected, rel=2e-2)
+
+
+def test_slopes_are_those_of_the_light():
+    """As the roof tilts further: differences of sums with random weights."""
+    rng = np.random.default_rng(4)
+    corner, along, across = np.array([WIDTH / 2, -WIDTH / 2, 1.0]), np.array([0, WIDTH, 0]), np.array([0, 0, -DEPTH])
+    roof = rectangle((-WIDTH / 2, -WIDTH / 2, 1), along, (WIDTH, 0, 0), (2, 2))
+    rest = np.concatenate([roof, rectangle(corner, along, across, (3, 1))])
+    moved, velocity = rest.copy(), np.zeros_like(rest)
+    moved[: len(roof), :, 2] -= 0.04 * (roof[:, :, 0] + WIDTH / 2)
+    velocity[: len(roof), :, 2] = -(roof[:, :, 0] + WIDTH / 2)  # it tilts further
+    mesh, ones = Mesh(rest, 2), np.ones(len(rest))
+    led, phototransistor = (
+        End(np.array([[x, 0.0, 0.0]]), ones[:1], np.array([0.0, 0.0, 1.0]), CosineFactor(1 / np.pi, 1.0))
+        for x in (-0.3, 0.3)
+    )
+
+    def cell(step):
+        walls = ScatteringWalls(moved + step * velocity, rest, 0.9 * ones, 0 * ones, have_edges=True)
+        return Cell(mesh, walls, led, phototransistor)
+
+    step = 1e-5
+    given = rng.uniform(size=len(mesh.own)), rng.uniform(size=len(mesh.own))
+    difference = given[0] @ (cell(step)._exchange - cell(-step)._exchange) @ given[1] / (2 * step)
+    here = cell(0.0)
+    at_points = mesh.shares @ given[1]
+    slopes = here._slopes(mesh.pairs.weight * given[0][mesh.pairs.target] * at_points[mesh.pairs.point], 1.0)
+    by_end, by_normal = np.stack(slopes.by_end, axis=1), mesh.by_target(slopes.by_normal)
+    moving = mesh.pairs.points.places(velocity)[mesh.pairs.point] - mesh.targets.places(velocity)[mesh.pairs.target]
+    turning = np.zeros_like(by_normal)
+    ahead, back = (mesh.targets.placed(moved + sign * step * velocity)[1] for sign in (1, -1))
+    for sign, area in ((1, ahead), (-1, back)):
+        turning += sign * area / np.linalg.norm(area, axis=1, keepdims=True) / (2 * step)
+    wider = (mesh.pairs.points.placed(moved + sign * step * velocity)[1] for sign in (1, -1))
+    facing = np.subtract(*wider) / (2 * step)
+    by_area = np.stack(slopes.by_area, axis=1)
+    slope = (by_end * moving).sum() + (by_normal * turning).sum() + (by_area * facing[mesh.pairs.point]).sum()
+    assert slope == pytest.approx(difference, rel=1e-3)
