@@ -197,7 +197,7 @@ def test_derivatives_by_tables_are_differences_of_the_whole_chain(tmp_path, led,
 
 def reading_and_strain(cells, amounts, degree):
     """Of the one cell in equilibrium, with parameters changed by some amounts: its mesh is morphed by dimensions."""
-    state, pad, patches = cells.pad.state, cells.pad.pad, cells.patches(0).walls
+    state, pad, patches = cells.pad.state, cells.pad.pad, cells.patches(0).faces
     forces, constants = (
         {name: by for name, by in amounts.items() if name in names}
         for names in (COMPONENTS, parameters_of(type(state.material)))
