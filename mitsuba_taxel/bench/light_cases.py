@@ -27,7 +27,7 @@ NOISE = 3e-5
 """Relative standard error of random paths below which no more are traced."""
 TIGHT = 0.001
 """Relative target error whose time is measured beside the default's."""
-DERIVED = ("cell_height", "spacing")
+DERIVED = ("cell_height", "cell_size")
 """Parameters of the derivatives."""
 
 

@@ -106,6 +106,23 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
     _shown(rows, headings(CoverageRow), partial(map, cells), summary=summary)
 
 
+@command.command("light", short_help="Readings with and without random numbers, of random optics.")
+@click.option("--only", metavar="PATTERN", help="Only configurations whose name contains this; * and ? are wildcards.")
+@markdown_option
+@debug_option
+def light_command(only: str | None, markdown: Path | None) -> None:
+    """Compare readings and derivatives without random numbers with those of random paths.
+
+    Laws, walls, shapes and sizes are drawn at random. Each configuration is read in its own process.
+    """
+    from mitsuba_taxel.bench.light import light, summary
+    from mitsuba_taxel.bench.light_row import LightRow
+    from mitsuba_taxel.bench.row import cells, headings
+
+    rows = light(only, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
+    _shown(rows, headings(LightRow), partial(map, cells), summary=summary)
+
+
 @command.command("domes", short_help="Domed cells against spheres and fine meshes.")
 @markdown_option
 @debug_option

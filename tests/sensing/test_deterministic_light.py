@@ -17,6 +17,7 @@ from mitsuba_taxel.sensing.deterministic_light import deterministic_light
 from mitsuba_taxel.sensing.scene_rates import rates
 from mitsuba_taxel.sensing.targets import CLEAR
 from mitsuba_taxel.sensing.wording import light_error_line
+from mitsuba_taxel.transport import emission
 
 CONE, POLAR = "uniform_solid_angle", "uniform_polar_angle"
 
@@ -145,6 +146,65 @@ def test_light_uniform_in_the_polar_angle_is_that_of_random_paths(llvm_mono, cel
         quiet.geometry_error[0], random.geometry_error[0]
     )
     assert random.standard_error[0] < 1e-3 * random.power[0]
+
+
+def narrow(**led):
+    """A cell whose flat roof has a spot of light."""
+    return pad_scene(cell="parallelepiped", wall={"scattering": "lambertian"}, led=led, force=None)
+
+
+NARROW = {
+    "cone of 0.1 degrees": {"law": CONE, "cone_angle": 0.1},
+    "cone of 5 degrees": {"law": CONE, "cone_angle": 5.0},
+    "polar cone of 0.5 degrees": {"law": POLAR, "cone_angle": 0.5},
+    "power of 5000": {"law": "cosine_power", "exponent": 5000.0},
+    "power of 1e6": {"law": "cosine_power", "exponent": 1e6},
+}
+
+
+@pytest.mark.parametrize("name", NARROW)
+def test_narrow_beams_read_as_random_paths(llvm_mono, name):
+    scene = narrow(**NARROW[name])
+    quiet, random = measure(scene), measure(scene, points=1024)
+    assert quiet.points == 0 and quiet.error_budget["geometry"] < 2e-4
+    off = abs(quiet.power[0] - random.power[0])
+    assert off < 2 * quiet.total_error[0] + 4 * random.standard_error[0]
+    assert random.standard_error[0] < 2e-4 * random.power[0]
+
+
+def test_derivatives_of_a_narrow_beam_are_those_of_differences_of_random_paths(llvm_mono):
+    step = 0.025
+    ends = [
+        measure(pad_scene(cell="parallelepiped", wall={"scattering": "lambertian"}, led=NARROW["cone of 0.1 degrees"],
+                          force=None, cell_height=1.55 + sign * step), points=1024)
+        for sign in (1, -1)
+    ]  # fmt: skip
+    expected = (ends[0].power[0] - ends[1].power[0]) / (2 * step)
+    scene = narrow(**NARROW["cone of 0.1 degrees"])
+    found = derivatives_by([rates(scene, "cell_height")], scene.load())
+    assert found.values[0, 0] == pytest.approx(expected, rel=1e-2)
+    assert found.standard_errors[0, 0] < 5e-3 * abs(expected)
+
+
+def test_a_spot_that_the_pieces_of_walls_miss_is_read_by_random_paths(llvm_mono, monkeypatch):
+    scene = narrow(**NARROW["cone of 0.1 degrees"])
+    truth = measure(scene).power[0]
+    monkeypatch.setattr(emission, "MOST_CUTS", 0)
+    monkeypatch.setattr(emission, "MOST_EDGE_CUTS", 0)
+    diffuse_cells.kept_cell.cache_clear()
+    readings = measure(scene)
+    diffuse_cells.kept_cell.cache_clear()
+    assert readings.points > 0 and readings.power[0] == pytest.approx(truth, rel=0.01)
+
+
+def test_a_response_too_narrow_for_the_patches_is_read_by_random_paths(llvm_mono):
+    """Within 4 standard errors and twice what is stated."""
+    scene = pad_scene(cell="parallelepiped", sensor={"response": "cosine_power", "exponent": 300.0}, force=None)
+    found = deterministic_light(scene.load(), False)
+    assert found.error[0] > 0.01 * found.power[0]
+    readings = measure(scene)
+    assert readings.points > 0
+    assert abs(readings.power[0] - found.power[0]) < 2 * found.error[0] + 4 * readings.standard_error[0]
 
 
 def test_the_change_with_coarser_elements_is_that_of_random_paths(llvm_mono, cell):
