@@ -137,7 +137,7 @@ def traced(scene: Scene) -> Readings:
 def light_cases(seed: int = 52) -> list[LightCase]:
     """The rows of the table, in its order; the same for a seed."""
     random = np.random.default_rng(seed)
-    chosen = []
+    chosen: list[LightCase] = []
     while len(chosen) < CASES:
         drawn = _drawn(random, len(chosen) + 1)
         if drawn is not None:
