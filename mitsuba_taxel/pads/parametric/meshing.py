@@ -121,6 +121,12 @@ def check_room(pad: Pad, mesh_size: float) -> None:
             "meshed."
         )
     smallest = (8 * math.prod(pad.extent) / MOST_ELEMENTS) ** (1 / 3)
+    if mesh_size < smallest and mesh_size >= 0.5 * pad.default_mesh_size:  # nobody gave it
+        size = " x ".join(f"{side:.3g}" for side in pad.extent)
+        raise InputError(
+            f"cell_size = {pad.cell_size:g} mm in a pad of {size} mm is not allowed: its thinnest parts ask for "
+            f"elements of {mesh_size:.2g} mm, of at least {smallest:.2g} mm that it can have. Lengths are in mm."
+        )
     if mesh_size < smallest:
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")
     wall, largest = _slender_wall(pad)

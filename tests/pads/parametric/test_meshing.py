@@ -16,7 +16,7 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
 from mitsuba_taxel.pads.parametric import meshing
-from mitsuba_taxel.pads.parametric.meshing import LEAST_QUALITY
+from mitsuba_taxel.pads.parametric.meshing import LEAST_QUALITY, check_room
 
 QUADRATIC_SURFACE = 2e-3
 """Relative error allowed for areas and volumes of curved cells: 8 or more quadratic faces to a circle."""
@@ -277,3 +277,11 @@ def test_a_deep_and_narrow_cell_costs_little():
     roof = np.unique(mesh.faces[mesh.face_region == REGIONS["roof"]])
     radius = np.linalg.norm(mesh.points[roof] - (0, 0, 1.55 - 0.5e-3), axis=1)
     np.testing.assert_allclose(radius, 0.5e-3, rtol=1e-3)
+
+
+def test_lengths_in_metres_are_refused_by_the_length_that_is_given():
+    pad = Pad("cylindrical", rows=1, columns=1, cell_size=0.00255)
+    with pytest.raises(InputError, match=r"^cell_size = 0\.00255 mm in a pad of .* Lengths are in mm"):
+        check_room(pad, pad.default_mesh_size)
+    with pytest.raises(InputError, match=r"^mesh_size = 1e-05 is not allowed"):
+        check_room(pad, 1e-5)
