@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.threads import side_by_side
 from mitsuba_taxel.sensing.derivative_values import Derivatives, unit_of
-from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN, MOST_OFF, reading_error
+from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN, MOST_OFF, QUADRATURE, reading_error
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotFollowed
 from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
 from mitsuba_taxel.sensing.equal_cells import equal_cells
@@ -230,7 +230,7 @@ class _OfCell:
         return np.array([(change * velocity).sum() for velocity in self._velocities])
 
     def _of_conservation(self, cell: Cell, values: np.ndarray) -> np.ndarray:
-        """(P,) errors of the derivatives by the light between the walls and LED and phototransistor.
+        """(P,) errors of the derivatives by the light between the walls and LED and phototransistor, and by quadrature.
 
         Raises
         ------
@@ -241,7 +241,7 @@ class _OfCell:
         if error > MOST_OFF * cell.reading:
             raise NotFollowed("derivatives are not available: patches are too coarse for a narrow beam or response.")
         moving = np.array([cell.conservation_slope_error(velocity) for velocity in self._velocities])
-        relative = error / cell.reading if cell.reading else 0.0
+        relative = np.hypot(QUADRATURE, error / cell.reading if cell.reading else 0.0)
         return np.hypot(moving, relative * values)
 
     def _of_sides(self, cell: Cell) -> np.ndarray:
