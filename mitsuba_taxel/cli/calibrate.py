@@ -29,6 +29,7 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
     a fit has not seen.
     """
     from mitsuba_taxel import open_study
+    from mitsuba_taxel.base.left_out import LEFT_OUT
     from mitsuba_taxel.characterise import read_measurement
     from mitsuba_taxel.surrogates import calibrate, write_calibration
 
@@ -51,4 +52,5 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
         both = " of the light and that of the circuit" if found.unit == "V" else ""
         noise_in_words = f"{found.noise:.2g} relative noise{both}"
         print(f"Readings in {found.unit} with {noise_in_words}; the study's own errors are not in it.")
+    print(LEFT_OUT["calibration"])
     print(f"Results: {output}")

@@ -34,7 +34,7 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
         return
     for name, unit, low, high in zip(found.names, found.units, found.low, found.high, strict=True):
         print(f"{name}: {low:g} to {high:g} {unit}".rstrip())
-    print(f"Error: {found.rms:.2%} of full scale (at worst {found.worst:.2%}), on {found.tested}.")
+    print(f"Error of the fit: {found.rms:.2%} of full scale (at worst {found.worst:.2%}), on {found.tested}.")
     for note in notes:
         print(note)
     print(f"Results: {output}")

@@ -11,6 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import check_progress, path_of
 from mitsuba_taxel.base.atomic import replacing, write_text
+from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.fitting.model import ReadingModel
 from mitsuba_taxel.fitting.plan import FitPlan, read_plan
 from mitsuba_taxel.fitting.solve import LeastSquares, solve
@@ -135,6 +136,7 @@ def _told(plan: FitPlan, model: ReadingModel, solution: LeastSquares, shape: tup
         for column, taxel in enumerate(data.taxels)
     ]
     notes = [f"by differences of readings, with their noise: {name} ({why})" for name, why in model.refused.items()]
+    notes.append(LEFT_OUT["fit"])
     return FitResult(
         unknowns,
         pandas.DataFrame(solution.correlation, index=names, columns=names),

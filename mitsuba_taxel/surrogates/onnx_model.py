@@ -13,6 +13,8 @@ import xarray as xr
 
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.left_out import LEFT_OUT
+from mitsuba_taxel.base.units import in_percent
 from mitsuba_taxel.electronics import Circuit, respond, saturated_words
 from mitsuba_taxel.electronics.pieces import straight_pieces
 from mitsuba_taxel.electronics.response import lit
@@ -26,6 +28,8 @@ OPSET, IR = 18, 8
 """Versions of ONNX supported by runtimes since 2023."""
 TARGET = 0.01
 """Relative to full scale: a larger error gives a note."""
+ROUNDING = 1e-9
+"""Relative to the box: inputs this little outside are inside, such as an unloaded pad of 1e-12 N."""
 BEYOND = 2.0
 """Largest power of a circuit's pieces, relative to the largest of the study; the last piece goes on."""
 
@@ -37,7 +41,7 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
     ``inside`` (rows,), whether the inputs lie in the box covered by the study. Beyond it the readings are those at its
     edge. Of a study with a circuit there are also ``voltage`` in V and ``counts``, both (rows, taxels): the circuit's
     response to these readings, in straight pieces. The metadata contain names, units and ranges of the inputs, the
-    test error, scene, parameters and versions.
+    test error, that of the study itself and both together, scene, parameters and versions.
 
     Parameters
     ----------
@@ -65,26 +69,61 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
         "high": json.dumps(found.high.tolist()),
         "readings": "optical power in W per taxel, row by row from (-x, +y)",
         "error": json.dumps({"rms": found.rms, "worst": found.worst, "of": "full scale", "tested": found.tested}),
+        "errors_leave_out": LEFT_OUT["model"],
         **{name: str(study.attrs[name]) for name in ("scene", "parameters", "seed", "points", "versions")},
     }
-    notes = []
+    own = study_error(study)
+    about["study_error"] = json.dumps({"rms": known(own.rms), "worst": known(own.worst), "of": "full scale"})
+    total = float(np.hypot(found.rms, own.rms))
+    about["total_error"] = json.dumps({"rms": known(total), "of": "full scale"})
+    notes = [
+        f"error of the study's own readings (light, finite elements, surfaces): {in_percent(own.rms)} of full scale "
+        f"(at worst {in_percent(own.worst)}); total: {in_percent(total)}"
+    ]
     if found.rms > TARGET:
         notes.append(f"error {found.rms:.2%} of full scale: more values, or more points, make it less")
     circuit = circuit_of_study(study)
     if circuit is not None:
         assert found.unseen is not None
         rms, worst = _missed_volts(circuit, found.unseen)
+        readings = np.sqrt(np.square(study.voltage_error).mean([dim for dim in study.power.dims if dim != "taxel"]))
+        in_all = float(np.hypot(rms, readings.max()))
         notes.append(
-            f"voltage: error {rms:.2g} V (at worst {worst:.2g} V), on the same; one count: {circuit.step:.4g} V"
+            f"voltage: error {rms:.2g} V (at worst {worst:.2g} V), on the same; with that of the study's readings "
+            f"{in_all:.2g} V; one count: {circuit.step:.4g} V"
         )
         notes += filter(None, [saturated_words(circuit, study.power.values)])
         about["voltage"] = "voltage in V as the converter reads it, without noise; counts of the converter"
-        about["voltage_error"] = json.dumps({"rms": rms, "worst": worst, "of": "V", "tested": found.tested})
+        volts = {"rms": rms, "worst": worst, "total": known(in_all), "of": "V", "tested": found.tested}
+        about["voltage_error"] = json.dumps(volts)
         about["circuit"] = study.attrs["circuit"]
     content = _model(found, about, volts=None if circuit is None else _volts(circuit, float(study.power.max())))
     with replacing(Path(file)) as temporary:
         temporary.write_bytes(content)
-    return found, notes
+    return found, [*notes, LEFT_OUT["model"]]
+
+
+class StudyError(NamedTuple):
+    """Total error of a study's readings, relative to the full scale of their taxel: root mean square of the worst
+    taxel, and largest of all; NaN where an error is unknown."""
+
+    rms: float
+    worst: float
+
+
+def study_error(study: xr.Dataset) -> StudyError:
+    """The error of a study's own readings, which a model of them has beside that of its fit."""
+    dims = [dim for dim in study.power.dims if dim != "taxel"]
+    scale = study.power.max(dims) - study.power.min(dims)
+    error = (study.total_error / scale.where(scale > 0)).where(study.power.notnull())
+    unknown = bool((study.total_error.isnull() & study.power.notnull()).any())
+    rms, worst = np.sqrt((error**2).mean(dims)).max(), error.max()
+    return StudyError(*(float("nan") if unknown else float(each) for each in (rms, worst)))
+
+
+def known(number: float) -> float | None:
+    """A number as JSON has it."""
+    return number if np.isfinite(number) else None
 
 
 def _missed_volts(circuit: Circuit, unseen: Unseen) -> tuple[float, float]:
@@ -114,6 +153,7 @@ def write_calibration(found: Calibration, file: str | Path) -> None:
         "forces": json.dumps(list(found.forces)),
         "half_width": json.dumps(found.half_width.tolist()),
         "coverage": json.dumps({"wanted": found.coverage, "found": found.covered, "tested": found.tested}),
+        "errors_leave_out": LEFT_OUT["calibration"],
     }
     content = _model(model, about, "force", found.half_width)
     with replacing(Path(file)) as temporary:
@@ -177,6 +217,7 @@ def _model(
     constants = [
         constant("low", polynomial.low),
         constant("high", polynomial.high),
+        constant("rounding", ROUNDING * span),
         constant("factor", 2 / span),
         constant("shift", -1 - 2 * polynomial.low / span),
         constant("exponents", polynomial.exponents[None]),
@@ -187,7 +228,9 @@ def _model(
     steps: list[_Step] = [
         ("Max", ["inputs", "low"], "raised", {}),
         ("Min", ["raised", "high"], "clipped", {}),
-        ("Equal", ["clipped", "inputs"], "within", {}),
+        ("Sub", ["inputs", "clipped"], "beyond_box", {}),
+        ("Abs", ["beyond_box"], "off_box", {}),
+        ("LessOrEqual", ["off_box", "rounding"], "within", {}),
         ("Cast", ["within"], "ones", {"to": TensorProto.INT32}),
         ("ReduceMin", ["ones", "middle"], "all", {"keepdims": 0}),
         ("Cast", ["all"], "inside", {"to": TensorProto.BOOL}),

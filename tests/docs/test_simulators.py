@@ -37,7 +37,8 @@ def test_the_page_fills_a_sensor_of_mujoco(tmp_path, monkeypatch):
     power = 4e-3 * (1 + 0.01 * (fx[:, None, None] + np.arange(9) * fz[:, None]))
     coords = {"fx": ("fx", fx, {"units": "N"}), "fz": ("fz", fz, {"units": "N"}), "taxel": range(1, 10)}
     about = dict.fromkeys(("scene", "parameters", "seed", "points", "versions"), "")
-    study = xr.Dataset({"power": (("fx", "fz", "taxel"), power)}, coords, {"curve": "fz", **about})
+    data = {"power": (("fx", "fz", "taxel"), power), "total_error": (("fx", "fz", "taxel"), 1e-3 * power)}
+    study = xr.Dataset(data, coords, {"curve": "fz", **about})
     monkeypatch.chdir(tmp_path)
     export(study, "model.onnx")
     model = mujoco.MjModel.from_xml_string(PRESS)  # before the callback, which the page advises

@@ -24,7 +24,10 @@ def study(noise=0.0, **varied):
     power = np.stack(power, axis=-1) + noise * np.random.default_rng(0).normal(size=(*grid[0].shape, 2))
     about = {name: "" for name in ("scene", "parameters", "seed", "points", "versions")}
     coords = {name: (name, values, {"units": "N" if name == "fz" else "mm"}) for name, values in varied.items()}
-    return xr.Dataset({"power": ([*varied, "taxel"], power)}, {**coords, "taxel": [1, 2]}, {"curve": "fz", **about})
+    data = {
+        name: ([*varied, "taxel"], values) for name, values in (("power", power), ("total_error", 2e-6 + 0 * power))
+    }
+    return xr.Dataset(data, {**coords, "taxel": [1, 2]}, {"curve": "fz", **about})
 
 
 def truth(force, x, side):
@@ -65,13 +68,30 @@ def runtime(tmp_path):
 
 def test_a_runtime_gives_what_the_polynomial_does(runtime):
     model, notes, session = runtime
-    inputs = np.array([[0.3, -4.0], [-2.0, -10.0], [2.5, -4.0], [0.0, 1.0]])
+    inputs = np.array([[0.3, -4.0], [-2.0, 1e-12], [2.5, -4.0], [0.0, 1.0]])
     readings, inside = session.run(None, {"inputs": inputs})
     np.testing.assert_allclose(readings, model(inputs), rtol=1e-12)
-    assert inside.tolist() == [True, True, False, False] and notes == []
+    assert inside.tolist() == [True, True, False, False] and notes[0].startswith("error of the study's own")
     np.testing.assert_allclose(readings[2], model(np.array([[2.0, -4.0]]))[0], rtol=1e-12)
     about = session.get_modelmeta().custom_metadata_map
     assert json.loads(about["units"]) == ["mm", "N"] and json.loads(about["error"])["rms"] == model.rms < 0.01
+
+
+def test_the_error_of_the_study_is_told_beside_that_of_the_fit(tmp_path):
+    """7 % of full scale of the first taxel, less of the other: a perfect fit of wrong readings is not right."""
+    onnx = pytest.importorskip("onnx")
+    watts = study()
+    scale = float(np.ptp(watts.power.values, axis=(0, 1)).min())
+    wrong = watts.assign(total_error=0 * watts.power + 0.07 * scale)
+    model, notes = export(wrong, tmp_path / "model.onnx")
+    about = {each.key: each.value for each in onnx.load(tmp_path / "model.onnx").metadata_props}
+    assert json.loads(about["study_error"])["rms"] == pytest.approx(0.07)
+    assert json.loads(about["total_error"])["rms"] == pytest.approx(np.hypot(0.07, model.rms)) and model.rms < 0.01
+    assert "7.00% of full scale (at worst 7.00%)" in notes[0] and "leave out" in notes[-1] == about["errors_leave_out"]
+    unknown = wrong.assign(total_error=wrong.total_error.where(wrong.fz > -9))
+    _, notes = export(unknown, tmp_path / "model.onnx")
+    about = {each.key: each.value for each in onnx.load(tmp_path / "model.onnx").metadata_props}
+    assert json.loads(about["total_error"])["rms"] is None and "total: unknown" in notes[0]
 
 
 @pytest.mark.parametrize("load, saturates", [(470.0, False), (1500.0, True)])
@@ -81,12 +101,13 @@ def test_a_runtime_tells_the_volts_and_counts_of_the_circuit(tmp_path, load, sat
     onnxruntime = pytest.importorskip("onnxruntime")
     circuit = Circuit(supply=3.3, load_resistance=load, transfer=1.25)
     watts = study(noise=2e-6).assign(total_error=(("x", "fz", "taxel"), np.zeros((9, 6, 2))))
-    model, (note,) = export(with_volts(watts, circuit), tmp_path / "model.onnx")
+    model, (_, note, *others) = export(with_volts(watts, circuit), tmp_path / "model.onnx")
+    assert any("saturated" in each for each in others) == saturates
     session = onnxruntime.InferenceSession(tmp_path / "model.onnx")
     x, force = np.random.default_rng(1).uniform([-2, -10], [2, 0], (500, 2)).T
     readings, _, voltage, counts = session.run(None, {"inputs": np.stack([x, force], axis=1)})
     right = respond(circuit, readings)
-    assert (right.voltage.max() > circuit.limit) == saturates
+    assert bool(right.saturated.any()) == saturates
     np.testing.assert_allclose(voltage, right.voltage, atol=0.05 * circuit.step)
     assert (np.abs(counts - right.counts) <= 1).all() and (counts == right.counts).mean() > 0.9
     about = session.get_modelmeta().custom_metadata_map

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs, volts_notes, volts_table
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS
@@ -176,5 +177,6 @@ def cost(study: xr.Dataset, key: str) -> str:
         f"cost{key}",
         "Error and time",
         table("Error of the worst reading, relative", ("source", "error"), errors),
+        paragraph(LEFT_OUT["report"], "quiet"),
         table("Time by stage, summed over processes", ("stage", "seconds", "share"), times),
     )

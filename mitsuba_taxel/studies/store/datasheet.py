@@ -9,6 +9,7 @@ from typing import NamedTuple
 import pandas as pd
 import xarray as xr
 
+from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.electronics import saturated_words
 from mitsuba_taxel.electronics.volts import circuit_of_study
@@ -171,7 +172,7 @@ def _caveats(studies: Mapping[str, xr.Dataset]) -> str:
         "in all copies of a job; the study's notes on it are given below.",
         "All parts cover the same ranges of force: the test measures how well a model interpolates within them, not "
         "how it extrapolates.",
-        "All data are simulated: hysteresis, drift, temperature and the spread between sensors are not included.",
+        f"All data are simulated. {LEFT_OUT['training']}",
     ]
     circuits = [(circuit_of_study(study), study) for study in studies.values()]
     saturated = (saturated_words(circuit, study.power.values) for circuit, study in circuits if circuit is not None)
