@@ -63,6 +63,10 @@ def _show(result) -> None:
     def with_error(value: float, error: float) -> str:
         return share(value) if math.isnan(error) else f"{share(value)} ± {share(error)}"
 
+    def index(row, name: str) -> str:
+        error = row[name.replace("total_", "total_error_", 1)]
+        return "not known" if math.isnan(row[name]) else with_error(row[name], error)
+
     def relative(value: float, nominal: float) -> float:
         return value / nominal if nominal else math.nan
 
@@ -90,12 +94,12 @@ def _show(result) -> None:
             for row in result.spread.itertuples()
         ),
     )
-    figures = [name for name in result.parameters if name.startswith("total_")]
+    figures = [name for name in result.parameters if name.startswith("total_") and "total_error_" not in name]
     print("\nWhich tolerance costs most: total Sobol' indices, mean of the taxels")
     print_table(
         ("parameter", "law", *(name.removeprefix("total_") for name in figures)),
         (
-            (row["parameter"], row["law"], *(share(row[name]) for name in figures))
+            (row["parameter"], row["law"], *(index(row, name) for name in figures))
             for row in result.parameters.to_dict("records")
         ),
     )

@@ -11,15 +11,18 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.studies.plan.vary import STEP
-from mitsuba_taxel.tolerances.control import LITTLE, corrected
+from mitsuba_taxel.tolerances.control import LITTLE, corrected, spreads
 from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel, shown_readings
 from mitsuba_taxel.tolerances.plan import FEWEST, TolerancePlan
-from mitsuba_taxel.tolerances.shares import fewest_of, fitted, indices
+from mitsuba_taxel.tolerances.shares import ENOUGH, Indices, fewest_of, fitted, indices
 
 if TYPE_CHECKING:
     import pandas
 
+FINE = 10
+"""Exact samples per squared number of parameters beyond which more do not help a polynomial of second degree."""
 NOISY = "samples are read with random numbers, whose noise is part of the spread: what is not explained may be that"
 
 
@@ -32,19 +35,20 @@ class Tolerance:
     spread : DataFrame
         One row per figure (``rest``, ``sensitivity``, with a circuit ``noise_force`` and ``saturation_force``, and
         ``crosstalk``) and taxel that all samples have: ``unit``; ``nominal``, with all parameters at their mean;
-        ``mean``, ``sd`` with its ``sd_error``, ``low`` and ``high`` (5 and 95 %) of the samples; ``linear_sd``, from
-        derivatives, and ``linear_error``, the root mean square error of this linear prediction over the samples,
-        relative to ``sd``, NaN if that is 0; ``explained``, the cross-validated share of the variance predicted by the
-        polynomial behind the indices. With ``exact`` below the number of samples: ``mean``, ``sd``, ``low`` and
-        ``high`` of the linear answer of all samples, corrected by the exact ones, with ``mean_error``, ``low_error``
-        and ``high_error`` as well; ``linear_error`` and ``explained`` over the exact ones; and ``linear_explained``,
-        the share of their variance explained by their linear answer.
+        ``mean``, ``sd``, ``low`` and ``high`` (5 and 95 %) of the samples, each with its standard error such as
+        ``mean_error``; ``linear_sd``, from derivatives, and ``linear_error``, the root mean square error of this linear
+        prediction over the samples, relative to ``sd``, NaN if that is 0; ``explained``, the cross-validated share of
+        the variance predicted by the polynomial behind the indices. With ``exact`` below the number of samples:
+        ``mean``, ``sd``, ``low`` and ``high`` of the linear answer of all samples, corrected by the exact ones;
+        ``linear_error`` and ``explained`` over the exact ones; and ``linear_explained``, the share of their variance
+        explained by their linear answer.
     shares : DataFrame
         One row per figure, taxel and parameter: ``rate``, the figure's derivative in ``unit``; its ``linear`` share of
-        the variance; the ``first`` and ``total`` Sobol' indices.
+        the variance; the ``first`` and ``total`` Sobol' indices with their errors; NaN where they are not known, as
+        too little is explained.
     parameters : DataFrame
         One row per parameter: its ``law``, ``mean`` and ``sd``, and for each figure its ``total`` index, the mean of
-        all taxels, weighted by their variances.
+        all taxels, weighted by their variances, and ``total_error``, that of this mean.
     samples : DataFrame
         One row per sample: its parameters, and the figures of all taxels. With ``exact`` below the number of samples:
         whether it is ``exact``, its figures if so, else NaN, and the linear answer, such as ``linear_rest_1``.
@@ -92,6 +96,7 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
     parts = [_of_figure(plan, name, at_mean[name], found[name], slopes[name], z, others) for name in found]
     spread = pandas.DataFrame([row for rows, _ in parts for row in rows])
     shares = pandas.DataFrame([row for _, rows in parts for row in rows])
+    notes += _notes_of_indices(spread, shares, len(z), len(plan.laws))
     spread.insert(2, "unit", spread.figure.map(_units(plan)))
     of_parameters = json.loads(mean.attrs["units"])
     shares["unit"] = [
@@ -105,6 +110,7 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
         linear = {f"linear_{name}": _linear(plan, at_mean[name], slopes[name], every) for name in found}
         table = _samples(plan, {**found, **linear}, every)
         table.insert(len(plan.laws), "exact", np.arange(len(every)) < len(z))
+    notes.append(LEFT_OUT["tolerance"])
     return Tolerance(spread, shares, _parameters(plan, spread, shares), table, notes)
 
 
@@ -123,6 +129,22 @@ def _samples(plan: TolerancePlan, found: dict[str, np.ndarray], z: np.ndarray) -
         padded[: len(values)] = values
         columns |= {f"{name}_{taxel}": column for taxel, column in enumerate(padded.T, start=1)}
     return pandas.DataFrame(columns)
+
+
+def _notes_of_indices(spread: pandas.DataFrame, shares: pandas.DataFrame, exact: int, parameters: int) -> list[str]:
+    """Which figures have no Sobol' indices, and what helps."""
+    notes = []
+    for name, rows in spread.groupby("figure", sort=False):
+        unknown = shares[(shares.figure == name) & shares.total.isna()].taxel.unique()
+        if len(unknown) and (rows.sd > 0).any():
+            worst = rows.explained.min()
+            why = f"the polynomial explains {max(worst, 0):.0%} of the variance" if worst == worst else "few are exact"
+            help_ = f"more exact samples, {2 * exact} say" if exact < FINE * parameters**2 else "a smaller spread"
+            notes.append(
+                f"Sobol' indices of {name} are not known of {len(unknown)} of {len(rows)} taxels: {why}, {ENOUGH:.0%} "
+                f"are needed; {help_}, may explain more"
+            )
+    return notes
 
 
 def _notes_of_few(
@@ -197,7 +219,7 @@ def _of_figure(
     """Rows of the two tables for one figure, of the mean sensor (T,) and of samples (N, T), the only ones unless there
     are ``others`` (M, parameters)."""
     per_deviation = slopes * [law.deviation for law in plan.laws]
-    deviation, error = _deviations(exact)
+    deviation, error = deviations(exact)
     linear = np.sqrt(np.square(per_deviation).sum(axis=1))
     missed = exact - at_mean - z @ per_deviation.T
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -205,14 +227,18 @@ def _of_figure(
         linear_share = np.square(per_deviation / linear[:, None])
     wanted = np.isfinite(exact).all(axis=0)
     polynomial = fitted(z, np.where(wanted, exact, 0.0))
-    first, total = np.full((2, *slopes.shape), math.nan)
-    if polynomial is not None:
-        first, total = indices(polynomial, plan.laws, plan.batch.seed)
-    elif len(others):
-        first = total = linear_share
-    few: dict[str, np.ndarray] = {}
+    of_samples = np.where(wanted, exact, 0.0)
+    few = spreads(of_samples, plan.batch.seed)
     if len(others):
-        few = _corrected(plan, at_mean, np.where(wanted, exact, 0.0), slopes, z, others)
+        few = _corrected(plan, at_mean, of_samples, slopes, z, others)
+    found = Indices(*np.full((4, *slopes.shape), math.nan))
+    if polynomial is not None:
+        found = indices(polynomial, plan.laws, plan.batch.seed)
+    elif len(others):
+        # Of the linear answer, as far as it explains the samples.
+        missed = 1 - few["linear_explained"][:, None]
+        linear_share = np.where(missed <= 1 - ENOUGH, linear_share, math.nan)
+        found = Indices(linear_share, linear_share, *2 * [linear_share * 0 + np.maximum(missed, 0.0) / 2])
     spread, shares = [], []
     for taxel in np.flatnonzero(wanted):
         where = {"figure": name, "taxel": int(taxel) + 1}
@@ -226,9 +252,9 @@ def _of_figure(
         numbers |= {key: values[taxel] for key, values in few.items()}
         spread.append(where | {key: float(value) for key, value in numbers.items()})
         for number, law in enumerate(plan.laws):
-            of_one = (slopes, linear_share, first, total)
+            of_one = (slopes, linear_share, *found)
             values = (float(each[taxel, number]) for each in of_one)
-            named = zip(("rate", "linear", "first", "total"), values, strict=True)
+            named = zip(("rate", "linear", *Indices._fields), values, strict=True)
             shares.append({**where, "parameter": law.name, **dict(named)})
     return spread, shares
 
@@ -247,16 +273,20 @@ def _linear(plan: TolerancePlan, at_mean: np.ndarray, slopes: np.ndarray, z: np.
     return at_mean + z @ (known * [law.deviation for law in plan.laws]).T
 
 
-def _deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviations of samples (N, T), and their standard errors from the fourth moment, valid for random samples
-    and conservative for Latin hypercubes and Sobol' points."""
+def deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviations of samples (N, T), and their standard errors from the kurtosis, valid for random samples and
+    conservative for Latin hypercubes and Sobol' points. Few samples show too small a kurtosis: it is without bias for
+    normal ones, and at least theirs, with its own uncertainty added."""
+    from scipy.stats import kurtosis
+
     count = len(exact)
-    off = exact - exact.mean(axis=0)
-    variance = np.square(off).sum(axis=0) / (count - 1)
-    fourth = np.mean(off**4, axis=0)
-    of_variance = np.sqrt(np.maximum(fourth - variance**2 * (count - 3) / (count - 1), 0.0) / count)
-    deviation = np.sqrt(variance)
-    return deviation, np.divide(of_variance, 2 * deviation, out=np.zeros_like(deviation), where=deviation > 0)
+    deviation = exact.std(axis=0, ddof=1)
+    varies = deviation > 0
+    excess = np.zeros_like(deviation)
+    if varies.any() and count > 3:
+        excess[varies] = np.maximum(kurtosis(exact[:, varies], bias=False), 0.0)
+    excess += math.sqrt(24 / count)
+    return deviation, deviation * np.sqrt((2 * count / (count - 1) + excess) / (4 * count))
 
 
 def _units(plan: TolerancePlan) -> dict[str, str]:
@@ -272,10 +302,12 @@ def _parameters(plan: TolerancePlan, spread: pandas.DataFrame, shares: pandas.Da
     table = shares.merge(spread[["figure", "taxel", "sd"]], on=["figure", "taxel"])
     table["weight"] = table.sd**2 * table.total.notna()
 
-    def weighted(rows: pandas.DataFrame) -> float:
-        return float(np.average(rows.total.fillna(0.0), weights=rows.weight)) if rows.weight.sum() > 0 else math.nan
+    def weighted(rows: pandas.DataFrame, column: str) -> float:
+        known = rows.weight.sum() > 0
+        return float(np.average(rows[column].fillna(0.0), weights=rows.weight)) if known else math.nan
 
-    found = {key: weighted(rows) for key, rows in table.groupby(["figure", "parameter"])}
+    groups = table.groupby(["figure", "parameter"])
+    found = {(*key, column): weighted(rows, column) for key, rows in groups for column in ("total", "total_error")}
     names = list(dict.fromkeys(spread.figure))
     return pandas.DataFrame(
         {
@@ -283,7 +315,11 @@ def _parameters(plan: TolerancePlan, spread: pandas.DataFrame, shares: pandas.Da
             "law": law.words,
             "mean": law.mean,
             "sd": law.deviation,
-            **{f"total_{name}": found[name, law.name] for name in names},
+            **{
+                f"{column}_{name}": found[name, law.name, column]
+                for name in names
+                for column in ("total", "total_error")
+            },
         }
         for law in plan.laws
     )

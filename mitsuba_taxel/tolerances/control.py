@@ -10,6 +10,8 @@ RESAMPLES = 200
 """Resamples behind a standard error, which they leave uncertain by 5 %."""
 LITTLE = 0.5
 """Share of the variance below which the linear answer is of little use."""
+OF_NORMAL_QUANTILE = math.sqrt(0.05 * 0.95) / 0.10314
+"""Standard error of a 5 % quantile of one normal sample: the root of p (1 - p) over the density there."""
 QUANTITIES = ("mean", "sd", "low", "high")
 
 
@@ -49,6 +51,17 @@ def corrected(exact: np.ndarray, linear: np.ndarray, others: np.ndarray, seed: i
     found = dict(zip(QUANTITIES, _estimates(exact, linear, others), strict=True))
     found |= {f"{name}_error": error for name, error in zip(QUANTITIES, errors, strict=True)}
     return found | {"linear_explained": _explained(exact, linear)}
+
+
+def spreads(exact: np.ndarray, seed: int) -> dict[str, np.ndarray]:
+    """Errors ``mean_error``, ``low_error`` and ``high_error`` (T,) of exact samples (N, T) alone, over resamples; of
+    the quantiles at least those of normal samples, as resamples of the few outermost ones repeat them."""
+    random = np.random.default_rng(seed)
+    count = len(exact)
+    draws = [_moments(exact[random.integers(count, size=count)]) for _ in range(RESAMPLES)]
+    mean, _, low, high = np.std(draws, axis=0, ddof=1) * math.sqrt(count / (count - 1))
+    normal = OF_NORMAL_QUANTILE * exact.std(axis=0, ddof=1) / math.sqrt(count)
+    return {"mean_error": mean, "low_error": np.maximum(low, normal), "high_error": np.maximum(high, normal)}
 
 
 def _estimates(exact: np.ndarray, linear: np.ndarray, others: np.ndarray) -> np.ndarray:

@@ -1,0 +1,51 @@
+"""Made-up tolerance studies whose spreads, quantiles and Sobol' indices are known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from mitsuba_taxel.tolerances.analysis import deviations
+from mitsuba_taxel.tolerances.control import spreads
+from mitsuba_taxel.tolerances.laws import law_of
+from mitsuba_taxel.tolerances.shares import fitted, indices
+
+SAMPLES = 64
+QUANTILE = 1.6448536269514722
+"""95 % quantile of the normal distribution."""
+
+
+def tolerance_cases() -> dict[str, Callable[[int], dict[str, float]]]:
+    """By name: for a seed, the error of each figure of a tolerance study over the stated one."""
+    return {f"tolerance: {name}, {SAMPLES} samples": partial(_deviations, name) for name in ("sum", "sum and product")}
+
+
+def _deviations(kind: str, seed: int) -> dict[str, float]:
+    """Of three normal parameters: 2 a + b + 0.5 c, the same with 0.5 a b; noise of a tenth of that, which no parameter
+    has, is a part of the spread."""
+    random = np.random.default_rng(seed)
+    z = random.normal(size=(SAMPLES, 3))
+    product = 0.5 if kind == "sum and product" else 0.0
+    noise = 0.2 * random.normal(size=SAMPLES)
+    outputs = (z @ [2.0, 1.0, 0.5] + product * z[:, 0] * z[:, 1] + noise)[:, None]
+    variance = 4 + 1 + 0.25 + product**2
+    spread = math.sqrt(variance + 0.04)
+    polynomial = fitted(z, outputs)
+    assert polynomial is not None
+    laws = [law_of(name, {"law": "normal", "mean": 0.0, "sd": 1.0}) for name in "abc"]
+    first, total, first_error, total_error = (float(each[0, 0]) for each in indices(polynomial, laws, 0))
+    deviation, of_deviation = deviations(outputs)
+    errors = spreads(outputs, seed)
+    found = {
+        "mean": outputs.mean() / errors["mean_error"][0],
+        "spread": (deviation[0] - spread) / of_deviation[0],
+        "first index": (first - 4 / variance) / first_error,
+        "total index": (total - (4 + product**2) / variance) / total_error,
+    }
+    if not product:
+        high = np.quantile(outputs, 0.95)
+        found["95 % quantile"] = (high - QUANTILE * spread) / errors["high_error"][0]
+    return {figure: float(value) for figure, value in found.items()}
