@@ -118,6 +118,8 @@ class Experiment:
         counts as one of growing force.
     rest : (replicates, channels) ndarray, optional
         Readings at the unloaded start in ``unit``, if known.
+    notes : tuple[str, ...]
+        What a reader of its figures should know.
     """
 
     force: str
@@ -128,6 +130,7 @@ class Experiment:
     runs: tuple[Branch, ...]
     ordered: bool = True
     rest: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
 
     def labelled(self, **where: Any) -> Experiment:
         """The same experiment with more parameters in ``where``."""

@@ -9,19 +9,19 @@ from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.experiment import Branch, Experiment, since
 from mitsuba_taxel.characterise.load_lines import force_name
 from mitsuba_taxel.characterise.measurement import Measurement
+from mitsuba_taxel.characterise.recorded_noise import LEAST_CORRELATION, PointErrors, point_errors, with_errors
+from mitsuba_taxel.characterise.recorded_points import middle_of_turn, noise_of, points_of
 
-POINTS = 40
-"""Most points of a run's curve: linear interpolation is accurate to 1/1600 of the largest change times the
-curvature."""
-FEWEST_POINTS = 5
-REPLICATES = 8
-FEWEST_ROWS = 2 * REPLICATES * POINTS // 2
-"""Rows of a run needed for replicates: two rows for each of 20 points and each replicate."""
+REPLICATES = 64
+"""Samples of each point that carry its error."""
 SMALLEST_RUN = 0.1
 """Least share of the whole range of force covered by a run; less is noise or a hold."""
-WHITE = 1.5
-"""Least von Neumann ratio of successive differences to the variance, which is 2 for white noise. Below, standard errors
-would be too small by a quarter or more."""
+UNLOADED = 0.02
+"""Largest force at rest, relative to the largest one, that needs no word."""
+ROUGH = 0.7
+"""Correlation of neighbouring rows from which errors may be a third too small."""
+NEAR_REST = 0.005
+"""Relative to the largest force: points so near to the least force count as those of least force."""
 
 
 def recorded_experiment(measurement: Measurement) -> Experiment:
@@ -30,27 +30,106 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
     Turning points are extrema of the force with a prominence of a tenth of its range and ten standard deviations of its
     noise. Three components of force must change together along one line; the component along this line is used.
 
-    Each run becomes a curve of at most 40 points evenly spread over its force, each the mean of the rows around it. The
-    rows of each point are divided, in time, into eight replicates, whose scatter is the noise of the recording. Slower
-    changes are not noise: drift and creep count as hysteresis and lack of repeatability. If neighbouring parts are
-    correlated, or there are too few rows, there is one replicate and no error. Changes are relative to the first point,
-    so a recording must begin unloaded.
+    Each run becomes a curve: a point for each hold of the force, such as a weight, and at most 40 points evenly spread
+    over the ranges in which it moves, each the mean of its rows. Errors of points follow from the noise of the rows
+    around the curve, with its correlation, and from the steps of the converter; they are the scatter of the samples.
+    Slower changes are not noise: drift and creep count as hysteresis and lack of repeatability. If the noise is
+    unknown, as of few rows, there is one sample and no error. Changes are relative to the first of the points of least
+    force.
 
     Raises
     ------
     InputError
-        if the force does not change by more than its noise, or not along one line.
+        if the force does not change by more than its noise, or not along one line, or stands still at one level.
     """
     name, direction, force, pieces = runs_of(measurement)
-    noise = _noise(force)
-    rows = min(piece.stop - piece.start for piece in pieces)
-    replicates = REPLICATES if rows >= FEWEST_ROWS else 1
-    curves = [_curve(force[piece], measurement.voltage[piece], noise, replicates) for piece in pieces]
-    if replicates > 1 and not all(white for _, white in curves):
-        curves = [(Branch(run.force, run.samples.mean(axis=1, keepdims=True)), white) for run, white in curves]
-    runs = [run for run, _ in curves]
-    rest = runs[0].samples[0]
-    return Experiment(name, direction, {}, "V", measurement.taxel, since(rest, runs), rest=rest)
+    noise, voltage = noise_of(force), measurement.voltage
+    groups = [points_of(force[piece], noise) for piece in pieces]
+    if not any(len(points) > 1 for points, _ in groups):
+        raise InputError(
+            f"measurement {measurement.file!r}: the force stands still at one level: at least two levels are needed."
+        )
+    kept = [(piece, *group) for piece, group in zip(pieces, groups, strict=True) if len(group[0]) > 1]
+    curves = [_Curve(force[piece], voltage[piece], points) for piece, points, _ in kept]
+    residuals, steady, curve = ([getattr(one, name) for one in curves] for name in ("residuals", "steady", "curve"))
+    errors = point_errors(residuals, steady, curve, voltage)
+    values = [one.value for one in curves]
+    points = [value[:, None] for value in values] if errors is None else with_errors(values, errors, REPLICATES)
+    runs = [one.branch(samples, moving) for one, samples, (*_, moving) in zip(curves, points, kept, strict=True)]
+    nodes, samples = (np.concatenate([getattr(run, name) for run in runs]) for name in ("force", "samples"))
+    least, largest = np.abs(nodes).min(), np.abs(nodes).max()
+    rest = samples[np.flatnonzero(np.abs(nodes) <= least + NEAR_REST * largest)[0]]
+    notes = [f"{len(runs)} runs of {min(len(run.force) for run in runs)} points or more.", *_words(errors)]
+    if least > UNLOADED * largest:
+        notes.append(
+            f"The record never is without load: changes, and relative slopes, are those from the least force, "
+            f"{least:.3g} N."
+        )
+    return Experiment(name, direction, {}, "V", measurement.taxel, since(rest, runs), rest=rest, notes=tuple(notes))
+
+
+class _Curve:
+    """The means of a run's points, and its rows around the curve through them.
+
+    ``node`` (points,) in N; ``value`` and ``slope`` (points, channels) in V and V/N; ``residuals`` (rows, channels) of
+    each point in V, ``steady``, the same at a force without noise, and ``curve``, the curve there.
+    """
+
+    def __init__(self, force: np.ndarray, voltage: np.ndarray, points: list[np.ndarray]) -> None:
+        from scipy.optimize import isotonic_regression
+
+        self.force, self.points = force, points
+        self.node = np.array([force[rows].mean() for rows in points])
+        self.value = np.array([voltage[rows].mean(axis=0) for rows in points])
+        self.slope = self._slopes(self.value)
+        along = isotonic_regression(force, increasing=bool(force[-1] > force[0])).x
+        self.residuals, self.steady = (
+            [
+                voltage[rows] - value - np.outer(at[rows] - node, slope)
+                for rows, value, node, slope in zip(points, self.value, self.node, self.slope, strict=True)
+            ]
+            for at in (force, along)
+        )
+        self.curve = [
+            value + np.outer(along[rows] - node, slope)
+            for rows, value, node, slope in zip(points, self.value, self.node, self.slope, strict=True)
+        ]
+
+    def _slopes(self, value: np.ndarray) -> np.ndarray:
+        return np.gradient(value, self.node, axis=0, edge_order=2 if len(self.node) > 2 else 1)
+
+    def branch(self, samples: np.ndarray, moving: tuple[bool, bool]) -> Branch:
+        """The curve with samples (points, replicates, channels), from end to end of a moving force instead of between
+        the middles of its last ranges."""
+        ends, samples = self.node.copy(), samples.copy()
+        slope = self._slopes(samples)
+        for place, rows in ((0, self.points[0]), (-1, self.points[-1])):
+            if moving[place]:
+                few = max(len(rows) // 8, 1)
+                ends[place] = self.force[rows[:few] if place == 0 else rows[-few:]].mean()
+        samples += slope * (ends - self.node)[:, None, None]
+        return Branch(ends, samples)
+
+
+def _words(errors: PointErrors | None) -> list[str]:
+    """What the errors are."""
+    if errors is None:
+        return [
+            "Error: not known (few rows, or no noise); without it the largest slope and deviations contain the noise, "
+            "which makes them too large."
+        ]
+    words = ["Error: 1 sigma of the recording's noise."]
+    if (errors.correlation > LEAST_CORRELATION).any():
+        rough = "" if errors.correlation.max() < ROUGH else ", roughly"
+        words.append(
+            f"Noise of neighbouring rows is correlated by {errors.correlation.max():.2f}: errors contain it{rough}."
+        )
+    if errors.hidden.any():
+        words.append(
+            f"The converter's step of {errors.step[errors.hidden].max():.3g} V hides the noise: errors contain the "
+            "step / sqrt(12) that all rows of a point share."
+        )
+    return words
 
 
 def runs_of(measurement: Measurement) -> tuple[str, np.ndarray, np.ndarray, list[slice]]:
@@ -63,7 +142,7 @@ def runs_of(measurement: Measurement) -> tuple[str, np.ndarray, np.ndarray, list
     """
     direction, force = _along_one_line(measurement)
     name = measurement.force_names[0] if len(measurement.force_names) == 1 else force_name(direction)
-    turns = _turning_points(force, _noise(force), measurement.file)
+    turns = _turning_points(force, noise_of(force), measurement.file)
     pieces = [slice(first, last + 1) for first, last in zip(turns[:-1], turns[1:], strict=True)]
     least = SMALLEST_RUN / 2 * np.ptp(force)
     return name, direction, force, [run for run in pieces if abs(force[run.stop - 1] - force[run.start]) > least]
@@ -90,11 +169,6 @@ def _along_one_line(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
     return direction, force @ direction
 
 
-def _noise(force: np.ndarray) -> float:
-    """Standard deviation of white noise on a force that changes slowly, from its second differences."""
-    return float(np.median(np.abs(np.diff(force, 2))) / (0.6745 * np.sqrt(6)))
-
-
 def _turning_points(force: np.ndarray, noise: float, file: str) -> np.ndarray:
     """Rows at which the force turns, with the first and the last."""
     from scipy.signal import find_peaks
@@ -107,46 +181,5 @@ def _turning_points(force: np.ndarray, noise: float, file: str) -> np.ndarray:
         )
     prominence = min(max(SMALLEST_RUN * spread, 10 * noise), spread / 2)
     turns = [find_peaks(sign * force, prominence=prominence)[0] for sign in (1, -1)]
-    return np.concatenate([[0], np.sort(np.concatenate(turns)), [len(force) - 1]])
-
-
-def _curve(force: np.ndarray, voltage: np.ndarray, noise: float, replicates: int) -> tuple[Branch, bool]:
-    """Curve of the voltages of one run, and whether its noise is white.
-
-    Rows within each of evenly spaced ranges of force make a point; rows are assigned by the nearest monotonic force, so
-    that those of a point are consecutive. Ranges with too few rows, as between the steps of a staircase, are left out.
-    """
-    from scipy.optimize import isotonic_regression
-
-    along = isotonic_regression(force, increasing=bool(force[-1] > force[0])).x * np.sign(force[-1] - force[0])
-    points = POINTS
-    if replicates > 1:
-        finest = np.ptp(force) / (6 * noise) if noise > 0 else np.inf
-        points = max(int(min(POINTS, finest, len(force) / (2 * replicates))), FEWEST_POINTS)
-    edges = np.linspace(along[0], along[-1], points + 1)
-    place = np.searchsorted(edges[1:-1], along, side="right")
-    groups = [np.flatnonzero(place == number) for number in range(points)]
-    parts = [np.array_split(group, replicates) for group in groups if len(group) >= replicates]
-    x = np.array([[force[rows].mean() for rows in part] for part in parts])
-    y = np.array([[voltage[rows].mean(axis=0) for rows in part] for part in parts])
-    node, value = x.mean(axis=1), y.mean(axis=1)
-    if replicates == 1 or len(parts) < FEWEST_POINTS:
-        return Branch(node, value[:, None]), False
-    level = y - _tilt(x, node, value)
-    jumps = np.square(np.diff(level, axis=1)).sum(axis=(0, 1))
-    scatter = np.square(level - value[:, None]).sum(axis=(0, 1))
-    white = bool((jumps >= WHITE * scatter).all())
-    # Curvature within the ranges would separate the first part of each from the last: interleave them.
-    x, y = (np.stack([np.roll(part, number, axis=0) for number, part in enumerate(z)]) for z in (x, y))
-    ends = node.copy()
-    ends[[0, -1]] = x[0, 0], x[-1, (len(x) - 2) % replicates]  # ends of the run, not the middles of its end ranges
-    level = y - _tilt(x, ends, value)
-    # Each replicate gets its own slope, to include the noise of the slopes.
-    slope = np.gradient(level - level.mean(axis=1, keepdims=True), node, axis=0, edge_order=2)
-    return Branch(ends, level - slope * (x - ends[:, None])[..., None]), white
-
-
-def _tilt(x: np.ndarray, node: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """Difference of each part (points, replicates, channels) from its point due to its different force."""
-    slope = np.gradient(value, x.mean(axis=1), axis=0, edge_order=2)
-    return slope[:, None] * (x - node[:, None])[..., None]
+    rows = [middle_of_turn(force, int(row), noise) for row in np.sort(np.concatenate(turns))]
+    return np.concatenate([[0], np.array(rows, dtype=int), [len(force) - 1]])

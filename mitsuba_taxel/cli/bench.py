@@ -84,7 +84,7 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
     check(rows)
 
 
-@command.command("coverage", short_help="Stated against true errors of readings.")
+@command.command("coverage", short_help="Stated against true errors of readings and figures.")
 @click.option("--only", metavar="PATTERN", help="Only settings whose name contains this; * and ? are wildcards.")
 @click.option(
     "--csv", type=click.Path(path_type=Path), metavar="FILE",
@@ -96,14 +96,19 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
     """Compare the stated errors of readings by the finite elements with the true ones.
 
     Settings of pads and loads are read one by one, each in its own process, the fastest first; files contain those read
-    so far.
+    so far. Then errors of figures that need no pad are counted on made-up truth: of bench recordings.
     """
-    from mitsuba_taxel.bench.coverage import coverage, summary
+    from mitsuba_taxel.bench import intervals
+    from mitsuba_taxel.bench.coverage import coverage, coverage_of_figures, summary
     from mitsuba_taxel.bench.coverage_row import CoverageRow
     from mitsuba_taxel.bench.row import cells, headings
 
     rows = coverage(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
-    _shown(rows, headings(CoverageRow), partial(map, cells), summary=summary)
+    read = _shown(rows, headings(CoverageRow), partial(map, cells), summary=summary)
+    if not intervals.interval_cases(only):
+        return
+    counted = coverage_of_figures(read, only, csv, markdown, _say)
+    _shown(counted, headings(intervals.IntervalRow), partial(map, cells), summary=intervals.summary)
 
 
 @command.command("light", short_help="Readings with and without random numbers, of random optics.")

@@ -72,9 +72,7 @@ def _measured(file: Path) -> tuple[list, list, list, list[str]]:
     from mitsuba_taxel.characterise import read_measurement, recorded_experiment
 
     experiment = recorded_experiment(read_measurement(file))
-    replicates = experiment.runs[0].samples.shape[1]
-    error = "1 sigma of the recording's noise" if replicates > 1 else "not known (few rows, or correlated noise)"
-    return [experiment], [], [], [f"{len(experiment.runs)} runs. Error: {error}."]
+    return [experiment], [], [], list(experiment.notes)
 
 
 def _print_json(table, pairs, notes: list[str], files: list[Path], volts) -> None:

@@ -9,9 +9,10 @@ import pandas
 import pytest
 
 from mitsuba_taxel import InputError
-from mitsuba_taxel.characterise import characteristics, recorded_experiment
+from mitsuba_taxel.characterise import Measurement, characteristics, recorded_experiment
+from mitsuba_taxel.characterise.recorded_noise import step_of
 
-REPLICATES = 8
+REPLICATES = 64
 
 
 def figures(measurements) -> pandas.DataFrame:
@@ -38,7 +39,7 @@ def test_noise_of_the_force_is_no_turning_point(record, newtons):
     ids=["as usual", "noisy voltage", "noisy force", "no pauses", "few rows"],
 )
 def test_known_figures_are_found(record, covered, how):
-    """16 records of 4 taxels; intervals are those of 8 replicates."""
+    """16 records of 4 taxels."""
     table = figures(record(seed, taxels=4, **how) for seed in range(16))
     truth = {"mean_slope": 0.03, "nonlinearity": 7.5, "hysteresis": 5, "repeatability": 0}
     for name, value in truth.items():
@@ -59,15 +60,18 @@ def test_a_drift_between_cycles_is_lack_of_repeatability(record, drift):
     assert found.at_N.median() > 9
 
 
-def test_noise_that_is_not_white_has_no_error(record):
+def test_noise_that_is_not_white_is_in_the_errors(record):
+    """Neighbouring rows correlated by 0.9: errors of means are four times those of white noise."""
     from scipy.signal import lfilter
 
     clean, noisy = record(volts=0.0), record(volts=1e-3)
-    slow = lfilter([0.4], [1, -0.9], noisy.voltage - clean.voltage, axis=0)
-    table = figures([replace(clean, voltage=clean.voltage + slow)])
-    assert table.error.isna().all()
-    hysteresis = table[table.figure == "hysteresis"]
-    np.testing.assert_allclose(hysteresis.value, 5, rtol=0.1)
+    slow = lfilter([np.sqrt(0.19)], [1, -0.9], noisy.voltage - clean.voltage, axis=0)
+    found = [recorded_experiment(one) for one in (replace(clean, voltage=clean.voltage + slow), noisy)]
+    assert found[0].notes[-1].endswith("errors contain it, roughly.") and "correlated" not in " ".join(found[1].notes)
+    tables = [characteristics([one]) for one in found]
+    slopes, white = (table[table.figure == "mean_slope"] for table in tables)
+    assert 2.5 < slopes.error.mean() / white.error.mean() < 6
+    assert (np.abs(slopes.value - 0.03) < 4 * slopes.error).all()
 
 
 def test_few_rows_have_no_error(record):
@@ -94,6 +98,51 @@ def test_a_staircase(record):
     for name, truth in (("nonlinearity", 7.5), ("hysteresis", 5)):
         rows = table[table.figure == name]
         assert (np.abs(rows.value - truth) < 5 * rows.error).all() and (rows.error < 0.3).all()
+
+
+@pytest.mark.parametrize("levels, hold", [(4, 3), (11, 30), (40, 200)])
+@pytest.mark.parametrize("newtons", [0.0, 2e-3])
+def test_each_hold_is_a_point(levels, hold, newtons):
+    """Whatever the places of levels among evenly spaced forces; nominal forces have no noise."""
+    rng = np.random.default_rng(levels)
+    up = np.linspace(0, 2, levels)
+    force = np.concatenate([up, up[-2::-1], up[1:], up[-2::-1]]).repeat(hold)
+    voltage = 0.75 - 0.04 * (0.9 * force + 0.05 * force**2) + 2e-4 * rng.normal(size=force.size)
+    force = -force + newtons * rng.normal(size=force.size)
+    time = np.arange(force.size) / 10
+    found = recorded_experiment(Measurement(time, force[:, None], ("fz",), voltage[:, None], np.array([1]), "bench"))
+    assert [len(run.force) for run in found.runs] == [levels] * 4
+    assert np.abs(np.sort(-found.runs[0].force) - up).max() < 5 * newtons / np.sqrt(hold / 2) + 1e-12
+    table = characteristics([found])
+    for figure, truth in (("mean_slope", 0.04), ("zero_slope", 0.036)):
+        rows = table[table.figure == figure]
+        assert (np.abs(rows.value - truth) < 5 * rows.error).all() and (rows.error > 0).all()
+
+
+def test_changes_are_those_from_the_least_force(record):
+    """A record that begins at the top of a cycle has the same relative slope; one that is never unloaded says so."""
+    whole = record(rows=500, pause=50, volts=1e-4, newtons=1e-3)
+    late = slice(575, None)
+    found = recorded_experiment(
+        replace(whole, time=whole.time[late], force=whole.force[late], voltage=whole.voltage[late])
+    )
+    (first, *_), expected = (
+        characteristics([one]).query("figure == 'relative_slope'").value.to_numpy()[::2]
+        for one in (found, recorded_experiment(whole))
+    )
+    assert first == pytest.approx(expected[0], rel=2e-3) and not any("without load" in note for note in found.notes)
+    biased = recorded_experiment(replace(whole, force=whole.force + 1))
+    assert biased.notes[-1].startswith("The record never is without load") and "1 N" in biased.notes[-1]
+
+
+def test_steps_of_a_converter_are_recognised():
+    """Also where no two neighbouring voltages occur; of noise there are none."""
+    rng = np.random.default_rng(0)
+    codes = rng.integers(0, 400, 3000)
+    assert step_of(codes * 8e-4 + 0.1) == pytest.approx(8e-4)
+    assert step_of(np.round(codes * 8.0566e-4, 5)) == pytest.approx(8.0566e-4, rel=1e-4)
+    assert step_of(np.repeat([0, 2, 5, 9, 13], 10) * 1e-3) == pytest.approx(1e-3)
+    assert step_of(rng.normal(size=3000)) == 0 and step_of(np.repeat(rng.normal(size=40), 30)) == 0
 
 
 def test_pushing_and_pulling(record):

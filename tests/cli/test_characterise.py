@@ -55,7 +55,8 @@ def test_a_measurement(characterise, bench):
     title, _, head, first, second = out.split("\n\n")[0].splitlines()
     assert title == "Sensitivities, fz:" and head.split()[:3] == ["taxel", "loading", "[mV/N]"]
     assert first.split()[:2] == ["11", "1"]
-    assert "4 runs. Error: 1 sigma of the recording's noise." in out and out.splitlines()[-1].startswith("Results: ")
+    assert "4 runs of 40 points or more." in out and "Error: 1 sigma of the recording's noise." in out
+    assert out.splitlines()[-1].startswith("Results: ")
 
 
 def test_a_measurement_in_json(characterise, bench, tmp_path):
