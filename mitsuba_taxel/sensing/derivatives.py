@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.threads import side_by_side
 from mitsuba_taxel.sensing.derivative_values import Derivatives, unit_of
-from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN, MOST_OFF, QUADRATURE, reading_error
+from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN, MOST_OFF, reading_error
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotFollowed
 from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
 from mitsuba_taxel.sensing.equal_cells import equal_cells
@@ -241,7 +241,8 @@ class _OfCell:
         if error > MOST_OFF * cell.reading:
             raise NotFollowed("derivatives are not available: patches are too coarse for a narrow beam or response.")
         moving = np.array([cell.conservation_slope_error(velocity) for velocity in self._velocities])
-        relative = np.hypot(QUADRATURE, error / cell.reading if cell.reading else 0.0)
+        quadrature = self._whole.cells.quadrature_share(self._number)
+        relative = np.hypot(quadrature, error / cell.reading if cell.reading else 0.0)
         return np.hypot(moving, relative * values)
 
     def _of_sides(self, cell: Cell) -> np.ndarray:
