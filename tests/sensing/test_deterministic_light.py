@@ -14,6 +14,7 @@ from mitsuba_taxel.pads.parametric.drawings import write_drawings
 from mitsuba_taxel.sensing import diffuse_cells
 from mitsuba_taxel.sensing.derivatives import derivatives_by
 from mitsuba_taxel.sensing.deterministic_light import deterministic_light
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.scene_rates import rates
 from mitsuba_taxel.sensing.targets import CLEAR
 from mitsuba_taxel.sensing.wording import light_error_line
@@ -77,7 +78,7 @@ def test_smaller_patches_of_a_pressed_cell_read_the_same_within_the_stated_error
     file.write_text(with_law(scene, law))
     live = Scene(file).load()
     found = deterministic_light(live, False)
-    pad = live.shapes()[0].pad
+    pad = deformed_pads(live)[0].pad
     monkeypatch.setattr(diffuse_cells, "MOST_FACES", 1000)
     smaller = deterministic_light(live, False, 0.7 * pad.default_mesh_size)
     assert 0 < abs(smaller.power - found.power) < 2 * found.error
