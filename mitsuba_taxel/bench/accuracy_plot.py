@@ -69,10 +69,10 @@ def _floors(curves: Sequence[ErrorCurve], part: str) -> dict[str, float]:
     lasts = [(curve.method, curve.points[-1]) for curve in curves]
     if part == "optics":
         return {f"error of the reference, {last.reference}": last.floor for _, last in lasts if last.floor > 0}
-    judged = {
-        last.floor: [other for other, its in lasts if its.floor == last.floor] for _, last in lasts if last.floor > 0
-    }
-    return {f"error of the reference of {' and '.join(methods)}": floor for floor, methods in judged.items()}
+    judged = {method: last.floor for method, last in lasts if last.floor > 0}
+    if len(set(judged.values())) == 1:
+        return {"error of the reference": next(iter(judged.values()))}
+    return {f"error of the reference of {method}": floor for method, floor in judged.items()}
 
 
 def _draw(ax: Axes, curve: ErrorCurve, number: int, labelled: bool) -> None:
