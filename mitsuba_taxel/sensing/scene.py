@@ -39,6 +39,8 @@ FURTHEST = 1e8
 """mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
 MOST_PARAMETERS = 1000
 """Parameters of a scene: Mitsuba's parser takes a few more."""
+MOST_NAMED = 10
+"""Unused defaults that are named individually."""
 END_OF_PATH = "the load path ends at"
 """Phrase in the error for a pad that cannot bear its load."""
 MESHED_AS = "meshed_as"
@@ -105,12 +107,14 @@ class Scene(Displayed):
                 point = value.strip().replace(",", ".")
                 raise refusal(name, value, f"a decimal point is needed, as in {point}")
         self.parameters = {**self.defaults, **given}
-        if self.unused:
-            words = f"{self.name}: nothing uses the <default> {', '.join(self.unused)}"
-            warnings.warn(f"{words}: without effect.", UnusedDefault, stacklevel=2)
         if len(self.parameters) > MOST_PARAMETERS:
             count = len(self.parameters)
             raise InputError(f"{self.name} has {count} parameters: at most {MOST_PARAMETERS} are allowed.")
+        if self.unused:
+            names = ", ".join(self.unused[:MOST_NAMED])
+            more = f" and {len(self.unused) - MOST_NAMED} more" if len(self.unused) > MOST_NAMED else ""
+            words = f"{self.name}: nothing uses the <default> {names}{more}: without effect."
+            warnings.warn(words, UnusedDefault, stacklevel=2)
         self.leaves_mesh_open = False  # known once the scene has been loaded
 
     @classmethod
