@@ -55,7 +55,7 @@ def test_a_pressed_pad_has_the_colours_of_what_it_is_pressed_with():
     live = PadSensor(pad=Pad("hemispheric", rows=1, columns=1), load=ball, force=(0, 0, -0.3)).scene().load()
     whole, opened = (shown_parts(live, cut)[0] for cut in ("none", "middle"))
     for parts in (whole, opened):
-        pad, _, body, _ = parts
+        _, pad, body, _ = parts
         assert set(body.material) == {"indenter"}
         assert body.range(2)[0] == pytest.approx(4.25, abs=5e-3)
         pressed = pad.pressure.max(axis=1) > 0
