@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import mitsuba as mi
 
-_FOLLOWED = ("BSDF", "Emitter", "Sensor", "Medium", "Texture")
-"""Objects that the base class of shapes follows; it ignores all others."""
+_FOLLOWED = ("BSDF", "Emitter", "Sensor", "Medium", "Texture", "Unknown")
+"""Objects that the base class of shapes follows; it ignores all others. Unknown are plugins that a user registered for
+one variant alone."""
 _LEAVES = ("rectangle", "disk", "cube", "sphere", "cylinder", "obj", "ply", "serialized")
 """Mitsuba's shapes that hold no other objects than those."""
 _SIDES = ("interior", "exterior")

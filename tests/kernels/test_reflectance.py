@@ -70,8 +70,8 @@ def test_region_passes_the_wavelength_on(llvm_mono, table):
     "text, message",
     [
         ("", "0 rows"),
-        ("900, 0.5, 1\n", "3 columns"),
-        ("nm, reflectance\n900, 0.5\n", "two columns of numbers are needed"),
+        ("900, 0.5, 1\n", "row 1 is not allowed: two columns"),
+        ("nm, reflectance\n900, half\n", "row 1 is not allowed: two columns of numbers are needed"),
         ("900, 0.5\n900, 0.6\n", "row 2, 900, 0.6, is not allowed"),
         ("900, 1.5\n", "row 1, 900, 1.5, is not allowed"),
         ("900, nan\n", "row 1, 900, nan, is not allowed"),

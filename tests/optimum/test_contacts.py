@@ -75,11 +75,11 @@ def softest(folder, cluster):
 def test_a_cell_as_soft_as_its_first_contact_allows(folder, softest):
     """First contacts are proportional to the modulus."""
     _, found = softest
-    (modulus,), (goal, contact) = found["variables"], found["figures"]
+    (modulus,), (goal, contact, saturation) = found["variables"], found["figures"]
     assert contact["before"] > 7.2 and contact["unit"] == "N"
     assert modulus["best"] == pytest.approx(4 * 6.8 / contact["before"], rel=1e-3)
     assert contact["best"] == pytest.approx(6.8, rel=1e-3) and contact["multiplier"] > 0
-    assert goal["best"] > goal["before"]
+    assert goal["best"] > goal["before"] and saturation["best"] < 1
     assert f"first contact along normal: {contact['best']:.4g} N, where the pad touches a package" in found["notes"]
 
 
@@ -101,9 +101,10 @@ def test_the_longest_range_of_a_sensitive_cell(folder, softest):
     before = jobs(folder)
     far = optimise(folder / "far.toml", folder / "out")
     assert before.items() <= jobs(folder).items()
-    (modulus,), (goal, sensitivity) = far.variables.best, far.figures.itertuples()
+    (modulus,), (goal, sensitivity, saturation) = far.variables.best, far.figures.itertuples()
     assert goal.unit == "N" and goal.best / goal.before == pytest.approx(modulus / 4, rel=1e-3)
     assert goal.before == pytest.approx(found["figures"][1]["before"], rel=1e-9)
     assert sensitivity.best == pytest.approx(least, rel=1e-3) and sensitivity.multiplier > 0
+    assert saturation.best < 1
     (note,) = (note for note in far.notes if note.startswith("range along normal"))
     assert note == f"range along normal: {goal.best:.4g} N, where the pad touches a package"

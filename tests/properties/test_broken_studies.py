@@ -114,7 +114,7 @@ def test_a_damaged_study_is_read_or_refused(data, text, tmp_path):
         (STUDY.replace('"0.6:0.8:0.1"', '"1e308:2:1e-999990"'), "finite numbers, none too close to 0"),
         (STUDY.replace('"0.6:0.8:0.1"', '"1e-999999:2e-999999:1e-999999"'), "finite numbers, none too close to 0"),
         (SEVERAL.replace("steps.csv", "\\u0000"), "cannot be read"),
-        (SEVERAL.replace("steps.csv", "long.csv"), "is not a CSV file: field larger than field limit"),
+        (SEVERAL.replace("steps.csv", "long.csv"), "is not a table: field larger than field limit"),
         (STUDY.replace("[define]\nhole = 0", "define = 1"), "define = 1 is not allowed: a table"),
     ],
 )

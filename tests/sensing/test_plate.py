@@ -122,9 +122,10 @@ def test_points_are_found_that_reach_the_target(llvm_mono, agree):
 
 def test_what_a_reading_did_not_reach_is_said(llvm_mono, monkeypatch):
     """Also where the target is the default one: a mirror has too few hits for half a percent from 256 points."""
-    from mitsuba_taxel.sensing import targets
+    from mitsuba_taxel.sensing import runs, targets
 
-    monkeypatch.setattr(targets, "MOST_POINTS", 256)
+    for module in (runs, targets):
+        monkeypatch.setattr(module, "MOST_POINTS", 256)
     reading = measure(Scene.from_file("plate.xml", z=0.3), seed=1)
     assert reading.points == 256 and reading.relative_error > 0.005
     assert any(note.startswith("target error 0.005 not reached") for note in reading.notes)

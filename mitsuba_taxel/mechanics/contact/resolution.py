@@ -20,8 +20,9 @@ from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.contact.local_mesh import finest
 from mitsuba_taxel.pads.pad import REGIONS
 
-DEEPEST = 0.25
-"""Largest depth of a body inside the deformed pad, relative to that in the undeformed one."""
+DEEPEST, DEEPEST_AT_EDGES = 0.25, 0.6
+"""Largest depth of a body inside the deformed pad, relative to that in the undeformed one, and of one with a flat end:
+at its edge the pad rises steeply between nodes, which hardly changes the force."""
 LARGEST = 2.0
 """Largest face under a body, relative to half the width of the contact."""
 ROUND = ("sphere", "cylinder")
@@ -57,15 +58,18 @@ class Resolution(NamedTuple):
         Of the body inside the deformed pad, relative to that in the undeformed one.
     size : float
         Of the largest face under a round body, the root of twice its area, relative to half the width of the contact.
+    deepest : float
+        Largest allowed ``depth``.
     """
 
     depth: float = 0.0
     size: float = 0.0
+    deepest: float = DEEPEST
 
     @property
     def suffices(self) -> bool:
         """Whether the force on the body is right to some 8 %."""
-        return self.depth <= DEEPEST and self.size <= LARGEST
+        return self.depth <= self.deepest and self.size <= LARGEST
 
 
 def resolution(mesh: VolumeMesh, indenter: Indenter, displacement: np.ndarray, moved: np.ndarray) -> Resolution:
@@ -89,7 +93,9 @@ def resolution(mesh: VolumeMesh, indenter: Indenter, displacement: np.ndarray, m
     deformed, _ = _inside(indenter, (places + displacement)[faces], SPACING * radius)
     a, b, c = (places[faces[under, k]] for k in range(3))
     size = float(np.sqrt(np.linalg.norm(np.cross(b - a, c - a), axis=1)).max())
-    return Resolution(deformed / undeformed, size / radius if indenter.shape in ROUND else 0.0)
+    if indenter.shape not in ROUND:
+        return Resolution(deformed / undeformed, deepest=DEEPEST_AT_EDGES)
+    return Resolution(deformed / undeformed, size / radius)
 
 
 def _inside(indenter: Indenter, nodes: np.ndarray, spacing: float) -> tuple[float, np.ndarray]:
@@ -124,7 +130,7 @@ def refuse_unresolved(
     found = resolution(mesh, indenter, np.zeros_like(mesh.points) if displacement is None else displacement, moved)
     if found.size > LARGEST:
         why = f"their faces are {found.size:.2g} times half the width of its contact"
-    elif displacement is not None and found.depth > DEEPEST:
+    elif displacement is not None and found.depth > found.deepest:
         why = f"it is inside the pad by {found.depth:.0%} of that"
     else:
         return

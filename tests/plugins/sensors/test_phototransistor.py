@@ -199,7 +199,7 @@ def load(folder, parameters):
         ('<float name="quantum_efficiency" value="0"/>', "", "quantum_efficiency = 0 .* above 0 and of at most 1"),
         ('<float name="quantum_efficiency" value="1.1"/>', "", "quantum_efficiency = 1.1"),
         (TABULATED, None, "file = 'response.csv' cannot be read"),
-        (TABULATED, "degrees,response\n0,1\n90,0\n", "two columns of numbers are needed"),
+        (TABULATED, "degrees,response\n0,1\n90,none\n", "two columns of numbers are needed"),
         (TABULATED, "0,1\n20,1\n20,0.5\n", "the angle 20 in row 3"),
         (TABULATED, "0,1\n20,-0.5\n", "the value -0.5 in row 2"),
         (TABULATED, "0,1\n20,nan\n", "the value nan in row 2"),
