@@ -24,6 +24,7 @@ def characterise(monkeypatch, capfd):
     """Run the command as the program does: words -> exit code, stdout, stderr."""
     monkeypatch.setattr(taxel_cli, "COMMANDS", ("characterise",))
     monkeypatch.setattr(taxel_cli, "_keep_stdout_for_results", lambda: None)
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # the program sets it
 
     def run(*words):
         monkeypatch.setattr(sys, "argv", ["taxel", "characterise", *map(str, words)])

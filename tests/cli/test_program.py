@@ -251,6 +251,7 @@ def test_what_nobody_foresaw_is_one_line_and_exit_code_1(monkeypatch, capfd, err
     monkeypatch.setattr(taxel_cli._Commands, "get_command", lambda *_: command)
     monkeypatch.setattr(sys, "argv", ["taxel", "render"])
     monkeypatch.setattr(taxel_cli, "_keep_stdout_for_results", lambda: None)
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # the program sets it
     with pytest.raises(SystemExit) as end:
         taxel_cli.main()
     assert end.value.code == 1
@@ -265,6 +266,7 @@ def test_a_warning_is_one_line(monkeypatch, capfd):
     monkeypatch.setattr(taxel_cli._Commands, "get_command", lambda *_: command)
     monkeypatch.setattr(sys, "argv", ["taxel", "render"])
     monkeypatch.setattr(taxel_cli, "_keep_stdout_for_results", lambda: None)
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # the program sets it
     with warnings.catch_warnings(), pytest.raises(SystemExit) as end:
         warnings.simplefilter("always")
         taxel_cli.main()

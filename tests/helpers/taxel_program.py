@@ -38,6 +38,7 @@ def run_program(folder: Path, *words: object) -> subprocess.CompletedProcess:
 @contextmanager
 def _surroundings_of_a_program(folder: Path, words: list[str], out: IO[bytes], err: IO[bytes]) -> Iterator[None]:
     """Streams, arguments, working folder, warnings and signals as a program finds them; then all as before."""
+    safe_path = os.environ.get("PYTHONSAFEPATH")
     before = sys.argv, sys.stdout, sys.stderr, Path.cwd()
     signals = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     descriptors = [(number, os.dup(number)) for number in (1, 2)]
@@ -65,3 +66,6 @@ def _surroundings_of_a_program(folder: Path, words: list[str], out: IO[bytes], e
             os.close(kept)
         for number, handler in signals.items():
             signal.signal(number, handler)
+        os.environ.pop("PYTHONSAFEPATH", None)  # the program sets it
+        if safe_path is not None:
+            os.environ["PYTHONSAFEPATH"] = safe_path

@@ -70,6 +70,8 @@ def _fill(vertices: Any, triangles: Any, mesh_size: Any) -> dict[str, Any]:
 def _tetrahedralise(vertices: Any, triangles: Any, mesh_size: Any, epsilon: Any) -> dict[str, Any]:
     """Straight tetrahedra within ``epsilon`` mm of a surface (fTetWild: Hu et al. 2020)."""
     import numpy as np
+
+    sys.path.append(os.path.dirname(os.path.abspath(__file__)))  # `taxel` has Python leave it out: PYTHONSAFEPATH
     from mesher_seed import fix_random_device  # beside this script
 
     fix_random_device()

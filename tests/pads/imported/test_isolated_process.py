@@ -88,7 +88,7 @@ def _arguments(corners):
 
 def test_the_process_imports_nothing_of_this_package_and_leaves_no_file(box, tmp_path):
     command = [sys.executable, "-X", "importtime", str(isolated_process.WORKER), "tetrahedralise", str(2**33), "60"]
-    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    environment = {**os.environ, "TMPDIR": str(tmp_path), "PYTHONSAFEPATH": "1"}  # which `taxel` sets
     content = isolated_process._packed(_arguments(box()))
     done = subprocess.run(command, input=content, capture_output=True, check=True, env=environment, cwd=tmp_path)
     imported = {line.split("|")[-1].strip().split(".")[0] for line in done.stderr.decode().splitlines()}
