@@ -212,6 +212,28 @@ def test_a_damaged_folder_is_read_or_refused(tmp_path, finished, reader, name, c
         assert said is None  # done again, or none of the study's
 
 
+@pytest.mark.parametrize("value", ["[]", "{ a = 1 }", "1979-05-27", 400 * "9"])
+@pytest.mark.parametrize("name", ["target_error", "seed", "hole", "z"])
+def test_a_value_of_another_kind_beside_results_is_refused(tmp_path, finished, name, value):
+    folder = tmp_path / "out"
+    shutil.copytree(finished, folder)
+    text = (finished / "study.toml").read_text()
+    (folder / "study.toml").write_text(re.sub(rf"(?m)^{name} = [^\[\n]*$", f"{name} = {value}", text))
+    assert refused(open_study, folder) and refused(study_status, folder)
+    assert bool(refused(again, folder)) == (name != "target_error")  # which the new one replaces
+
+
+@pytest.mark.parametrize("forces", ["3", "[]", '{ fz = "fz" }', "{ fz = [1979-05-27, 1] }"])
+def test_forces_of_another_kind_beside_results_are_refused(tmp_path, finished, forces):
+    folder = tmp_path / "out"
+    shutil.copytree(finished, folder)
+    above, below = (finished / "study.toml").read_text().split("[provenance]")
+    kept = re.sub(r"\[provenance\.forces\][^\[]*(\w+ = \[[^\]]*\]\s*)*", "", below)
+    assert "forces" not in kept
+    (folder / "study.toml").write_text(f"{above}[provenance]\nforces = {forces}\n{kept}")
+    assert all(refused(reader, folder) for reader in READERS.values())
+
+
 @few
 @given(data=st.data())
 def test_a_damaged_study_beside_results_is_read_or_refused(data, tmp_path, finished):

@@ -208,10 +208,21 @@ def _forces(axes: Iterable[Axis], forces: Collection[str]) -> tuple[str, ...]:
     return tuple(name for axis in axes if axis.size > 1 for name in axis.values if name in forces)
 
 
+def check_target_slope(target_slope: object) -> None:
+    """Refuse a target error of slopes that is not None or a number between 0 and 1.
+
+    Raises
+    ------
+    InputError
+        if it is anything else.
+    """
+    if target_slope is not None and not (is_number(target_slope) and 0 < target_slope < 1):  # type: ignore[operator]
+        raise InputError(f"target_slope = {target_slope!r} is not allowed: a number between 0 and 1 is needed.")
+
+
 def _forces_for(target_slope: object, axes: Iterable[Axis], names: Collection[str]) -> tuple[str, ...]:
     """The varied forces, to whose slopes the target applies."""
-    if not (is_number(target_slope) and 0 < target_slope < 1):  # type: ignore[operator]
-        raise InputError(f"target_slope = {target_slope!r} is not allowed: a number between 0 and 1 is needed.")
+    check_target_slope(target_slope)
     forces = _forces(axes, names)
     if not forces:
         shown = ", ".join(names)

@@ -138,7 +138,7 @@ class Store:
         try:
             stored = toml.loads(before)
             numbers = moves(stored, content)
-        except (ValueError, TypeError, KeyError, AttributeError, InputError):
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError, InputError):
             return False
         if numbers is None:
             return False

@@ -7,14 +7,15 @@ from typing import Any
 
 import xarray as xr
 
-from mitsuba_taxel.base.arguments import path_of
+from mitsuba_taxel.base.arguments import is_number, path_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.electronics import with_volts
 from mitsuba_taxel.electronics.circuit import circuit_of
+from mitsuba_taxel.sensing.measurement import check_request
 from mitsuba_taxel.sensing.prepared_scenes import Settings
 from mitsuba_taxel.sensing.scene import is_file, why_unreadable
-from mitsuba_taxel.studies.plan.batch import read_study
+from mitsuba_taxel.studies.plan.batch import check_target_slope, read_study
 from mitsuba_taxel.studies.plan.vary import combinations, make_axes
 from mitsuba_taxel.studies.run.dataset import assemble
 from mitsuba_taxel.studies.run.provenance import own_code
@@ -95,8 +96,25 @@ def read_results(folder: Path) -> dict[str, Any]:
     study = read_study(folder / STUDY)
     if not study["scenes"][0].get("name"):
         origin, scene = study.get("provenance"), study["scenes"][0].get("scene")
-        tables = [origin.get(name) for name in ("parameters", "versions")] if isinstance(origin, dict) else [None]
+        tables: list[Any] = [None]
+        if isinstance(origin, dict):
+            tables = [origin.get("parameters"), origin.get("versions"), origin.get("units", {})]
+            if not _are_roles(origin.get("forces", {})):
+                tables.append(None)
         words = [word for table in tables for word in (table.values() if isinstance(table, dict) else [None])]
         if not (all(isinstance(word, str) for word in (*words, scene)) and "seed" in study):
             raise InputError(f"study {folder} holds no results: its {STUDY} lacks scene, seed or provenance.")
+        try:
+            check_request(study.get("target_error"), study.get("points"), study["seed"], study.get("time_budget"))
+            check_target_slope(study.get("target_slope"))
+        except InputError as error:
+            raise InputError(f"study {folder} is damaged: {error}") from error
     return study
+
+
+def _are_roles(forces: object) -> bool:
+    """Whether these are components of the force, with their factors, by parameter."""
+    return isinstance(forces, dict) and all(
+        isinstance(role, list) and len(role) == 2 and isinstance(role[0], str) and is_number(role[1])
+        for role in forces.values()
+    )
