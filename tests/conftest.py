@@ -73,6 +73,16 @@ def imported_is_no_garbage():
     gc.freeze()
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown():
+    """A test that has failed keeps no scene alive, whose plugins would be in the kernels of those after it.
+
+    Pytest leaves its traceback, and with it what the test holds, to debuggers.
+    """
+    for name in ("last_type", "last_value", "last_traceback", "last_exc"):
+        vars(sys).pop(name, None)
+
+
 @pytest.fixture(autouse=True, scope="session")
 def share_of_the_cores():
     """Processes side by side keep to their share of the cores."""
