@@ -274,7 +274,8 @@ class Cell:
         """Pieces that the horizon of isotropic light crosses, where walls meet at edges."""
         if not (self._walls.have_edges and self._walls.isotropic.any()):
             return None
-        return pieces_at_horizon(self._mesh.pairs, self._mesh.own, self._normal, between.leaving())
+        crossing = pieces_at_horizon(self._mesh.pairs, self._mesh.own, self._normal, between.leaving())
+        return crossing if len(crossing.pairs) else None
 
     def _slopes(self, given: np.ndarray, wider: float) -> LightRates:
         """Derivatives of the exchange between walls, times ``given`` (N,)."""

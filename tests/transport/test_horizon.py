@@ -129,3 +129,16 @@ def test_slopes_are_those_of_the_light():
     by_area = np.stack(slopes.by_area, axis=1)
     slope = (by_end * moving).sum() + (by_normal * turning).sum() + (by_area * facing[mesh.pairs.point]).sum()
     assert slope == pytest.approx(difference, rel=1e-3)
+
+
+def test_a_horizon_that_crosses_no_piece():
+    """As at rest, where walls stand on flat roofs at right angles: all light counts, and has derivatives."""
+    roof = rectangle((-WIDTH / 2, -WIDTH / 2, 1), (0, WIDTH, 0), (WIDTH, 0, 0), (1, 1))
+    ones, up = np.ones(len(roof)), np.array([0.0, 0.0, 1.0])
+    ends = [End(np.array([[x, 0.0, 0.0]]), ones[:1], up, CosineFactor(1 / np.pi, 1.0)) for x in (-0.3, 0.3)]
+    cells = [
+        Cell(Mesh(roof, 2), ScatteringWalls(roof, roof, 0.9 * ones, 0 * ones, have_edges=edged), *ends)
+        for edged in (True, False)
+    ]
+    assert cells[0].reading == cells[1].reading > 0
+    np.testing.assert_array_equal(*(cell.gradient() for cell in cells))
