@@ -23,6 +23,7 @@ from mitsuba_taxel.mechanics import (
     reactions,
     state_after,
 )
+from mitsuba_taxel.mechanics.contact import local_mesh, resolution
 from mitsuba_taxel.mechanics.path import pushed_path, time_steps, timed_path
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.timed_path import TimedPath
@@ -87,9 +88,11 @@ def depths(found):
     return np.array([-state.indenter_moved[2] for state in found])
 
 
-def test_creep_below_a_punch_that_sticks():
+def test_creep_below_a_punch_that_sticks(monkeypatch):
     """Its contact neither grows nor slips, so that very small forces, down and sideways, and its place are proportional
-    in time, too."""
+    in time, too; on elements of any size, also large ones at its edge."""
+    monkeypatch.setattr(local_mesh, "FINENESS_AT_EDGE", 1.2)
+    monkeypatch.setattr(resolution, "DEEPEST_AT_EDGES", 1.0)
     times, force = [0, 0, 0.5], 1e-5
     load, rows = IndenterForce(Indenter("punch", radius=1.4, friction=2.0)), [(0, 0, -force), *[(force, 0, -force)] * 2]
     found = states(rows, times, load=load, size=LARGE)
