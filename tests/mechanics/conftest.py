@@ -216,3 +216,12 @@ def fresh(tmp_path, monkeypatch):
     shared.cache_clear()
     yield shared.cache_clear
     shared.cache_clear()
+
+
+@pytest.fixture
+def few_elements_under_bodies(fresh, monkeypatch):
+    """Meshes with larger elements under indenters, for tests of what holds on elements of any size."""
+    from mitsuba_taxel.mechanics.contact import local_mesh
+
+    monkeypatch.setattr(local_mesh, "FINENESS", 1.3)
+    return fresh

@@ -40,7 +40,7 @@ def force_of(state):
     return reactions(state).applied_force
 
 
-def test_a_dragged_body_is_one_that_starts_there():
+def test_a_dragged_body_is_one_that_starts_there(few_elements_under_bodies):
     """Equal to the bit, with the value and the load that were given."""
     dragged, back = moved((0.5, 0.2, -0.05), (0.02, 0, -0.05), load=ball())
     (placed,) = moved((0, 0, -0.05), load=ball(at=(0.5, 0.2)))
@@ -143,7 +143,7 @@ def rubbed(turn=((1, 0), (0, 1)), rows=WAY, lengths=1.0, modulus=1.0):
     return states, np.array([force_of(state) for state in states]) @ turn / (modulus * lengths**2)
 
 
-def test_friction_is_the_same_which_way_a_body_is_dragged_and_in_which_units():
+def test_friction_is_the_same_which_way_a_body_is_dragged_and_in_which_units(few_elements_under_bodies):
     states, forces = rubbed()
     assert all(reactions(state).imbalance < 1e-7 for state in states)
     assert forces[1, 0] == pytest.approx(-0.3 * forces[1, 2], rel=0.05)  # it slips all over
@@ -153,15 +153,15 @@ def test_friction_is_the_same_which_way_a_body_is_dragged_and_in_which_units():
     np.testing.assert_allclose(rubbed(lengths=2.0, modulus=3.0)[1], forces, atol=1e-6)
 
 
-def test_a_state_depends_on_rows_up_to_its_own(fresh):
+def test_a_state_depends_on_rows_up_to_its_own(few_elements_under_bodies):
     together, _ = rubbed()
-    fresh()
+    few_elements_under_bodies()
     alone, _ = rubbed(rows=WAY[:1])
     np.testing.assert_array_equal(alone[0].displacement, together[0].displacement)
     assert len(together[1].mesh.tets) > len(together[0].mesh.tets)
 
 
-def test_work_is_stored_or_rubbed_away():
+def test_work_is_stored_or_rubbed_away(few_elements_under_bodies):
     """By trapezoids along the way, of the body's force and of tractions times slip."""
     rows = [(x, 0, -0.06) for x in np.linspace(0, 0.12, 7)]
     states, forces = rubbed(rows=rows)

@@ -43,7 +43,7 @@ def pressed(*values, load=BALL, pad=PAD, material=LAW):
     return load_path(pad, material, values, load=load, mesh_size=SIZE)
 
 
-def test_bodies_take_few_more_factorisations_than_a_plate(fresh, monkeypatch):
+def test_bodies_take_few_more_factorisations_than_a_plate(few_elements_under_bodies, monkeypatch):
     """On the same way: a ball at most 1.5 times as many, a punch 2 times, and a dragged ball 10."""
     made, factored = [], LoadedPad._factored
     monkeypatch.setattr(LoadedPad, "_factored", lambda pad, lower: made.append(1) or factored(pad, lower))
@@ -109,7 +109,7 @@ def test_points_between_nodes_are_inside_by_less_on_smaller_elements():
     assert straighter < 1.2e-3 * 0.3 and bent > 4 * straighter
 
 
-def test_a_force_presses_as_deep_as_it_takes(fresh):
+def test_a_force_presses_as_deep_as_it_takes(few_elements_under_bodies):
     (moved,) = pressed((0, 0, -0.3), load=ASIDE)
     force = reactions(moved).applied_force[2]
     by_force = IndenterForce(ASIDE.indenter)
@@ -202,7 +202,7 @@ def test_derivatives_are_those_of_differences():
     assert np.abs(tangent.by_material("youngs_modulus")).max() < 1e-7
 
 
-def test_derivatives_under_a_force_are_those_of_differences():
+def test_derivatives_under_a_force_are_those_of_differences(few_elements_under_bodies):
     """The body moves on until the force is as before."""
     by_force, value = IndenterForce(ASIDE.indenter), (0, 0, -2.0)
     (state,) = pressed(value, load=by_force)
@@ -275,7 +275,7 @@ def dragged(*values, friction=0.3, at=(0.0, 0.0)):
 POSES = [(0, 0, -0.5), (0.2, 0, -0.5), (0.6, 0, -0.5), (0.2, 0, -0.5), (0, 0, -0.2), (0, 0, 0.1)]
 
 
-def test_friction_holds_until_it_slips_and_remembers_the_way(fresh):
+def test_friction_holds_until_it_slips_and_remembers_the_way(few_elements_under_bodies):
     states, forces = dragged(*POSES)
     for state, force in zip(states[:-1], forces, strict=False):
         assert reactions(state).imbalance < 1e-7
@@ -287,7 +287,7 @@ def test_friction_holds_until_it_slips_and_remembers_the_way(fresh):
     assert forces[0, 2] == pytest.approx(reactions(free).applied_force[2], rel=0.05)
     (at_once,), (force,) = dragged((0.2, 0, -0.5))  # down first
     np.testing.assert_array_equal(at_once.displacement, states[1].displacement)
-    fresh()
+    few_elements_under_bodies()
     again, _ = dragged(*POSES[:2])
     np.testing.assert_array_equal(again[1].displacement, states[1].displacement)
 
@@ -340,7 +340,7 @@ def test_friction_on_a_symmetric_part_is_that_on_the_whole():
     assert abs(wholes[1, 1]) < 1e-7
 
 
-def test_a_force_with_friction_moves_the_body_until_it_slips(fresh):
+def test_a_force_with_friction_moves_the_body_until_it_slips(few_elements_under_bodies):
     """As a displacement to the poses that it finds, with hysteresis."""
     by_force = IndenterForce(Indenter("sphere", radius=2.5, friction=0.3))
     forces = [(0, 0, -1.0), (0.15, 0, -1.0), (0.25, 0, -1.0), (0.15, 0, -1.0), (0, 0, 0)]
@@ -360,7 +360,7 @@ def test_a_force_with_friction_moves_the_body_until_it_slips(fresh):
         pressed((0.2999, 0, -1.0), load=by_force)  # less than it would hold on a level surface
 
 
-def test_a_ball_beside_the_middle_is_dragged():
+def test_a_ball_beside_the_middle_is_dragged(few_elements_under_bodies):
     _, forces = dragged((0, 0, -0.5), (0.2, 0, -0.5), at=(1, 0.6))
     assert forces[1, 0] > forces[0, 0] + 0.2
 
