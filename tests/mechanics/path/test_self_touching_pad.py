@@ -384,7 +384,7 @@ BALL, DEEP = Indenter("sphere", radius=2.5), (0, 0, -2.4)
 """Displacement beside that of -2.2 mm at which walls touch under the ball."""
 
 
-def test_a_path_goes_on_under_an_indenter():
+def test_a_path_goes_on_under_an_indenter(few_elements_under_bodies):
     """What the body does is stored in the pad, or done against contact; nothing is out of balance."""
     on, step = IndenterDisplacement(BALL, self_contact=True), 5e-4
     with pytest.raises(ComputationError, match=r"touches itself .* -1\.6\d*\) mm\. With self_contact = true"):
@@ -418,7 +418,7 @@ def test_a_roof_is_held_by_a_package_below_an_indenter():
     assert reactions_of(held).imbalance < 1e-8 and held.stability_checked
 
 
-def test_a_dragged_body_presses_walls_on_each_other():
+def test_a_dragged_body_presses_walls_on_each_other(few_elements_under_bodies):
     """With friction of the body: some places slip under their bound, others stick."""
     on = IndenterDisplacement(replace(BALL, friction=0.3), self_contact=True)
     (state,) = pressed((0.2, 0, -2.0), load=on)
@@ -432,7 +432,7 @@ def test_a_dragged_body_presses_walls_on_each_other():
     assert 0 < np.mean(share[touching] > 1 - 1e-6) < 0.5
 
 
-def test_steps_under_friction_are_not_cut(monkeypatch):
+def test_steps_under_friction_are_not_cut(few_elements_under_bodies, monkeypatch):
     """Below, walls that press on each other turn about corners, and make the linear pad unstable; the pad is not."""
     find, found = IndentedTouchingPad._balanced, []
 
@@ -486,7 +486,7 @@ def test_a_pad_creeps_onto_the_board():
     assert max(reactions_of(state).imbalance for state in (first, late)) < 1e-8
 
 
-def test_a_ball_sinks_in_until_walls_touch():
+def test_a_ball_sinks_in_until_walls_touch(few_elements_under_bodies):
     on = IndenterDisplacement(BALL, self_contact=True)
     (state,) = pressed(DEEP, load=on, material=SOFT, times=[1.0])
     reactions, barrier = reactions_of(state), Barrier(state.mesh, LAW.youngs_modulus)

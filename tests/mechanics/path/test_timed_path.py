@@ -105,7 +105,7 @@ def test_creep_below_a_punch_that_sticks(monkeypatch):
 BALL = IndenterForce(Indenter("sphere", radius=5.0))
 
 
-def test_a_force_on_a_ball_is_met_by_long_term_and_by_instantaneous_silicone():
+def test_a_force_on_a_ball_is_met_by_long_term_and_by_instantaneous_silicone(few_elements_under_bodies):
     soft, force = Viscoelastic(NeoHookean(2.0, 0.5), SOFT.prony), (0, 0, -0.3)
     at_once, lasting = (states([force], [time], soft, BALL) for time in (0, 1e7))
     for found, modulus in ((at_once, 2.0), (lasting, 1.0)):
@@ -113,7 +113,7 @@ def test_a_force_on_a_ball_is_met_by_long_term_and_by_instantaneous_silicone():
         assert depths(found)[0] == pytest.approx(depths([elastic])[0], rel=5e-4)
 
 
-def test_forces_with_friction_that_jump_are_those_of_the_elastic_pad():
+def test_forces_with_friction_that_jump_are_those_of_the_elastic_pad(few_elements_under_bodies):
     """And met, also where a sideways force is held while the normal one grows."""
     load, rows = IndenterForce(Indenter("sphere", radius=5.0, friction=0.3)), [(0, 0, -0.3), (0.03, 0, -0.3)]
     rows = [*rows, (0.03, 0, -0.5)]
@@ -123,7 +123,7 @@ def test_forces_with_friction_that_jump_are_those_of_the_elastic_pad():
         np.testing.assert_allclose(reactions(one).applied_force, asked, atol=1e-6)
 
 
-def test_a_force_that_grows_needs_no_rows_on_its_way():
+def test_a_force_that_grows_needs_no_rows_on_its_way(few_elements_under_bodies):
     """The depth with a row between is that without, and the ball is pushed as asked in each."""
     asked = np.array([-0.05, -0.1])
     rows = states([(0, 0, force) for force in asked], [0.4, 0.8], load=BALL)
