@@ -48,13 +48,20 @@ def _show(result) -> None:
     from .tables import print_notes, print_table
 
     print_table(
-        ("unknown", "start", "value", "95 % interval"),
+        ("unknown", "start", "value", "data ±", "model ±", "95 % interval"),
         (
-            (row.unknown, f"{row.start:.4g}", with_error(row.value, row.error), f"{row.low:.6g} to {row.high:.6g}")
+            (
+                row.unknown,
+                f"{row.start:.4g}",
+                with_error(row.value, row.error),
+                f"{row.data_error:.2g}",
+                f"{row.model_error:.2g}",
+                f"{row.low:.6g} to {row.high:.6g}",
+            )
             for row in result.unknowns.itertuples()
         ),
     )
-    print("Errors: one standard deviation.")
+    print("Errors: one standard deviation, of the data and of the model (light, finite elements, surfaces); intervals hold both.")
     count, wide = len(result.residuals), int((result.residuals.in_errors.abs() > 2).sum())
     of = "" if result.misfit != result.misfit else f" Mean square of the residuals, in errors: {result.misfit:.3g}."
     print(f"{count} readings, {wide} of them more than two errors off.{of}")

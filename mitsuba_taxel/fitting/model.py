@@ -10,10 +10,12 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.electronics import respond
+from mitsuba_taxel.fitting.model_error import ModelError
 from mitsuba_taxel.fitting.plan import CIRCUIT, FitPlan
 from mitsuba_taxel.sensing.derivable import without_derivative
 from mitsuba_taxel.studies.plan.batch import Batch, make_batch
 from mitsuba_taxel.studies.plan.vary import STEP
+from mitsuba_taxel.studies.run.dataset import NOT_COMPUTED
 from mitsuba_taxel.studies.run.pool import Pool
 from mitsuba_taxel.studies.run.study import run_batch
 
@@ -35,6 +37,7 @@ class ReadingModel:
         self._names = [unknown.name for unknown in plan.unknowns]
         self._in_scene = [number for number, unknown in enumerate(plan.unknowns) if unknown.in_scene]
         self.calls = 0
+        self._powers: dict[bytes, np.ndarray] = {}
         self._settings, self._place = _distinct(plan)
         start = np.array([unknown.start for unknown in plan.unknowns])
         batch = self._batch(start)
@@ -45,6 +48,7 @@ class ReadingModel:
 
     def __call__(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         power, rates = self._light(unknowns)
+        self._powers[unknowns.tobytes()] = power
         shown, by_power = self._shown(unknowns, power)
         jacobian = np.zeros((*power.shape, len(unknowns)))
         jacobian[..., self._in_scene] = by_power[..., None] * rates
@@ -55,14 +59,41 @@ class ReadingModel:
                 jacobian[..., number] = (ends[0] - ends[1]) / (2 * step)
         return shown[self._place], jacobian[self._place]
 
+    def errors(self, unknowns: np.ndarray, by_row: np.ndarray) -> ModelError:
+        """Errors of the readings at unknowns where they have been computed, from one more evaluation.
+
+        Parameters
+        ----------
+        by_row : (unknowns, rows, taxels) ndarray
+            Change of each unknown with each reading of the data.
+        """
+        power = self._powers[unknowns.tobytes()]
+        batch = replace(self._batch(unknowns), bare=False, derivatives=tuple(self._by))
+        # Without random numbers, the light's error is that of its patches, which random points would replace.
+        study = self._run(replace(batch, points=0) if self._by else batch)
+        rate = self._shown(unknowns, power)[1]
+        replicates, reading, light, total = (
+            self._taxels(study, name) for name in ("replicate_power", "power", "standard_error", "total_error")
+        )
+        geometry = self._taxels(study, "geometry_error") if "geometry_error" in study else np.zeros_like(power)
+        mechanics = np.sqrt(np.maximum(total**2 - light**2 - geometry**2, 0.0))
+        # Where another method or number of points gave the readings, the difference counts as an error.
+        geometry = np.hypot(geometry, reading - power)
+        # Rows of the same settings share their error.
+        by_reading = np.zeros((len(unknowns), *power.shape))
+        np.add.at(by_reading, (slice(None), self._place), by_row)
+        size = np.abs(rate)
+        return ModelError(rate * replicates, size * mechanics, size * geometry, by_reading, self._place)
+
     def _light(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Power (settings, taxels) in W, and derivatives with respect to the unknowns of the scene."""
         study = self._read(unknowns, self._by)
         if self._by and "smooth_power" not in study:
-            self.refused |= dict.fromkeys(self._by, "; ".join(study.attrs["notes"].splitlines()))
+            reasons = (line for line in study.attrs["notes"].splitlines() if line != NOT_COMPUTED)
+            self.refused |= dict.fromkeys(self._by, "; ".join(reasons))
             self._by = []
         smooth = bool(self._by)
-        power = self._taxels(study, "smooth_power" if smooth else "replicate_power")
+        power = self._taxels(study, "smooth_power" if smooth else "power")
         rates = np.zeros((*power.shape, len(self._in_scene)))
         for place, number in enumerate(self._in_scene):
             if self._names[number] in self._by:
@@ -76,11 +107,14 @@ class ReadingModel:
         step = STEP_SHARE * (abs(unknowns[number]) or 1.0)
         step = -step if unknowns[number] + step > unknown.high else step
         there = self._read(_moved(unknowns, number, step), [])
-        return (self._taxels(there, "replicate_power") - self._taxels(study, "replicate_power")) / step
+        return (self._taxels(there, "power") - self._taxels(study, "power")) / step
 
     def _read(self, unknowns: np.ndarray, by: Sequence[str]) -> xr.Dataset:
+        return self._run(replace(self._batch(unknowns), derivatives=tuple(by)))
+
+    def _run(self, batch: Batch) -> xr.Dataset:
         self.calls += 1
-        study = run_batch(replace(self._batch(unknowns), derivatives=tuple(by)), self._pool, None)
+        study = run_batch(batch, self._pool, None)
         if study.attrs["failures"]:
             raise ComputationError(f"the scene cannot be read there: {study.attrs['failures'].splitlines()[0]}")
         return study
@@ -97,12 +131,11 @@ class ReadingModel:
         return replace(batch, bare=True)
 
     def _taxels(self, study: xr.Dataset, name: str) -> np.ndarray:
-        """(settings, taxels) for the taxels with data."""
-        values = study[name].mean("replicate") if "replicate" in study[name].dims else study[name]
+        """(..., settings, taxels) for the taxels with data."""
         missing = set(self._plan.data.taxels) - set(study.taxel.values)
         if missing:
             raise ComputationError(f"the scene has no taxel {min(missing)}, which there are data of.")
-        return values.sel(taxel=self._plan.data.taxels).transpose(STEP, "taxel").values
+        return study[name].sel(taxel=self._plan.data.taxels).transpose(..., STEP, "taxel").values
 
     def _shown(self, unknowns: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Readings of a power, in the data's unit, and their derivative with respect to the power."""

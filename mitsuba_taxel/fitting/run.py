@@ -13,8 +13,9 @@ from mitsuba_taxel.base.arguments import check_progress, path_of
 from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.fitting.model import ReadingModel
+from mitsuba_taxel.fitting.model_error import ModelError, carried
 from mitsuba_taxel.fitting.plan import FitPlan, read_plan
-from mitsuba_taxel.fitting.solve import LeastSquares, solve
+from mitsuba_taxel.fitting.solve import LeastSquares, interval, misfit_warnings, solve
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.residuals import plot_residuals
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -32,9 +33,11 @@ class FitResult:
     ----------
     unknowns : DataFrame
         One row per unknown: ``start``; ``value``, its ``error`` (one standard deviation), and the ends ``low`` and
-        ``high`` of its 95 % confidence interval.
+        ``high`` of its 95 % confidence interval, which hold ``data_error``, that of the data, and ``model_error``, that
+        of the model by its light, finite elements and surfaces (``light_error``, ``mechanics_error``,
+        ``geometry_error``; NaN if unknown and left out).
     correlation : DataFrame
-        Correlation of the unknowns' errors.
+        Correlation of the unknowns' errors by the data.
     residuals : DataFrame
         One row per row of the data and taxel: its settings, ``measured``, ``model`` and ``residual``, in ``unit``, and
         ``in_errors``, the residual over the error of the data, or over the root mean square of the residuals.
@@ -99,26 +102,35 @@ def run_fit(
 
         errors = None if plan.data.errors is None else plan.data.errors.ravel()
         solution = solve(flat, plan.data.readings.ravel(), errors, plan.unknowns)
-    result = _told(plan, model, solution, shape)
+        of_model = model.errors(solution.values, solution.by_reading.reshape(-1, *shape))
+        if progress:
+            progress(model.calls)
+    result = _result(plan, model, solution, of_model, shape)
     _write(result, folder)
     return result
 
 
-def _told(plan: FitPlan, model: ReadingModel, solution: LeastSquares, shape: tuple[int, ...]) -> FitResult:
+def _result(
+    plan: FitPlan, model: ReadingModel, solution: LeastSquares, of_model: ModelError, shape: tuple[int, ...]
+) -> FitResult:
     import pandas
 
-    names = [unknown.name for unknown in plan.unknowns]
+    names, data = [unknown.name for unknown in plan.unknowns], plan.data
+    by_model = carried(of_model)
+    half_width = interval(solution, by_model.total)
     unknowns = pandas.DataFrame(
         {
             "unknown": names,
             "start": [unknown.start for unknown in plan.unknowns],
             "value": solution.values,
-            "error": solution.errors,
-            "low": solution.values - solution.half_width,
-            "high": solution.values + solution.half_width,
+            "error": np.hypot(solution.errors, by_model.total),
+            "low": solution.values - half_width,
+            "high": solution.values + half_width,
+            "data_error": solution.errors,
+            "model_error": by_model.total,
+            **{f"{source}_error": error for source, error in by_model._asdict().items()},
         }
     )
-    data = plan.data
     modelled = solution.model.reshape(shape)
     residual = data.readings - modelled
     error = np.full(shape, np.sqrt(solution.misfit)) if data.errors is None else data.errors
@@ -135,6 +147,12 @@ def _told(plan: FitPlan, model: ReadingModel, solution: LeastSquares, shape: tup
         for row in range(data.rows)
         for column, taxel in enumerate(data.taxels)
     ]
+    warnings = list(solution.warnings)
+    if data.errors is not None:
+        each = of_model.of_rows().ravel()
+        warnings += misfit_warnings(residual.ravel(), data.errors.ravel(), each, solution.degrees_of_freedom)
+    if np.isnan(by_model.mechanics).any():
+        warnings.append("intervals leave out the error of the model's finite elements, which is unknown")
     notes = [f"by differences of readings, with their noise: {name} ({why})" for name, why in model.refused.items()]
     notes.append(LEFT_OUT["fit"])
     return FitResult(
@@ -142,7 +160,7 @@ def _told(plan: FitPlan, model: ReadingModel, solution: LeastSquares, shape: tup
         pandas.DataFrame(solution.correlation, index=names, columns=names),
         pandas.DataFrame(rows),
         float("nan") if data.errors is None else solution.misfit,
-        solution.warnings,
+        warnings,
         notes,
     )
 

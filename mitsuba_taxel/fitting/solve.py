@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -15,9 +14,11 @@ ALIKE = 0.98
 RANK = 1e-7
 """Singular value, relative to the largest, below which a direction is undetermined."""
 CONFIDENCE = 0.95
-UNLIKELY = 1e-3
+UNLIKELY = 0.01
 """Probability of larger residuals below which model or errors count as wrong."""
 MOST_STEPS = 25
+NEAR = 0.05
+"""Distance from a bound, in errors, up to which an unknown is at it: the search stays within the range."""
 EXACT = 1e-7
 """Residual, relative to the largest reading, below which nothing is left to fit: along undetermined directions steps
 may go on, depending on rounding."""
@@ -30,10 +31,12 @@ class LeastSquares:
     Attributes
     ----------
     values, errors : (unknowns,) ndarray
-        The unknowns, and one standard deviation of each; infinite if undetermined.
+        The unknowns, and one standard deviation of each by the data; infinite if undetermined.
     half_width : (unknowns,) ndarray
-        Of the 95 % confidence interval, by Student's distribution if errors come from the residuals.
+        Of the 95 % confidence interval by the data, by Student's distribution if errors come from the residuals.
     correlation : (unknowns, unknowns) ndarray
+    by_reading : (unknowns, N) ndarray
+        Change of each unknown with each reading; NaN of undetermined ones.
     model : (N,) ndarray
     misfit : float
         Sum of squared residuals over their errors, per degree of freedom: 1 if the model and the errors are right.
@@ -46,6 +49,7 @@ class LeastSquares:
     errors: np.ndarray
     half_width: np.ndarray
     correlation: np.ndarray
+    by_reading: np.ndarray
     model: np.ndarray
     misfit: float
     degrees_of_freedom: int
@@ -73,7 +77,7 @@ def solve(
         Initial values and bounds.
     """
     from scipy.optimize import least_squares
-    from scipy.stats import chi2, norm, t
+    from scipy.stats import norm, t
 
     names = [unknown.name for unknown in unknowns]
     weights = np.full_like(data, 1 / np.abs(data).max()) if errors is None else 1 / errors
@@ -105,43 +109,85 @@ def solve(
     freedom = len(data) - len(found.x)
     misfit = 2 * found.cost / freedom
     scale = misfit if errors is None else 1.0
-    covariance, silent = _covariance(weights[:, None] * jacobian, scale)
+    by_weighted, silent = _pseudoinverse(weights[:, None] * jacobian)
+    lost = np.isnan(by_weighted).any(axis=1)
+    covariance = scale * np.nan_to_num(by_weighted) @ np.nan_to_num(by_weighted).T
+    covariance[lost, lost] = np.inf
     deviation = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(deviation, deviation)
     quantile = t.isf((1 - CONFIDENCE) / 2, freedom) if errors is None else norm.isf((1 - CONFIDENCE) / 2)
     exact = np.abs(readings - data).max() <= EXACT * np.abs(data).max()
-    warnings = [*_doubts(found, found.success or exact, unknowns), *_alike(correlation, silent, names)]
-    if errors is not None and chi2.sf(misfit * freedom, freedom) < UNLIKELY:
-        warnings.append(
-            f"residuals are {np.sqrt(misfit):.1f} times as large as the errors of the data explain: the model or these "
-            "errors are wrong, and intervals are too narrow"
-        )
+    warnings = [] if found.success or exact else ["the fit has not converged: begin nearer by, or leave unknowns out"]
+    warnings += [*_at_bounds(found.x, found.active_mask, deviation, unknowns), *_alike(correlation, silent, names)]
     residual = float(misfit if errors is not None else misfit / weights[0] ** 2)
-    return LeastSquares(found.x, deviation, quantile * deviation, correlation, readings, residual, freedom, warnings)
+    by_reading = by_weighted * weights
+    return LeastSquares(
+        found.x, deviation, quantile * deviation, correlation, by_reading, readings, residual, freedom, warnings
+    )
 
 
-def _covariance(jacobian: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]:
-    """(unknowns, unknowns), infinite on the diagonal of unknowns with a component in an undetermined direction; and
-    these directions (K, unknowns), in units that make all unknowns equally effective."""
+def interval(solution: LeastSquares, of_model: np.ndarray) -> np.ndarray:
+    """(unknowns,) half widths of 95 % intervals by the data and by the model, whose standard deviations (unknowns,)
+    are given."""
+    from scipy.stats import norm
+
+    return np.hypot(solution.half_width, norm.isf((1 - CONFIDENCE) / 2) * of_model)
+
+
+def misfit_warnings(residual: np.ndarray, errors: np.ndarray, of_model: np.ndarray, freedom: int) -> list[str]:
+    """A warning if residuals are larger than errors explain, by a chi-square test with a false alarm in a hundred.
+
+    Parameters
+    ----------
+    residual, errors : (N,) ndarray
+        Data less model, and one standard deviation of the data.
+    of_model : (N,) ndarray
+        One standard deviation of the model; NaN if unknown.
+    freedom : int
+        Degrees of freedom.
+    """
+    from scipy.stats import chi2
+
+    mean_square = np.square(residual / errors).sum() / freedom
+    chance = chi2.sf(mean_square * freedom, freedom)
+    if chance >= UNLIKELY:
+        return []
+    both = np.square(residual / np.hypot(errors, np.nan_to_num(of_model))).sum()
+    reason = "the model or these errors are wrong, and intervals are too narrow"
+    if chi2.sf(both, freedom) >= UNLIKELY:
+        reason = "the model's own error, which intervals hold, is as large"
+    return [
+        f"residuals are {np.sqrt(mean_square):.2g} times as large as the errors of the data explain (probability "
+        f"{chance:.1g}): {reason}"
+    ]
+
+
+def _pseudoinverse(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(unknowns, N) pseudoinverse, NaN for unknowns with a component in an undetermined direction; and these directions
+    (K, unknowns), in units that make all unknowns equally effective."""
     size = np.linalg.norm(jacobian, axis=0)
     unit = np.where(size > 0, size, 1.0)
-    _, singular, directions = np.linalg.svd(jacobian / unit, full_matrices=False)
+    left, singular, directions = np.linalg.svd(jacobian / unit, full_matrices=False)
     seen = singular > RANK * singular.max(initial=0.0)
-    scaled = (directions[seen].T / singular[seen]) @ (directions[seen].T / singular[seen]).T
-    covariance = scale * scaled / np.outer(unit, unit)
+    inverse = (directions[seen].T / singular[seen]) @ left[:, seen].T / unit[:, None]
     silent = directions[~seen]
-    lost = (np.abs(silent) > 0.1).any(axis=0)
-    covariance[lost, lost] = np.inf
-    return covariance, silent
+    inverse[(np.abs(silent) > 0.1).any(axis=0)] = np.nan
+    return inverse, silent
 
 
-def _doubts(found: Any, converged: bool, unknowns: Sequence[Unknown]) -> list[str]:
-    warnings = [] if converged else ["the fit has not converged: begin nearer by, or leave unknowns out"]
-    for unknown, value, active in zip(unknowns, found.x, found.active_mask, strict=True):
-        if active:
-            bound = unknown.high if active > 0 else unknown.low
-            warnings.append(f"{unknown.name} = {value:.4g} is at the bound {bound:g} of its range")
+def _at_bounds(
+    values: np.ndarray, active: np.ndarray, deviation: np.ndarray, unknowns: Sequence[Unknown]
+) -> list[str]:
+    """Unknowns at an end of their range, or as near as a search that stays within it may end."""
+    warnings = []
+    for unknown, value, error, at_end in zip(unknowns, values, deviation, active, strict=True):
+        bound = min((unknown.low, unknown.high), key=lambda end: abs(end - value))
+        if at_end or (np.isfinite(error) and abs(bound - value) <= NEAR * error):
+            warnings.append(
+                f"{unknown.name} = {value:.4g} is at the bound {bound:g} of its range; its interval is as if there were "
+                "no bound"
+            )
     return warnings
 
 

@@ -23,6 +23,9 @@ from mitsuba_taxel.studies.store.folder import Kept
 
 Place = tuple[int, ...]
 
+NOT_COMPUTED = "errors of the pads' shape were not computed: the stated error is that of the light alone"
+"""Note of a study whose scenes were read without them."""
+
 
 def assemble(
     axes: Sequence[Axis], results: Mapping[Place, Kept], failures: Mapping[Place, Failure], about: Mapping[str, Any]
@@ -144,7 +147,8 @@ def _notes(results: Mapping[Place, Kept]) -> list[str]:
     few = sum(each < max(points) for each in points)
     if few and min(points):  # without random numbers, a scene that needs paths gets its own number
         remarks.append(f"{few} of {len(results)} scenes have fewer points: the same command computes the rest")
-    return [*dict.fromkeys(remarks), *describe_mechanics(errors)]
+    asked = not errors or any(result.readings.deviation is not None for result in results.values())
+    return [*dict.fromkeys(remarks), *(describe_mechanics(errors) if asked else [NOT_COMPUTED])]
 
 
 def _failures(axes: Sequence[Axis], failures: Mapping[Place, Failure]) -> list[str]:
