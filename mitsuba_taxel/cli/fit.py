@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import click
@@ -43,26 +44,23 @@ def _as_json(result) -> dict[str, object]:
 
 
 def _show(result) -> None:
-    from mitsuba_taxel.characterise.wording import with_error
-
     from .tables import print_notes, print_table
 
     print_table(
-        ("unknown", "start", "value", "data ±", "model ±", "95 % interval"),
-        (
-            (
-                row.unknown,
-                f"{row.start:.4g}",
-                with_error(row.value, row.error),
-                f"{row.data_error:.2g}",
-                f"{row.model_error:.2g}",
-                f"{row.low:.6g} to {row.high:.6g}",
-            )
-            for row in result.unknowns.itertuples()
-        ),
+        ("unknown", "start", "value", "data ±", "model ±", "95 % interval"), map(_cells, result.unknowns.itertuples())
     )
-    print("Errors: one standard deviation, of the data and of the model (light, finite elements, surfaces); intervals hold both.")
+    print(
+        "Errors: one standard deviation, of the data and of the model (light, finite elements, surfaces), and of both."
+    )
     count, wide = len(result.residuals), int((result.residuals.in_errors.abs() > 2).sum())
     of = "" if result.misfit != result.misfit else f" Mean square of the residuals, in errors: {result.misfit:.3g}."
     print(f"{count} readings, {wide} of them more than two errors off.{of}")
     print_notes(result)
+
+
+def _cells(row) -> tuple[str, ...]:
+    from mitsuba_taxel.characterise.wording import with_error
+
+    value = with_error(row.value, row.error) if math.isfinite(row.error) else f"{row.value:.4g}, not determined"
+    ends = f"{row.low:.6g} to {row.high:.6g}" if math.isfinite(row.error) else "-"
+    return row.unknown, f"{row.start:.4g}", value, f"{row.data_error:.2g}", f"{row.model_error:.2g}", ends

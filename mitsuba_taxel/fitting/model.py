@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.electronics import respond
 from mitsuba_taxel.fitting.model_error import ModelError
 from mitsuba_taxel.fitting.plan import CIRCUIT, FitPlan
@@ -19,8 +20,10 @@ from mitsuba_taxel.studies.run.dataset import NOT_COMPUTED
 from mitsuba_taxel.studies.run.pool import Pool
 from mitsuba_taxel.studies.run.study import run_batch
 
-STEP_SHARE = 0.02
-"""Relative step of an unknown, for differences of noisy readings."""
+STEP_SHARES = (0.02, 0.06, 0.2)
+"""Relative steps of an unknown for differences of noisy readings: the first whose change noise does not hide."""
+RESOLVED = 4.0
+"""Change of readings over its noise, with which their derivative is known to a quarter."""
 SMALL = 1e-6
 """The same without noise."""
 
@@ -37,7 +40,9 @@ class ReadingModel:
         self._names = [unknown.name for unknown in plan.unknowns]
         self._in_scene = [number for number, unknown in enumerate(plan.unknowns) if unknown.in_scene]
         self.calls = 0
+        self.hidden: frozenset[str] = frozenset()  # unknowns whose effect noise hides
         self._powers: dict[bytes, np.ndarray] = {}
+        self._first_step: dict[int, int] = {}
         self._settings, self._place = _distinct(plan)
         start = np.array([unknown.start for unknown in plan.unknowns])
         batch = self._batch(start)
@@ -81,7 +86,8 @@ class ReadingModel:
         geometry = np.hypot(geometry, reading - power)
         # Rows of the same settings share their error.
         by_reading = np.zeros((len(unknowns), *power.shape))
-        np.add.at(by_reading, (slice(None), self._place), by_row)
+        for row, place in enumerate(self._place):
+            by_reading[:, place] += by_row[:, row]
         size = np.abs(rate)
         return ModelError(rate * replicates, size * mechanics, size * geometry, by_reading, self._place)
 
@@ -103,11 +109,19 @@ class ReadingModel:
         return power, rates
 
     def _difference(self, unknowns: np.ndarray, number: int, study: xr.Dataset) -> np.ndarray:
-        unknown = self._plan.unknowns[number]
-        step = STEP_SHARE * (abs(unknowns[number]) or 1.0)
-        step = -step if unknowns[number] + step > unknown.high else step
-        there = self._read(_moved(unknowns, number, step), [])
-        return (self._taxels(there, "power") - self._taxels(study, "power")) / step
+        unknown, here = self._plan.unknowns[number], self._taxels(study, "replicate_power")
+        scale = abs(unknowns[number]) or 1.0
+        for tried in range(self._first_step.get(number, 0), len(STEP_SHARES)):
+            step = STEP_SHARES[tried] * scale
+            if unknowns[number] + step > unknown.high:
+                step = max(-step, unknown.low - unknowns[number])
+            change = self._taxels(self._read(_moved(unknowns, number, step), []), "replicate_power") - here
+            known = np.linalg.norm(change.mean(axis=0)) >= RESOLVED * np.linalg.norm(standard_error(change))
+            self._first_step[number] = tried
+            if known:
+                break
+        self.hidden = self.hidden - {unknown.name} if known else self.hidden | {unknown.name}
+        return change.mean(axis=0) / step
 
     def _read(self, unknowns: np.ndarray, by: Sequence[str]) -> xr.Dataset:
         return self._run(replace(self._batch(unknowns), derivatives=tuple(by)))

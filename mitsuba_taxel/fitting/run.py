@@ -117,6 +117,8 @@ def _result(
 
     names, data = [unknown.name for unknown in plan.unknowns], plan.data
     by_model = carried(of_model)
+    hidden = np.array([name in model.hidden for name in names])
+    by_model = by_model._replace(light=np.where(hidden, np.inf, by_model.light))
     half_width = interval(solution, by_model.total)
     unknowns = pandas.DataFrame(
         {
@@ -153,6 +155,11 @@ def _result(
         warnings += misfit_warnings(residual.ravel(), data.errors.ravel(), each, solution.degrees_of_freedom)
     if np.isnan(by_model.mechanics).any():
         warnings.append("intervals leave out the error of the model's finite elements, which is unknown")
+    warnings += [
+        f"the noise of the model's light hides the effect of {name}, whose error is unknown: more points are needed"
+        for name in names
+        if name in model.hidden
+    ]
     notes = [f"by differences of readings, with their noise: {name} ({why})" for name, why in model.refused.items()]
     notes.append(LEFT_OUT["fit"])
     return FitResult(

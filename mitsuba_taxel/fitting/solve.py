@@ -17,8 +17,6 @@ CONFIDENCE = 0.95
 UNLIKELY = 0.01
 """Probability of larger residuals below which model or errors count as wrong."""
 MOST_STEPS = 25
-NEAR = 0.05
-"""Distance from a bound, in errors, up to which an unknown is at it: the search stays within the range."""
 EXACT = 1e-7
 """Residual, relative to the largest reading, below which nothing is left to fit: along undetermined directions steps
 may go on, depending on rounding."""
@@ -119,7 +117,7 @@ def solve(
     quantile = t.isf((1 - CONFIDENCE) / 2, freedom) if errors is None else norm.isf((1 - CONFIDENCE) / 2)
     exact = np.abs(readings - data).max() <= EXACT * np.abs(data).max()
     warnings = [] if found.success or exact else ["the fit has not converged: begin nearer by, or leave unknowns out"]
-    warnings += [*_at_bounds(found.x, found.active_mask, deviation, unknowns), *_alike(correlation, silent, names)]
+    warnings += [*_at_bounds(found.x, found.active_mask, unknowns), *_alike(correlation, silent, names)]
     residual = float(misfit if errors is not None else misfit / weights[0] ** 2)
     by_reading = by_weighted * weights
     return LeastSquares(
@@ -176,17 +174,14 @@ def _pseudoinverse(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return inverse, silent
 
 
-def _at_bounds(
-    values: np.ndarray, active: np.ndarray, deviation: np.ndarray, unknowns: Sequence[Unknown]
-) -> list[str]:
-    """Unknowns at an end of their range, or as near as a search that stays within it may end."""
+def _at_bounds(values: np.ndarray, active: np.ndarray, unknowns: Sequence[Unknown]) -> list[str]:
     warnings = []
-    for unknown, value, error, at_end in zip(unknowns, values, deviation, active, strict=True):
-        bound = min((unknown.low, unknown.high), key=lambda end: abs(end - value))
-        if at_end or (np.isfinite(error) and abs(bound - value) <= NEAR * error):
+    for unknown, value, end in zip(unknowns, values, active, strict=True):
+        if end:
+            bound = unknown.high if end > 0 else unknown.low
             warnings.append(
-                f"{unknown.name} = {value:.4g} is at the bound {bound:g} of its range; its interval is as if there were "
-                "no bound"
+                f"{unknown.name} = {value:.4g} is at the bound {bound:g} of its range; its interval is as if there "
+                "were no bound"
             )
     return warnings
 

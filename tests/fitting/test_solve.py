@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from mitsuba_taxel.fitting.plan import Unknown
-from mitsuba_taxel.fitting.solve import solve
+from mitsuba_taxel.fitting.solve import misfit_warnings, solve
 
 X = np.linspace(0, 2, 12)
 TRUTH = np.array([3.0, 0.7])
@@ -58,20 +58,40 @@ def test_the_misfit_of_wrong_errors():
     random = np.random.default_rng(6)
     data = decay(TRUTH)[0] + 0.03 * random.normal(size=len(X))
     found = solve(decay, data, np.full_like(X, 0.01), DECAY)
-    assert 3 < found.misfit < 30
-    (warning,) = found.warnings
-    assert f"residuals are {np.sqrt(found.misfit):.1f} times as large as the errors" in warning
-    assert not solve(decay, data, np.full_like(X, 0.03), DECAY).warnings
+    assert 3 < found.misfit < 30 and not found.warnings
+    residual, unknown_error = data - found.model, np.full_like(X, np.nan)
+    (warning,) = misfit_warnings(residual, np.full_like(X, 0.01), unknown_error, 10)
+    assert f"residuals are {np.sqrt(found.misfit):.2g} times as large as the errors" in warning
+    assert warning.endswith("intervals are too narrow")
+    (warning,) = misfit_warnings(residual, np.full_like(X, 0.01), np.full_like(X, 0.03), 10)
+    assert warning.endswith("the model's own error, which intervals hold, is as large")
+    assert not misfit_warnings(residual, np.full_like(X, 0.03), unknown_error, 10)
     without = solve(decay, data, None, DECAY)
     assert math.sqrt(without.misfit) == pytest.approx(0.03, rel=0.5) and not without.warnings
 
 
-def test_right_errors_are_doubted_once_in_a_thousand():
-    """Of 400 data, at most 3: more with probability 7e-4."""
+def test_a_mean_square_of_1_45_with_98_degrees_of_freedom_is_warned_of():
+    """More is found by chance in 0.24 % of fits."""
+    residual = np.full(100, math.sqrt(1.45 * 98 / 100))
+    (warning,) = misfit_warnings(residual, np.ones(100), np.zeros(100), 98)
+    assert "1.2 times as large" in warning and "(probability 0.002)" in warning
+
+
+def test_right_errors_are_warned_of_once_in_a_hundred():
+    """Of 400 data, at most 13: more with probability 1e-4."""
     random, sigma = np.random.default_rng(7), 0.02 * (1 + X)
     data = decay(TRUTH)[0] + sigma * random.normal(size=(400, len(X)))
-    doubted = sum("residuals are" in " ".join(solve(decay, one, sigma, DECAY).warnings) for one in data)
-    assert doubted <= 3
+    found = [misfit_warnings(one - solve(decay, one, sigma, DECAY).model, sigma, 0 * X, 10) for one in data]
+    assert sum(map(len, found)) <= stats.binom.isf(1e-4, 400, 0.01)
+
+
+def test_unknowns_move_with_readings_as_stated():
+    """The derivative of the solution, against fits to data of which one is changed."""
+    sigma, data = 0.02 * (1 + X), decay(TRUTH)[0]
+    by_reading = solve(decay, data, sigma, DECAY).by_reading
+    for number in (0, 5, 11):
+        ends = [solve(decay, data + step * (np.arange(12) == number), sigma, DECAY).values for step in (1e-3, -1e-3)]
+        np.testing.assert_allclose(by_reading[:, number], (ends[0] - ends[1]) / 2e-3, rtol=1e-2)
 
 
 def test_two_factors_cannot_be_told_apart():
@@ -96,4 +116,4 @@ def test_alike_at_a_bound_and_without_effect():
     assert any(line.startswith("these data hardly tell a and b apart") for line in found.warnings)
     assert "these data say nothing of c" in found.warnings and np.isinf(found.errors[2])
     low = solve(decay, decay(TRUTH)[0], None, [unknown("a", 1.0), unknown("b", 1.0, 0.8, 2.0)])
-    assert low.warnings == ["b = 0.8 is at the bound 0.8 of its range"]
+    assert low.warnings == ["b = 0.8 is at the bound 0.8 of its range; its interval is as if there were no bound"]
