@@ -51,9 +51,12 @@ _INTERVALS = """
 
 Each row is a kind of made-up truth: recordings of a bench whose force moves in stairs, ramps, triangles, sines or a
 mixture of ramps and holds, of random numbers of levels and rows, with noise that is white, correlated from row to row,
-or below or above the steps of a converter of 12 bits; and tolerance studies of sums and products of normal
-parameters with noise. Errors of figures are counted over random seeds; 95.4 % should be
-within twice what is stated.
+or below or above the steps of a converter of 12 bits; tolerance studies of sums and products of normal
+parameters with noise; fits of a bent curve by a right model, by one with errors of light and finite elements, of
+correlated unknowns, and with a bound near the truth; calibrations by paths with errors that are common to a path or of
+single rows, tested on new paths; exported models of studies with errors; and forces read from noisy counts. Errors of
+figures are counted over random seeds that served for nothing else; 95.4 % should be within twice what is stated
+(intervals are converted to it).
 
 **{summary}**
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from mitsuba_taxel.bench.interval_calibrations import calibration_cases
+from mitsuba_taxel.bench.interval_fits import fit_cases
+from mitsuba_taxel.bench.interval_models import model_cases
 from mitsuba_taxel.bench.interval_records import record_cases
 from mitsuba_taxel.bench.interval_tolerances import tolerance_cases
 
@@ -18,6 +21,16 @@ TWICE = 0.9545
 """Share of normal errors within twice their standard deviation."""
 ALLOWED = 0.03
 """Largest allowed lack of that share."""
+FIRST_SEED = 10_000
+"""Smaller seeds served to choose constants of the estimates."""
+FAMILIES: tuple[tuple[Callable[[], Mapping[str, Callable[[int], Any]]], int], ...] = (
+    (record_cases, 200),
+    (tolerance_cases, 200),
+    (fit_cases, 1000),
+    (calibration_cases, 30),
+    (model_cases, 100),
+)
+"""Kinds of made-up truth by name, and the number of seeds of each."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +44,7 @@ class IntervalRow:
     figure : str
         Figure whose error is counted.
     made : float
-        Number of made-up truths with a stated error.
+        Number of figures of made-up truths with a stated error.
     unstated : float
         Number of those without any.
     within : float
@@ -67,23 +80,23 @@ class IntervalCase:
     Attributes
     ----------
     name : str
-    deviations : Callable[[int], dict[str, float]]
-        Of a seed: the error of each figure over the stated one; NaN where none is stated.
+    deviations : Callable[[int], dict[str, float or ndarray]]
+        Of a seed: the error of each figure over the stated one, or several of them; NaN where none is stated.
     count : int
         Number of seeds.
     """
 
     name: str
-    deviations: Callable[[int], dict[str, float]]
+    deviations: Callable[[int], Mapping[str, Any]]
     count: int = 200
 
     def measured(self) -> list[IntervalRow]:
         """One row per figure."""
         began = time.process_time()
         found: dict[str, list[float]] = {}
-        for seed in range(self.count):
+        for seed in range(FIRST_SEED, FIRST_SEED + self.count):
             for figure, deviation in self.deviations(seed).items():
-                found.setdefault(figure, []).append(deviation)
+                found.setdefault(figure, []).extend(np.atleast_1d(deviation).tolist())
         seconds = time.process_time() - began
         rows = []
         for figure, values in found.items():
@@ -95,7 +108,7 @@ class IntervalCase:
 
 def interval_cases(only: str | None = None) -> list[IntervalCase]:
     """The kinds whose name contains a pattern with the wildcards * and ?, in the order of the table."""
-    every = [IntervalCase(name, deviations) for name, deviations in (record_cases() | tolerance_cases()).items()]
+    every = [IntervalCase(*case, count) for cases, count in FAMILIES for case in cases().items()]
     return [case for case in every if only is None or fnmatchcase(case.name, f"*{only}*")]
 
 

@@ -1,7 +1,9 @@
 """Forces from readings: a polynomial with prediction intervals, cross-validated on whole paths.
 
-Intervals are conformal (R. Barber et al., Predictive inference with the jackknife+, Annals of Statistics 49, 2021):
-their half width is the quantile, at the wanted coverage, of the errors on paths that a fit has not seen.
+Intervals are those of paths that a fit has not seen, in which every path has the same weight: the quantile of their
+errors at the wanted coverage (R. Barber et al., Predictive inference with the jackknife+, Annals of Statistics 49,
+2021), and at least that of a Student distribution with as many degrees of freedom as there are paths. Errors that are
+common to a path, such as those of a stiffer pad, are seen once per path, however many rows it has.
 """
 
 from __future__ import annotations
@@ -101,10 +103,12 @@ def calibrate(
     size = np.ptp(rows.forces, axis=0)
     rows = rows._replace(forces=rows.forces / size)
     missed, fold = _left_out(rows)
-    half_width = size * _quantile(np.abs(missed), coverage)
+    half_width = size * interval_of_paths(missed, rows.path, coverage)
     tested = f"{paths} paths, left out a part of them at a time"
     model = _polynomial(_fit(rows), size, unit, missed, tested)
-    return Calibration(model, names, half_width, coverage, _covered(missed, fold, coverage), unit, noise, tested)
+    return Calibration(
+        model, names, half_width, coverage, _covered(missed, fold, rows.path, coverage), unit, noise, tested
+    )
 
 
 def _left_out(rows: _Rows) -> tuple[np.ndarray, np.ndarray]:
@@ -161,17 +165,38 @@ def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarra
     return Polynomial(labels, (unit,) * inputs, low, high, exponents, weights, rms, worst, tested)
 
 
-def _quantile(sizes: np.ndarray, coverage: float) -> np.ndarray:
-    """Conformal quantile: the least bound on a share of the sizes (rows, forces) and one more."""
-    rank = min(math.ceil((len(sizes) + 1) * coverage), len(sizes))
-    return np.sort(sizes, axis=0)[rank - 1]
+def interval_of_paths(missed: np.ndarray, path: np.ndarray, coverage: float) -> np.ndarray:
+    """(forces,) half width that contains a share ``coverage`` of the errors on a further path.
+
+    Of errors that are normal and common to a path, the quotient of a further one and the root mean square of ``n`` paths
+    has Student's distribution with ``n`` degrees of freedom; of those that change within a path it is narrower.
+
+    Parameters
+    ----------
+    missed : (rows, forces) ndarray
+        Errors of predictions of paths that the fit has not seen.
+    path : (rows,) ndarray
+    coverage : float
+    """
+    from scipy.stats import t
+
+    _, number, count = np.unique(path, return_inverse=True, return_counts=True)
+    weight = 1 / (len(count) * count[number])
+    by_scatter = t.isf((1 - coverage) / 2, len(count)) * np.sqrt(weight @ missed**2)
+    order = np.argsort(np.abs(missed), axis=0)
+    below = np.cumsum(weight[order], axis=0)
+    rank = np.minimum((below < coverage).sum(axis=0), len(missed) - 1)
+    quantile = np.take_along_axis(np.abs(missed), np.take_along_axis(order, rank[None], axis=0), axis=0)[0]
+    return np.maximum(by_scatter, quantile)
 
 
-def _covered(missed: np.ndarray, folds: np.ndarray, coverage: float) -> float:
+def _covered(missed: np.ndarray, folds: np.ndarray, path: np.ndarray, coverage: float) -> float:
     """Share of the forces on each fold's paths contained in intervals from the other folds."""
-    inside = [
-        np.abs(missed[folds == fold]) <= _quantile(np.abs(missed[folds != fold]), coverage) for fold in np.unique(folds)
-    ]
+    inside = []
+    for fold in np.unique(folds):
+        others = folds != fold
+        width = interval_of_paths(missed[others], path[others], coverage)
+        inside.append(np.abs(missed[~others]) <= width)
     return float(np.concatenate(inside).mean())
 
 

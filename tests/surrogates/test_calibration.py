@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from scipy import stats
 
 from mitsuba_taxel import Circuit, InputError
 from mitsuba_taxel.characterise import Measurement
 from mitsuba_taxel.electronics import respond, with_volts
 from mitsuba_taxel.surrogates import calibrate, write_calibration
+from mitsuba_taxel.surrogates.calibration import interval_of_paths
 
 FORCE, NOISE = np.linspace(0, -10, 11), 0.005
 
@@ -41,6 +43,30 @@ def test_intervals_cover_on_new_paths(coverage):
     assert abs(inside.mean() - coverage) < 0.1 and found.half_width[1] < 2
 
 
+@pytest.mark.parametrize("paths", [3, 10])
+@pytest.mark.parametrize("coverage", [0.5, 0.9])
+def test_intervals_cover_errors_that_are_common_to_a_path(paths, coverage):
+    """Of few paths, whose rows count once however many there are; false-alarm rate 1e-4. The quantile of all rows
+    contained 75 % where 90 % were stated of three paths."""
+    random, count = np.random.default_rng(paths), 3000
+    path = np.repeat(np.arange(paths), [2 + 3 * number for number in range(paths)])
+    inside = 0
+    for _ in range(count):
+        common = random.normal(size=(paths + 1, 1))
+        (width,) = interval_of_paths(common[:-1][path] + 0.01 * random.normal(size=(len(path), 1)), path, coverage)
+        inside += abs(common[-1, 0]) < width
+    assert inside >= stats.binom.ppf(1e-4, count, coverage)
+    if coverage == 0.9:
+        assert inside <= stats.binom.isf(1e-4, count, coverage + 0.01)
+
+
+def test_intervals_of_errors_of_single_rows_are_little_wider_than_needed():
+    """By Student's distribution for 24 paths instead of the normal one."""
+    missed = np.random.default_rng(3).normal(size=(24 * 200, 1))
+    (width,) = interval_of_paths(missed, np.repeat(np.arange(24), 200), 0.9)
+    assert width == pytest.approx(stats.t.isf(0.05, 24), rel=0.03)
+
+
 def test_a_measurement_is_calibrated_by_its_runs():
     time = np.arange(0, 400, 0.1)
     force = -5 * (1 - np.cos(time / 8))
@@ -48,7 +74,7 @@ def test_a_measurement_is_calibrated_by_its_runs():
     volts = 1 - 0.05 * force[:, None] * [1, 0.5] + 2e-3 * rng.normal(size=(len(time), 2))
     bench = Measurement(time, force[:, None], ("fz",), volts, np.array([1, 2]), "bench.csv")
     found = calibrate(bench, coverage=0.9)
-    assert found.unit == "V" and found.forces == ("fz",) and abs(found.covered - 0.9) < 0.02
+    assert found.unit == "V" and found.forces == ("fz",) and 0.9 <= found.covered < 0.93
     assert found.half_width[0] == pytest.approx(1.645 * 2e-3 / 0.05 / np.hypot(1, 0.5), rel=0.1)  # the best there is
 
 
