@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+import warnings
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -35,6 +36,8 @@ WORDS = {"millis": ("time", "ms"), "micros": ("time", "us"), "milliseconds": ("t
 """Headings that are a name and a unit in one, as of Arduino's clock."""
 BY_UNDERSCORE = {*UNITS} - {"m", "g", "A", "bar", "rad", "min", "counts", "count", "lsb", "adc", "kg"}
 """Units that a heading of any name may end in after an underscore."""
+LEAST_GRAMS = 50
+"""Largest of round forces in N from which they may be weights in g."""
 SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas"}
 _BRACKETED = re.compile(r"(?P<name>.*?)[ _]*(?:\[(?P<a>[^\]]*)\]|\((?P<b>[^)]*)\))")
 _APPENDED = re.compile(r"(?P<name>.+?)(?:[ _]|\s*/\s*)(?P<unit>[^\s_/]+)")
@@ -161,6 +164,17 @@ def as_parameter(column: Column) -> tuple[str, list[str]]:
         except ArithmeticError:  # none, say
             words.append(word)
     return column.name, words
+
+
+def ask_for_grams(what: str, column: Column, numbers: np.ndarray) -> None:
+    """Warn of forces in N (rows,) that look like weights in g: several round ones, the largest of 50 or more."""
+    levels = np.unique(np.abs(numbers[numbers != 0]))
+    if column.unit in ("N", "") and len(levels) > 2 and levels[-1] >= LEAST_GRAMS and not (levels % 10).any():
+        warnings.warn(
+            f"{what}, column {column.heading}: round forces up to {levels[-1]:g} N: if these are weights in g, of 9.8 mN"
+            f" each, '{column.name} [g]' is needed as heading.",
+            stacklevel=2,
+        )
 
 
 def separated(what: str, lines: list[str]) -> tuple[str, list[list[str]]]:

@@ -11,7 +11,7 @@ from typing import NoReturn
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.table import UNITS, Column, read_table
+from mitsuba_taxel.base.table import UNITS, Column, ask_for_grams, read_table
 
 FEWEST_ROWS = 10
 NAMES = {
@@ -80,6 +80,9 @@ def read_measurement(file: str | Path) -> Measurement:
     late = np.flatnonzero(np.diff(data[:, names.index("time")]) <= 0)
     if len(late):
         refuse(f", line {table.lines[late[0] + 1]}: {headings[names.index('time')]} does not rise from the row before.")
+    for name, column, numbers in zip(names, table.columns, data.T, strict=True):
+        if name in forces:
+            ask_for_grams(f"measurement {str(file)!r}", column, numbers)
     data *= [float(UNITS[column.unit][1]) for column in table.columns]
     of = {name: data[:, number] for number, name in enumerate(names)}
     return Measurement(

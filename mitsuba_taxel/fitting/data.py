@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.table import UNITS, as_parameter, read_table
+from mitsuba_taxel.base.table import UNITS, as_parameter, ask_for_grams, read_table
+from mitsuba_taxel.base.units import FORCES
 
 READING = re.compile(r"(?P<kind>[vVpP])_?(?P<taxel>[1-9]\d*)(?P<error>_error)?")
 
@@ -69,6 +71,8 @@ def read_data(file: Path, known: Collection[str] = ()) -> Data:
             if not name or name in settings or not all(words):
                 raise InputError(f"{given}, column {column.heading!r}: a distinct name and a value per row are needed.")
             settings[name] = words
+            if name in FORCES and (numbers := as_numbers(words)):
+                ask_for_grams(given, column, np.array(numbers))
             continue
         kind, factor = UNITS.get(column.unit, ("", "1"))
         if kind != ("V" if match["kind"] in "vV" else "W"):

@@ -168,8 +168,8 @@ def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarra
 def interval_of_paths(missed: np.ndarray, path: np.ndarray, coverage: float) -> np.ndarray:
     """(forces,) half width that contains a share ``coverage`` of the errors on a further path.
 
-    Of errors that are normal and common to a path, the quotient of a further one and the root mean square of ``n`` paths
-    has Student's distribution with ``n`` degrees of freedom; of those that change within a path it is narrower.
+    Of errors that are normal and common to a path, the quotient of a further one and the root mean square of ``n``
+    paths has Student's distribution with ``n`` degrees of freedom; of those that change within a path it is narrower.
 
     Parameters
     ----------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -108,3 +109,25 @@ def test_one_column_may_have_decimal_commas(tmp_path):
     (tmp_path / "table.csv").write_text("fz_N\n-0,1\n-0,2\n-0,3\n")
     (column,) = read_table("table", tmp_path / "table.csv").columns
     assert as_parameter(column) == ("fz", ["-0.1", "-0.2", "-0.3"])
+
+
+@pytest.mark.parametrize(("forces", "asked"), [
+    ("0 100 200 500", True), ("0 -50 -100 -200", True), ("0 1 2 5", False), ("0 99.7 200.2 499.9", False),
+    ("0 60", False),
+])  # fmt: skip
+@pytest.mark.parametrize("heading", ["fz_N", "fz"])
+def test_weights_in_grams_under_newtons_are_asked_about(tmp_path, forces, asked, heading):
+    """Of fits and of benches; a heading in g is not asked."""
+    levels = forces.split()
+    (tmp_path / "a.csv").write_text(f"{heading},v1_V\n" + "".join(f"{level},1\n" for level in levels))
+    rows = "".join(f"{number},{level},1\n" for number, level in enumerate(levels * 6))
+    (tmp_path / "b.csv").write_text(f"t_s,fz_N,v1_V\n{rows}")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        read_data(tmp_path / "a.csv", {"fz"})
+        read_measurement(tmp_path / "b.csv")
+    assert len(caught) == 2 * asked and all("'fz [g]' is needed as heading" in str(each.message) for each in caught)
+    (tmp_path / "a.csv").write_text("fz [g],v1_V\n" + "".join(f"{level},1\n" for level in levels))
+    assert float(read_data(tmp_path / "a.csv", {"fz"}).settings["fz"][1]) == pytest.approx(
+        9.80665e-3 * float(levels[1])
+    )
