@@ -171,8 +171,8 @@ def ask_for_grams(what: str, column: Column, numbers: np.ndarray) -> None:
     levels = np.unique(np.abs(numbers[numbers != 0]))
     if column.unit in ("N", "") and len(levels) > 2 and levels[-1] >= LEAST_GRAMS and not (levels % 10).any():
         warnings.warn(
-            f"{what}, column {column.heading}: round forces up to {levels[-1]:g} N: if these are weights in g, of 9.8 mN"
-            f" each, '{column.name} [g]' is needed as heading.",
+            f"{what}, column {column.heading}: round forces up to {levels[-1]:g} N: if these are weights in g, 9.8 mN "
+            f"each, '{column.name} [g]' is needed as heading.",
             stacklevel=2,
         )
 
