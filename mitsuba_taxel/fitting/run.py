@@ -153,7 +153,7 @@ def _result(
     if data.errors is not None:
         each = of_model.of_rows().ravel()
         warnings += misfit_warnings(residual.ravel(), data.errors.ravel(), each, solution.degrees_of_freedom)
-    if np.isnan(by_model.mechanics).any():
+    if np.isnan(of_model.mechanics).any():
         warnings.append("intervals leave out the error of the model's finite elements, which is unknown")
     warnings += [
         f"the noise of the model's light hides the effect of {name}, whose error is unknown: more points are needed"
