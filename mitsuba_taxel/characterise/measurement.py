@@ -81,7 +81,7 @@ def read_measurement(file: str | Path) -> Measurement:
     if len(late):
         refuse(f", line {table.lines[late[0] + 1]}: {headings[names.index('time')]} does not rise from the row before.")
     for name, column, numbers in zip(names, table.columns, data.T, strict=True):
-        if name in forces:
+        if forces == (name,):
             ask_for_grams(f"measurement {str(file)!r}", column, numbers)
     data *= [float(UNITS[column.unit][1]) for column in table.columns]
     of = {name: data[:, number] for number, name in enumerate(names)}

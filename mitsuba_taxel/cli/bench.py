@@ -96,7 +96,8 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
     """Compare the stated errors of readings by the finite elements with the true ones.
 
     Settings of pads and loads are read one by one, each in its own process, the fastest first; files contain those read
-    so far. Then errors of figures that need no pad are counted on made-up truth: of bench recordings.
+    so far. Then errors of figures that need no pad are counted on made-up truth: of recordings, tolerances, fits,
+    calibrations, exported models and noise as a force.
     """
     from mitsuba_taxel.bench import intervals
     from mitsuba_taxel.bench.coverage import coverage, coverage_of_figures, summary

@@ -33,7 +33,8 @@ def test_the_program_calibrates_a_study_and_a_bench(taxel, tmp_path):
     assert done.returncode == 0 and done.stderr == "" and "N holds 80%" in done.stdout
     assert (tmp_path / "calibration.onnx").stat().st_size
     about = json.loads(taxel("calibrate", "bench.csv", "--json").stdout)
-    assert abs(about["covered"] - 0.9) < 0.03 and set(about["half_width_N"]) == {"fz"}
+    # Noise is white here; of some six runs, Student's distribution has 1.94 standard deviations, which hold 95 %.
+    assert abs(about["covered"] - 0.948) < 0.02 and set(about["half_width_N"]) == {"fz"}
     for words in (("nowhere",), ("nowhere.csv",), ("bench.csv", "--coverage", "2")):
         done = taxel("calibrate", *words)
         assert done.returncode == 2 and done.stderr.count("\n") == 1
