@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from functools import partial
 from pathlib import Path
 
 import click
@@ -105,18 +104,20 @@ def _print_json(readings, volts, matrix, book, lines) -> None:
 
 
 def _print_tables(readings, volts, matrix, book, lines) -> None:
+    from mitsuba_taxel.sensing import wording
+
     from . import tables
 
-    tables.print_readings(readings)
-    for printed, answer in (
-        (tables.print_derivatives, readings.derivatives),
-        (partial(tables.print_volts, readings.taxel), volts),
-        (tables.print_crosstalk, matrix),
-        (tables.print_audit, book),
-        (tables.print_left_out, lines),
-    ):
-        if answer is not None:
-            printed(answer)
+    width = tables.terminal_width()
+    print(wording.readings_text(readings, width))
+    if volts is not None:
+        tables.print_volts(readings.taxel, volts)
+    if matrix is not None:
+        print(f"\n{wording.crosstalk_text(matrix, width)}")
+    if book is not None:
+        print(f"\n{wording.audit_text(book, width)}")
+    if lines is not None:
+        tables.print_left_out(lines)
 
 
 def readings_as_json(readings, volts=None) -> dict[str, object]:

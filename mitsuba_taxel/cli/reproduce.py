@@ -34,8 +34,7 @@ def command(folder: Path, only: str | None, docs: Path | None, workers: int | No
     """
     from mitsuba_taxel.reproduce.page import write_pages
     from mitsuba_taxel.reproduce.parts import chosen, complete, compute
-
-    from .tables import stage_line
+    from mitsuba_taxel.sensing.wording import stage_line
 
     start = time.monotonic()
     announce = partial(_announce, start)

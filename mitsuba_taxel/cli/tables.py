@@ -17,12 +17,15 @@ from rich.table import Table
 
 def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """A table of numbers on stdout; the first column is aligned left, the others right."""
-    table = Table(box=None, pad_edge=False)
-    for number, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if number == 0 else "right", no_wrap=True)
-    for row in rows:
-        table.add_row(*row)
-    _show(table)
+    from mitsuba_taxel.base.text_table import text_table
+
+    print(text_table(headings, rows, terminal_width()))
+
+
+def terminal_width() -> int | None:
+    """Characters of a line of the terminal; None in a pipe, where no line is broken."""
+    console = Console()
+    return console.width if console.is_terminal else None
 
 
 def print_text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], width: int | None = None) -> None:
@@ -74,28 +77,6 @@ def print_figures(title: str, headings: Sequence[str], rows: Sequence[Sequence[s
     print_table([heading.replace(" [", "\n[") for heading in headings[first:]], [row[first:] for row in rows])
 
 
-def print_readings(readings) -> None:
-    """Power, error and photocurrent per taxel, explanations, the error budget and the time by stage."""
-    from mitsuba_taxel.sensing.wording import budget_line, light_error_line, readings_columns
-
-    columns = readings_columns(readings)
-    print_table(list(columns), list(zip(*columns.values(), strict=True)))
-    print(light_error_line(readings))
-    for note in readings.notes:
-        print(note)
-    print(budget_line(readings.error_budget))
-    print(stage_line(readings.seconds))
-
-
-def print_derivatives(derivatives) -> None:
-    """Derivatives of each taxel's reading, each with its standard error."""
-    from mitsuba_taxel.sensing.wording import derivative_columns
-
-    print(f"\nDerivatives of the readings ({derivatives.method}), +- standard error")
-    columns = derivative_columns(derivatives)
-    print_table(list(columns), list(zip(*columns.values(), strict=True)))
-
-
 def circuit_in(file):
     """The circuit in a file, None if none is given."""
     if file is None:
@@ -129,7 +110,9 @@ def print_volts(taxels: Iterable[int], volts) -> None:
 
 def _print_shown_derivatives(shown) -> None:
     """In volts; and for each parameter and taxel in counts, the noise and the distance from saturation."""
-    print_derivatives(shown.in_volts)
+    from mitsuba_taxel.sensing.wording import derivatives_text
+
+    print(f"\n{derivatives_text(shown.in_volts, terminal_width())}")
     print("\nIn counts; changes of a parameter that equal the noise, and that saturate the output if power is linear")
     rows = (
         (
@@ -141,32 +124,6 @@ def _print_shown_derivatives(shown) -> None:
         for row in shown.rows()
     )
     print_table(("parameter", "taxel", "unit", "derivative", "noise", "to saturation"), rows)
-
-
-def print_crosstalk(crosstalk) -> None:
-    """The power that each LED brings to each phototransistor, each with its standard error."""
-    taxels = [str(taxel) for taxel in range(1, len(crosstalk.power) + 1)]
-    print("\nCrosstalk: power [W] from each LED (row) on each phototransistor (column), +- standard error")
-    print_table(
-        ("LED", *taxels),
-        (
-            (led, *(f"{power:.3e} +- {error:.0e}" if error else f"{power:g}" for power, error in zip(*of, strict=True)))
-            for led, *of in zip(taxels, crosstalk.power, crosstalk.standard_error, strict=True)
-        ),
-    )
-
-
-def print_audit(audit) -> None:
-    """Energy audit of the emitted light."""
-    print("\nEnergy audit: share of the power that all LEDs emit")
-    rows = zip(audit.places, audit.share, audit.standard_error, strict=True)
-    print_table(
-        ("place", "share", "standard error"),
-        [
-            *((place, f"{share:.6f}", f"{error:.1e}") for place, share, error in rows),
-            ("total", f"{audit.total:.6f}", f"{audit.total_error:.1e}"),
-        ],
-    )
 
 
 def print_pads(rows: Sequence[Mapping]) -> None:
@@ -218,12 +175,6 @@ def known(number: float) -> float | None:
 def records(table) -> list[dict[str, object]]:
     """The rows of a data frame for JSON."""
     return [{name: known(value) for name, value in row.items()} for row in table.to_dict("records")]
-
-
-def stage_line(seconds: Mapping[str, float]) -> str:
-    """``Seconds: mechanics 3.2, optics 0.4, total 3.6``."""
-    stages = [f"{stage} {value:.2f}" for stage, value in seconds.items()]
-    return f"Seconds: {', '.join(stages)}, total {sum(seconds.values()):.2f}"
 
 
 @contextmanager

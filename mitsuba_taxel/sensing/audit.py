@@ -26,6 +26,7 @@ from mitsuba_taxel.kernels.windows import transmittance
 from mitsuba_taxel.sensing.ray_paths import PathStep, emit, follow, landed
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, AnyScene, prepare
 from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.sensing.wording import audit_text
 from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 
 DEFAULT_POINTS = 4096
@@ -63,6 +64,9 @@ class EnergyAudit:
     replicates: np.ndarray
     points: int
     seed: int
+
+    def __str__(self) -> str:
+        return audit_text(self)
 
     @property
     def share(self) -> np.ndarray:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mitsuba_taxel.sensing.wording import derivatives_text
+
 if TYPE_CHECKING:
     import xarray
 
@@ -58,6 +60,9 @@ class Derivatives:
     clearance: float
     clearance_rates: np.ndarray
     method: str = DETERMINISTIC
+
+    def __str__(self) -> str:
+        return derivatives_text(self)
 
     @property
     def taxel(self) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 from mitsuba_taxel.base.convergence import ERROR_SHARE, FACETS_SHARE
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.sensing.wording import crosstalk_text, readings_text
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError
@@ -116,6 +117,9 @@ class Readings(Displayed):
     roof_errors: list[RoofError | None] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
+    def __str__(self) -> str:
+        return readings_text(self)
+
     @property
     def notes(self) -> list[str]:
         """Notes for the reader of the numbers."""
@@ -207,6 +211,9 @@ class Crosstalk:
     points: int
     seed: int
     dark_error: np.ndarray | None = None
+
+    def __str__(self) -> str:
+        return crosstalk_text(self)
 
     @property
     def power(self) -> np.ndarray:

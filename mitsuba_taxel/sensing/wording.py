@@ -6,13 +6,62 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from mitsuba_taxel.base.text_table import text_table
 from mitsuba_taxel.base.units import in_percent
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from mitsuba_taxel.sensing import Readings
+    from mitsuba_taxel.sensing.audit import EnergyAudit
     from mitsuba_taxel.sensing.derivative_values import Derivatives
+    from mitsuba_taxel.sensing.readings import Crosstalk, Readings
+
+
+def readings_text(readings: Readings, width: int | None = None) -> str:
+    """Power, error and photocurrent per taxel, explanations, the error budget, the time by stage, and derivatives.
+
+    ``width`` is that of a line in characters, as for `text_table`; this holds for the other texts, too.
+    """
+    columns = readings_columns(readings)
+    lines = [
+        text_table(list(columns), zip(*columns.values(), strict=True), width),
+        light_error_line(readings),
+        *readings.notes,
+        budget_line(readings.error_budget),
+        stage_line(readings.seconds),
+    ]
+    if readings.derivatives is not None:
+        lines += ["", derivatives_text(readings.derivatives, width)]
+    return "\n".join(lines)
+
+
+def derivatives_text(derivatives: Derivatives, width: int | None = None) -> str:
+    """Derivatives of each taxel's reading, each with its standard error."""
+    columns = derivative_columns(derivatives)
+    table = text_table(list(columns), zip(*columns.values(), strict=True), width)
+    return f"Derivatives of the readings ({derivatives.method}), +- standard error\n{table}"
+
+
+def crosstalk_text(crosstalk: Crosstalk, width: int | None = None) -> str:
+    """The power that each LED brings to each phototransistor, each with its standard error."""
+    taxels = [str(taxel) for taxel in range(1, len(crosstalk.power) + 1)]
+    rows = (
+        (led, *(f"{power:.3e} +- {error:.0e}" if error else f"{power:g}" for power, error in zip(*of, strict=True)))
+        for led, *of in zip(taxels, crosstalk.power, crosstalk.standard_error, strict=True)
+    )
+    title = "Crosstalk: power [W] from each LED (row) on each phototransistor (column), +- standard error"
+    return f"{title}\n{text_table(('LED', *taxels), rows, width)}"
+
+
+def audit_text(audit: EnergyAudit, width: int | None = None) -> str:
+    """Shares of the emitted light by the place where it ends, with their standard errors."""
+    rows = [
+        *zip(audit.places, audit.share, audit.standard_error, strict=True),
+        ("total", audit.total, audit.total_error),
+    ]
+    cells = ((place, f"{share:.6f}", f"{error:.1e}") for place, share, error in rows)
+    table = text_table(("place", "share", "standard error"), cells, width)
+    return f"Energy audit: share of the power that all LEDs emit\n{table}"
 
 
 def readings_columns(readings: Readings) -> dict[str, list[str]]:
@@ -73,3 +122,9 @@ def budget_line(budget: Mapping[str, float]) -> str:
 def budget_rows(budget: Mapping[str, float]) -> list[tuple[str, str]]:
     """Each source of error with its share of a reading."""
     return [(source, in_percent(share)) for source, share in budget.items()]
+
+
+def stage_line(seconds: Mapping[str, float]) -> str:
+    """``Seconds: mechanics 3.2, optics 0.4, total 3.6``."""
+    stages = [f"{stage} {value:.2f}" for stage, value in seconds.items()]
+    return f"Seconds: {', '.join(stages)}, total {sum(seconds.values()):.2f}"

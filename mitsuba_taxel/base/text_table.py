@@ -1,0 +1,40 @@
+"""Tables as plain text, in aligned columns."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Sequence
+
+UNLIMITED = 10_000
+"""Characters of a line that is never broken."""
+
+
+def text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], width: int | None = None) -> str:
+    """A table whose first column is aligned left, and the others right.
+
+    Parameters
+    ----------
+    headings, rows : sequence of str, and iterable of such
+        Cells.
+    width : int, optional
+        Characters of a line, beyond which cells are folded; without it, they never are.
+
+    Returns
+    -------
+    Lines, without a line feed at the end.
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for number, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if number == 0 else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    text = io.StringIO()
+    console = Console(file=text, highlight=False, markup=False, color_system=None, width=width or UNLIMITED)
+    if console.measure(table).maximum > console.width:
+        for column in table.columns:
+            column.no_wrap, column.overflow = False, "fold"
+    console.print(table)
+    return text.getvalue().removesuffix("\n")
