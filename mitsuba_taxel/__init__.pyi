@@ -1,3 +1,4 @@
+from .backend.own_plugins import load_plugins as load_plugins
 from .base.errors import (
     ComputationError as ComputationError,
 )

@@ -16,6 +16,7 @@ import sys
 import traceback
 import warnings
 from importlib import import_module
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -59,14 +60,22 @@ class _Commands(click.Group):
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="mitsuba_taxel", prog_name="taxel")
+@click.option(
+    "--plugin", "plugins", multiple=True, type=click.Path(path_type=Path), metavar="FILE.py",
+    help="A Python file of yours that registers Mitsuba plugins: it is run, here and in workers. May be repeated.",
+)  # fmt: skip
 @debug_option
-def taxel() -> None:
+def taxel(plugins: tuple[Path, ...]) -> None:
     """Simulate optoelectronic tactile sensors: force, deformed pad, light, reading.
 
     SCENE is a Mitsuba XML file, or the name of a scene that ships with the package (hexagonal.xml, pad.xml,
     plate.xml).
     Units are mm, N, MPa, W and s.
     """
+    if plugins:
+        from mitsuba_taxel.backend.own_plugins import load_plugins
+
+        load_plugins(*plugins)
 
 
 def main() -> None:

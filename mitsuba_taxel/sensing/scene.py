@@ -192,22 +192,33 @@ class Scene(Displayed):
             pad.value, pad.history = value, history
         heed_packages(at_rest)
 
-    @in_turn
     def write_xml(self, path: str | Path) -> None:
-        """Write the scene, with its parameters filled in, as an XML file that gives bit-identical readings."""
-        import mitsuba as mi
-
+        """Write the scene as an XML file with parameters that gives bit-identical readings; see :meth:`as_xml`."""
         path = path_of("path", path)
-        config = parser_config(activate_variant())
-        try:
-            with self.files_beside_it():
-                text = mi.parser.write_string(self.parsed(config))
-        except RuntimeError as error:
-            raise as_own_error(error, self) from error
+        text = self.as_xml(path.parent)
         try:
             write_text(path, text)
         except WriteError as error:
             raise InputError(str(error)) from error
+
+    @in_turn
+    def as_xml(self, folder: Path) -> str:
+        """The scene as the text of an XML file in a folder, with its values as ``<default>`` elements.
+
+        They are those of the file that it is from, and of a scene made in Python the numbers and words of its parts;
+        see `scene_text` for their names.
+        """
+        from mitsuba_taxel.sensing.written_scene import scene_text
+
+        config = parser_config(activate_variant())
+        file = None if isinstance(self.source, dict) else self.source
+        try:
+            with self.files_beside_it():
+                return scene_text(
+                    self.parsed(config), config, folder.absolute(), file, self._own_parameters, MOST_PARAMETERS
+                )
+        except RuntimeError as error:
+            raise as_own_error(error, self) from error
 
     @contextmanager
     def files_beside_it(self) -> Iterator[None]:
@@ -493,4 +504,6 @@ def as_own_error(error: RuntimeError, scene: Scene) -> InputError | ComputationE
     if unparsed:
         guilty = [name for name, value in scene.parameters.items() if value.strip() == unparsed[1].strip()]
         text += f" (parameter {', '.join(guilty)})" if guilty else ""
+    if re.search(r'Plugin "\w+" not found', text):
+        text += ": your own are loaded by taxel --plugin FILE.py, or load_plugins in Python"
     return InputError(f"{scene.name}: {text}.")

@@ -23,6 +23,7 @@ from mitsuba_taxel.parameters import Number, Parameter, parameters_of
 from mitsuba_taxel.sensing.left_out import NONE
 from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.scene import Scene, parser_config
+from mitsuba_taxel.sensing.written_scene import COMPONENTS
 from mitsuba_taxel.specification import Specification, specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector
@@ -35,12 +36,6 @@ STEP = 1e-3
 NOISE = 1e-9
 """Rates due to rounding."""
 PAD, PACKAGES = DeformablePad.plugin, PhotoReflector.plugin
-COMPONENTS = {
-    name: (quantity, index)
-    for quantity, names in (("force", ("fx", "fy", "fz")), ("displacement", ("ux", "uy", "uz")))
-    for index, name in enumerate(names)
-}
-"""Names of load components for which a scene has no parameters of these names."""
 _OF_INDENTER = ("indenter_x", "indenter_y")
 _PLACES = {"patch_force": ("patch_x", "patch_y"), "indenter_displacement": _OF_INDENTER, "indenter_force": _OF_INDENTER}
 """Names of the places of loads, by the load."""

@@ -9,7 +9,8 @@ from forked_script import run_script
 
 DOCS = Path(__file__).parents[2] / "docs"
 RUNNER = Path(__file__).with_name("run_tutorial.py")
-PAGES = [DOCS / "start.md", *sorted(page for page in (DOCS / "tutorials").glob("*.md") if page.stem != "index")]
+TUTORIALS = sorted(page for page in (DOCS / "tutorials").glob("*.md") if page.stem != "index")
+PAGES = [DOCS / "start.md", DOCS / "howto" / "python.md", *TUTORIALS]
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +26,7 @@ def test_tutorial(page, tmp_path, solutions):
 
 
 def test_all_fourteen_are_there():
-    assert len(PAGES) == 15
+    assert len(PAGES) == 16
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ from mitsuba_taxel import (
     from_shore_a,
     linearise,
     load_path,
+    load_plugins,
     measure,
     mesh_velocity,
     open_study,
@@ -120,6 +121,7 @@ def calls(there):
             load_path,
             {"pad": SMALL, "material": NeoHookean(), "values": [(0, 0, -0.1)], "mesh_size": 2.0},
         ),
+        "load_plugins": (lambda file: load_plugins(file), lambda file: None, {}),
         "measure": (measure, measure, {"scene": there["live"], "points": 1}),
         "mesh_velocity": (
             mesh_velocity,

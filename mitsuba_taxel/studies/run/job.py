@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.backend.own_plugins import load_plugins, loaded_plugins
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.errors import ComputationError, InputError, comes_from_interrupt
 from mitsuba_taxel.kernels.protocols import PadShape
@@ -68,6 +69,8 @@ class Job:
         Readings of the same scene with fewer points, which this job extends.
     sides : dict[str, int]
         On which side all curves of the study go on from here, by parameter: 1 at larger, -1 at smaller values.
+    plugins : tuple[Path, ...]
+        Files of the user's own plugins, which the process that computes it runs first.
     """
 
     number: int
@@ -85,6 +88,7 @@ class Job:
     bare: bool = False
     continued: Readings | None = None
     sides: dict[str, int] = field(default_factory=dict)
+    plugins: tuple[Path, ...] = field(default_factory=loaded_plugins)
 
     @property
     def label(self) -> str:
@@ -124,6 +128,7 @@ def run(job: Job) -> JobResult | Failure:
     """Read the scene of a job. Exceptions are returned as failures, so that other jobs continue; interrupts are
     raised."""
     try:
+        load_plugins(*job.plugins)
         return _read(job)
     except Exception as error:
         if comes_from_interrupt(error):

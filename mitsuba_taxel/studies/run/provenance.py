@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.backend import versions
+from mitsuba_taxel.backend.own_plugins import loaded_plugins
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.sources import code_digest
 from mitsuba_taxel.base.text import read_bytes
@@ -23,6 +24,8 @@ ROOMS = (
     "electronics", "sensing", "plugins", "studies",
 )  # fmt: skip
 """The code that readings of a study depend on."""
+PLUGIN = "plugin"
+"""Word before the name of a file of the user's own plugins."""
 
 
 def provenance(batch: Batch) -> dict[str, Any]:
@@ -30,15 +33,16 @@ def provenance(batch: Batch) -> dict[str, Any]:
 
     Returns
     -------
-    ``scene_content``, digest of the scene and of the files that it or a value names; ``code``, digest of the sources
-    that readings depend on; ``versions`` by name; ``parameters``, values of those that are not varied; ``units`` of
-    parameters, as far as known; and ``forces``, components of the force by parameter.
+    ``scene_content``, digests of the scene, of the files that it or a value names, and of the user's own plugins, by
+    their names; ``code``, digest of the sources that readings depend on; ``versions`` by name; ``parameters``, values
+    of those that are not varied; ``units`` of parameters, as far as known; and ``forces``, components of the force by
+    parameter.
     """
     first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
     parameters = batch.parameters(first)
     words = [*parameters.values(), *(word for axis in batch.axes for words in axis.values.values() for word in words)]
     return {
-        "scene_content": _digest(_files_of(batch.file, set(words))),
+        "scene_content": _digests(batch.file, set(words)),
         "code": own_code(),
         "versions": dict(versions()),
         "parameters": {name: value for name, value in parameters.items() if name not in first},
@@ -68,11 +72,14 @@ def _files_of(scene: Path, values: set[str]) -> list[Path]:
     return list(files)
 
 
-def _digest(files: Iterable[Path]) -> str:
-    digest = hashlib.sha256()
-    for file in files:
+def _digests(scene: Path, values: set[str]) -> dict[str, str]:
+    """Digests of the contents of files by their names, relative to the scene's folder, and of plugins."""
+    files = {os.path.relpath(file, scene.parent): file for file in _files_of(scene, values)}
+    files |= {f"{PLUGIN} {file.name}": file for file in loaded_plugins()}
+    digests = {}
+    for name, file in files.items():
         try:
-            digest.update(hashlib.sha256(read_bytes(file, LARGEST_FILE)).digest())
+            digests[name] = hashlib.sha256(read_bytes(file, LARGEST_FILE)).hexdigest()[:16]
         except OSError as error:
             raise InputError(f"{file} cannot be read ({error.strerror}), which the scene names.") from error
-    return digest.hexdigest()[:16]
+    return digests

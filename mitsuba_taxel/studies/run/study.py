@@ -12,10 +12,10 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
+from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of, table_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.electronics import Circuit, with_volts
-from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel.sensing import Readings, Scene
 from mitsuba_taxel.sensing.prepared_scenes import Settings
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, Clock
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read_study
@@ -28,6 +28,7 @@ from mitsuba_taxel.studies.run.job import Failure, Job, describe
 from mitsuba_taxel.studies.run.pilots import piloted_settings
 from mitsuba_taxel.studies.run.pool import Pool, open_pool
 from mitsuba_taxel.studies.run.provenance import provenance
+from mitsuba_taxel.studies.run.scene_source import file_of
 from mitsuba_taxel.studies.run.slope_meshes import mesh_size_for_slopes
 from mitsuba_taxel.studies.store.folder import Kept, Store, StoreError, begin_tree, keepable
 from mitsuba_taxel.studies.store.opening import open_study, stored_study
@@ -54,7 +55,7 @@ class Progress(NamedTuple):
 
 
 def sweep(
-    source: str | Path,
+    source: str | Path | Scene,
     vary: Mapping[str, str | Iterable[object]],
     defines: Mapping[str, object] | None = None,
     *,
@@ -85,8 +86,9 @@ def sweep(
 
     Parameters
     ----------
-    source : str or Path
-        Path of a scene, or the name of a shipped one.
+    source : str or Path or Scene
+        Path of a scene, or the name of a shipped one. A scene made in Python is written to ``output``, or else to the
+        temporary folder of this machine, with the parameters that ``write_xml`` gives it.
     vary : Mapping[str, str or Iterable[object]]
         By parameter, ``"start:stop:step"`` (stop included), ``"a,b,c"``, ``"@FILE"`` with one value per line, or the
         values themselves; each makes a dimension. One of fx, fy and fz may be ``"start:stop"``: its steps are then
@@ -165,8 +167,25 @@ def sweep(
         "circuit": circuit,
         "meshes": meshes,
     }
-    batch = make_batch(source, vary, defines, together=together, **what)
     folder = None if output is None else path_of("output", output)
+    if isinstance(source, Scene):
+        varied = {*table_of("vary", vary, "values"), *table_of("together", together, "values")}
+        with file_of(source, folder) as (file, values):
+            given = {name: word for name, word in values.items() if name not in varied}
+            how: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "retry_failed": retry_failed}
+            what["mesh_size"] = source.mesh_size if mesh_size is None else mesh_size
+            return sweep(
+                file,
+                vary,
+                {**given, **table_of("defines", defines, "values")},
+                together=together,
+                output=folder,
+                parquet=parquet,
+                progress=progress,
+                **what,
+                **how,
+            )
+    batch = make_batch(source, vary, defines, together=together, **what)
     check_flags(retry_failed=retry_failed, parquet=parquet)
     check_progress(progress)
     if folder is not None:
@@ -203,7 +222,8 @@ def run_batch(
     if parquet:
         check_parquet()
     store = Store(folder)
-    with store.writing({**batch.as_toml(), "provenance": origin}, pool.name, pool.processes):
+    scene = batch.file.read_text(encoding="utf-8", errors="replace")
+    with store.writing({**batch.as_toml(), "provenance": origin}, scene, pool.name, pool.processes):
         if retry_failed:
             store.forget_failures()
         study = _dataset(batch, origin, _compute(batch, pool, store, progress, clock))

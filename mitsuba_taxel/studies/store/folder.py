@@ -1,7 +1,8 @@
 """The folder of a study: its definition, and one file for each job that is done or has failed.
 
-``study.toml`` holds the definition of the study and the versions; ``jobs/000042.npz`` is a result, complete or absent,
-and ``failed/000042.json`` the reason of a failure. Everything else in the folder is derived from them.
+``study.toml`` holds the definition of the study and the versions, ``study_scene.xml`` its scene; ``jobs/000042.npz`` is
+a result, complete or absent, and ``failed/000042.json`` the reason of a failure. Everything else in the folder is
+derived from them.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,16 +35,16 @@ from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.plan.growth import TARGETS, moves
 from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, Job, JobResult
+from mitsuba_taxel.studies.store.changes import changed_study
 
 STUDY, LOCK, RUN, CHOICE = "study.toml", ".lock", "run.json", "points.json"
+SCENE = "study_scene.xml"
+"""The scene as it was when the study began; that of a scene made in Python is itself what is read."""
 JOBS, FAILED = "jobs", "failed"
 GROWING, GROWN = ".growing", ".grown"
 """Folders of a study that is being extended: incomplete, and complete."""
-MOST_LETTERS = 200
-"""Largest length of a line of a study file in a message."""
 _SUFFIXES = (".npz", ".json")
 """Of the files of jobs and of failures."""
-_LIST = re.compile(r"\[\n(.*?)\n\]", re.DOTALL)
 HEADING = "# The study whose results lie beside this file; it can be run again into another folder.\n"
 
 
@@ -69,10 +69,11 @@ class Store:
         """Whether the study now being written has a stricter target than the stored one."""
 
     @contextmanager
-    def writing(self, content: Mapping[str, Any], workers: str, processes: int) -> Iterator[None]:
+    def writing(self, content: Mapping[str, Any], scene: str, workers: str, processes: int) -> Iterator[None]:
         """Lock the folder for one run of the study ``content``, which starts or resumes it.
 
-        ``workers`` says in words who computes it, in how many ``processes`` at once.
+        ``scene`` is the text of its scene; ``workers`` says in words who computes it, in how many ``processes`` at
+        once.
 
         Raises
         ------
@@ -89,7 +90,7 @@ class Store:
         except Timeout:
             raise InputError(f"output folder {self.folder} is in use by another run.") from None
         try:
-            self._begin(content)
+            self._begin(content, scene)
             self._note_run(workers, processes)
             yield
         finally:
@@ -97,28 +98,38 @@ class Store:
 
     def _refuse_links(self) -> None:
         """Raise if what is written into lies elsewhere: a study harms nothing but its own folder."""
-        for name in (LOCK, JOBS, FAILED, MESHES, MAPS, GROWING, GROWN):
+        for name in (LOCK, SCENE, JOBS, FAILED, MESHES, MAPS, GROWING, GROWN):
             place = self.folder / name
-            kind = "file" if name == LOCK else "folder"
+            kind = "file" if name in (LOCK, SCENE) else "folder"
             if place.is_symlink():
                 raise InputError(f"output folder {self.folder} is not allowed: {name} in it is a link, not a {kind}.")
-            if place.exists() and place.is_dir() is (name == LOCK):
+            if place.exists() and place.is_dir() is (kind == "file"):
                 raise InputError(f"output folder {self.folder} is not allowed: {name} in it is not a {kind}.")
 
-    def _begin(self, content: Mapping[str, Any]) -> None:
+    def _begin(self, content: Mapping[str, Any], scene: str) -> None:
         self._finish_growing()
         if not (self.folder / STUDY).exists():
-            if any(not file.name.startswith(".") for file in self.folder.iterdir()):
+            if any(not file.name.startswith(".") and file.name != SCENE for file in self.folder.iterdir()):
                 raise InputError(f"output folder {self.folder} is not empty: results of two studies would mix.")
             write_text(self.folder / STUDY, HEADING + tomli_w.dumps(content))
         before = (self.folder / STUDY).read_text(encoding="utf-8", errors="replace").removeprefix(HEADING)
-        difference = _difference(tomli_w.dumps(content), before)
+        difference = changed_study(tomli_w.dumps(content), before, scene, self.scene)
         if difference and not self._forget(content) and not self._grow(before, content):
             raise InputError(f"output folder {self.folder} holds another study ({difference}): choose another folder.")
+        if self.scene != scene:
+            write_text(self.folder / SCENE, scene)
         for name in (JOBS, FAILED):
             make_folder(self.folder / name)
         for name in (MESHES, MAPS):
             remove_stale(self.folder / name)
+
+    @property
+    def scene(self) -> str:
+        """Text of the scene when the study began; empty if it is not there."""
+        try:
+            return (self.folder / SCENE).read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            return ""
 
     def _forget(self, content: Mapping[str, Any]) -> bool:
         """Begin the study anew if its run has left no result; False, and nothing is changed, if it has."""
@@ -370,20 +381,6 @@ def _failure(file: Path) -> Failure | None:
     except (OSError, ValueError, TypeError, RecursionError):
         return None
     return failure if isinstance(failure.message, str) else None
-
-
-def _difference(now: str, before: str) -> str:
-    """The first line in which two study files differ, or an empty text."""
-    pairs = zip_longest(*(_LIST.sub(_on_one_line, text).splitlines() for text in (now, before)), fillvalue="nothing")
-    return next((f"it has {_short(old)} instead of {_short(new)}" for new, old in pairs if new != old), "")
-
-
-def _on_one_line(found: re.Match[str]) -> str:
-    return f"[{', '.join(line.strip().removesuffix(',') for line in found[1].splitlines())}]"
-
-
-def _short(line: str) -> str:
-    return line if len(line) <= MOST_LETTERS else f"{line[:MOST_LETTERS]} ..."
 
 
 def begin_tree(folder: Path, study: Mapping[str, Any]) -> None:

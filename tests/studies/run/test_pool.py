@@ -11,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from own_wall import PLATE_OF_ONES_OWN, darkened_wall
 from stand_ins import mortal, take_threads
 
-from mitsuba_taxel import Pad, PadSensor, PhotoReflector, Scene, measure, sweep, write_xml
+from mitsuba_taxel import Pad, PadSensor, PhotoReflector, Scene, load_plugins, measure, sweep, write_xml
+from mitsuba_taxel.backend import own_plugins
 from mitsuba_taxel.studies.run import pool, processes
 from mitsuba_taxel.studies.run.job import Failure, Job
 from mitsuba_taxel.studies.run.pool import open_pool
@@ -32,15 +34,38 @@ def test_processes_give_the_same_to_the_bit(alone):
     np.testing.assert_array_equal(shared.replicate_power, alone.replicate_power)
 
 
-def test_a_cluster_gives_the_same_to_the_bit(alone, tmp_path):
+@pytest.fixture
+def own_walls(tmp_path, monkeypatch, llvm_mono):
+    """Sweep of a plate with a wall of one's own that is forgotten after the test: ``own_walls(its name, ...)``."""
+    monkeypatch.setattr(own_plugins, "_LOADED", {})
+
+    def study(name: str, **how):
+        file = darkened_wall(tmp_path / f"{name}.py")
+        load_plugins(file)
+        (tmp_path / "own.xml").write_text(PLATE_OF_ONES_OWN.format(name))
+        return sweep(tmp_path / "own.xml", {"share": "0.5,1"}, points=64, **how)
+
+    return study
+
+
+def test_a_cluster_gives_the_same_to_the_bit(alone, tmp_path, own_walls):
     distributed = pytest.importorskip("distributed")
     settings = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": "127.0.0.1:0"}
     with distributed.LocalCluster(
         host="127.0.0.1", local_directory=str(tmp_path), silence_logs=50, **settings
     ) as cluster:
         spread = sweep("plate.xml", VARY, scheduler=cluster.scheduler_address, output=tmp_path / "out", **RUN)
+        own = own_walls("darkened_on_a_cluster", scheduler=cluster.scheduler_address)
     np.testing.assert_array_equal(spread.replicate_power, alone.replicate_power)
     assert len(list((tmp_path / "out" / "jobs").iterdir())) == 4
+    np.testing.assert_array_equal(own.replicate_power, own_walls("darkened_on_a_cluster").replicate_power)
+
+
+def test_processes_know_the_plugins_that_the_user_has_loaded(own_walls):
+    """And only such files: a scene that needs one fails without."""
+    shared = own_walls("darkened", workers=1)
+    np.testing.assert_array_equal(shared.replicate_power, own_walls("darkened").replicate_power)
+    np.testing.assert_allclose(shared.power.sel(share="0.5"), 0.5 * shared.power.sel(share="1"), rtol=1e-5)
 
 
 def job_of(file, points, seed):

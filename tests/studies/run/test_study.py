@@ -104,11 +104,6 @@ def test_refused(vary, options, culprit):
         sweep("plate.xml", vary, **options)
 
 
-def test_a_study_wants_a_file(llvm_mono):
-    with pytest.raises(InputError, match="type Scene is not allowed in a study: path or name of an XML file"):
-        sweep(Scene.from_file("plate.xml"), {"z": "1,2"})
-
-
 def test_failed_scene_is_named(monkeypatch):
     def fail(*_, **__):
         raise ComputationError("the pad buckles")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -172,9 +173,17 @@ def test_results_of_other_code_or_another_scene_are_refused(tmp_path, finished, 
 
     scene.write_text(find_scene("plate.xml").read_text())
     sweep(scene, {"z": "0.6"}, output=tmp_path / "own", **RUN)
-    scene.write_text(scene.read_text().replace("4", "5"))
-    with pytest.raises(InputError, match="holds another study .*scene_content"):
-        sweep(scene, {"z": "0.6"}, output=tmp_path / "own", **RUN)
+    plain = scene.read_text()
+    for text, said in (
+        (plain.replace('name="law" value="uniform_solid_angle"', 'name="law" value="lambertian"'),
+         "own.xml has changed since: the <default> law is lambertian instead of uniform_solid_angle"),
+        (plain.replace('z="0.5"', 'z="0.6"'), "own.xml has changed since: z of translate is 0.6 instead of 0.5"),
+        (plain.replace("<integrator", "<sampler type='owen_sobol'/> <integrator"), "own.xml has changed since: line"),
+    ):  # fmt: skip
+        assert text != plain
+        scene.write_text(text)
+        with pytest.raises(InputError, match=re.escape(f"own holds another study ({said}")):
+            sweep(scene, {"z": "0.6"}, output=tmp_path / "own", **RUN)
 
 
 def test_foreign_files_are_not_touched(tmp_path):
@@ -220,7 +229,7 @@ def test_a_study_that_is_killed_as_it_grows_is_completed(finished, monkeypatch):
 
         monkeypatch.setattr(Path, "rename", rename)
         with contextlib.suppress(KeyboardInterrupt):
-            store.Store(folder)._begin(grown_content(folder, killed_at))
+            store.Store(folder)._begin(grown_content(folder, killed_at), "")
         monkeypatch.setattr(Path, "rename", really)
         store.Store(folder)._finish_growing()
         assert (folder / "jobs" / "notes.txt").read_text() == "kept"

@@ -1,0 +1,73 @@
+"""Mitsuba plugins in Python files of the user, for this process and for those that compute for it.
+
+Only files that the user names are run: none that a scene, a study or a folder of results names.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+from mitsuba_taxel.backend.registry import activate_variant
+from mitsuba_taxel.base.arguments import path_of
+from mitsuba_taxel.base.errors import InputError
+
+_LOADED: dict[Path, None] = {}
+"""Files that have been run, in their order."""
+
+
+def load_plugins(*files: str | Path) -> None:
+    """Run Python files that register plugins, such as by ``mi.register_bsdf``; each once in a process.
+
+    Worker processes and Dask workers of studies run them as well, under the same path. Results in a folder are of the
+    files as they were: the folder is refused once they have changed.
+
+    Parameters
+    ----------
+    files : str or Path
+        Paths. A file finds Mitsuba in the variant in use, which it must leave, and imports what is installed.
+
+    Raises
+    ------
+    InputError
+        if a file does not exist, is not Python, raises an exception or changes the variant.
+    """
+    for file in files:
+        path = path_of("plugin", file).absolute()
+        if path.suffix != ".py" or not _is_file(path):
+            raise InputError(f"plugin = {str(file)!r} is not allowed: an existing file that ends in .py is needed.")
+        if path not in _LOADED:
+            _run(path)
+            _LOADED[path] = None
+
+
+def loaded_plugins() -> tuple[Path, ...]:
+    """The files that :func:`load_plugins` has run."""
+    return tuple(_LOADED)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # its name is too long
+        return False
+
+
+def _run(path: Path) -> None:
+    import mitsuba as mi
+
+    variant = activate_variant()
+    name = f"own_plugin_{len(_LOADED)}_{path.stem}"  # no other module's
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise InputError(f"plugin = {path.name!r} cannot be run: {reason}.") from error
+    if mi.variant() != variant:
+        mi.set_variant(variant)
+        raise InputError(f"plugin = {path.name!r} is not allowed: it sets another variant than {variant}.")
