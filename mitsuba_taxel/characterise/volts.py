@@ -15,7 +15,7 @@ from mitsuba_taxel.characterise.roles import with_forces_named
 from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
 from mitsuba_taxel.characterise.slopes import slopes
 from mitsuba_taxel.electronics import Circuit, in_volts, respond, saturation_force, total_noise
-from mitsuba_taxel.electronics.noise import FINE, RESOLUTION
+from mitsuba_taxel.electronics.noise import FEW_COUNTS, FINE, RESOLUTION, unused_range
 
 if TYPE_CHECKING:
     import pandas
@@ -32,10 +32,10 @@ def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float 
     -------
     Columns: ``force``; the other varied parameters; ``taxel``; ``rest_V``, ``rest_counts`` and ``noise_V`` (1 sigma) at
     the least force; ``mean_slope_V_per_N`` and its ``_error``, between the ends of the line, and
-    ``mean_slope_counts_per_N``; ``noise_force_N``, the noise as a force at the first step, and ``least_noise_force_N``,
-    the least of all steps, both infinite beyond the converter's full scale, where nothing is read; ``saturation_N``,
-    the least force where the output reaches the circuit's limit, by linear interpolation of the power, NaN if it does
-    not.
+    ``mean_slope_counts_per_N``; ``signal_counts``, from the least force to the largest; ``noise_force_N``, the noise as
+    a force at the first step, and ``least_noise_force_N``, the least of all steps, both infinite beyond the converter's
+    full scale, where nothing is read; ``saturation_N``, the least force where the output reaches the circuit's limit,
+    by linear interpolation of the power, NaN if it does not.
     """
     import pandas
 
@@ -50,7 +50,8 @@ def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float 
 
 
 def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
-    """What limits the numbers of a :func:`volts_table`: saturated taxels, and noise that the converter does not see."""
+    """What limits the numbers of a :func:`volts_table`: saturated taxels, a range that is not used, few counts of
+    signal, and noise that the converter does not see."""
     if circuit is None or not len(table):
         return []
     notes = []
@@ -66,6 +67,10 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
             f"Saturated (output of {circuit.limit:.4g} V or more; full scale {circuit.full_scale:.4g} V): "
             f"{', '.join(places[:MOST_NAMED])}{more}. Slopes and noise as a force hold up to there only."
         )
+    notes += unused_range(circuit, int(np.maximum(table.rest_counts, table.rest_counts + table.signal_counts).max()))
+    signal = int(table.signal_counts.abs().max())
+    if signal < FEW_COUNTS and not len(saturated):
+        notes.append(f"Counts of signal, from the least force to the largest: {signal} at most.")
     if (table.noise_V < FINE * circuit.step).any():
         notes.append(RESOLUTION.format(step=circuit.step))
     return notes
@@ -105,6 +110,7 @@ def _figures(circuit: Circuit, power: Branch, slope: np.ndarray, error: np.ndarr
         "mean_slope_V_per_N": slope,
         "mean_slope_V_per_N_error": error,
         "mean_slope_counts_per_N": slope / circuit.step,
+        "signal_counts": shown.counts[largest] - shown.counts[least],
         "noise_force_N": hidden[least - (largest < least)],
         "least_noise_force_N": hidden.min(axis=0),
         "saturation_N": saturation_force(circuit, force, light),

@@ -18,6 +18,26 @@ RESOLUTION = (
     "step / sqrt(12)), which is the same in repeated samples and which no mean improves."
 )
 
+LEAST_USED, ENOUGH_COUNTS = 0.1, 1000
+"""Share of the converter's range, and counts, below both of which a reading is remarked."""
+FEW_COUNTS = 20
+"""Signal in counts below which the steps of the converter are more than 5 % of it."""
+
+
+def unused_range(circuit: Circuit, most: int) -> list[str]:
+    """The remark, if any, that readings of at most so many counts use little of the converter, and with which load
+    they would use half of it."""
+    counts = 2**circuit.adc_bits
+    if most >= min(LEAST_USED * counts, ENOUGH_COUNTS):
+        return []
+    resistance = circuit.load_resistance * 0.5 * circuit.limit / ((most + 0.5) * circuit.step)
+    remedy = (
+        f"; load_resistance = {float(f'{resistance:.2g}'):g} would use half"
+        if most > 0 and resistance < math.inf
+        else ""
+    )
+    return [f"The largest reading is {most} of {counts} counts{remedy}."]
+
 
 def noise_parts(circuit: Circuit, power: Any) -> dict[str, np.ndarray]:
     """Standard deviations in V for optical powers in W, by their source.

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.electronics.circuit import Circuit
-from mitsuba_taxel.electronics.noise import FINE, RESOLUTION, total_noise
+from mitsuba_taxel.electronics.noise import FINE, RESOLUTION, total_noise, unused_range
 from mitsuba_taxel.electronics.response import respond
 from mitsuba_taxel.electronics.saturation import change_to_saturation
 
@@ -57,6 +57,7 @@ class Shown(NamedTuple):
         Voltage of one count, in V.
     derivatives : ShownDerivatives or None
         Those of the readings.
+    circuit : Circuit
     """
 
     voltage: np.ndarray
@@ -66,6 +67,7 @@ class Shown(NamedTuple):
     saturated: np.ndarray
     step: float
     derivatives: ShownDerivatives | None
+    circuit: Circuit
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
@@ -80,8 +82,8 @@ class Shown(NamedTuple):
 
     @property
     def notes(self) -> list[str]:
-        """What limits the numbers: saturation, and noise that the converter does not see."""
-        notes = []
+        """What limits the numbers: saturation, a range that is not used, and noise that the converter does not see."""
+        notes = unused_range(self.circuit, int(self.counts.max(initial=0)))
         if self.saturated.any():
             notes.append(
                 "saturated: the output is at the circuit's limit; from the converter's full scale on readings tell "
@@ -98,7 +100,9 @@ def shown(circuit: Circuit, readings: Any) -> Shown:
     response, noise = respond(circuit, power), total_noise(circuit, power)
     error = response.rate * readings.total_error
     derivatives = None if readings.derivatives is None else _shown(circuit, readings.derivatives, noise)
-    return Shown(response.voltage, error, noise, response.counts, response.saturated, circuit.step, derivatives)
+    return Shown(
+        response.voltage, error, noise, response.counts, response.saturated, circuit.step, derivatives, circuit
+    )
 
 
 def _shown(circuit: Circuit, derivatives: Any, noise: np.ndarray) -> ShownDerivatives:

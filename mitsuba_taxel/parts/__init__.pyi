@@ -31,3 +31,4 @@ from .part import (
 from .part import (
     read_part as read_part,
 )
+from .part_circuit import circuit_of_part as circuit_of_part

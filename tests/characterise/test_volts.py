@@ -60,6 +60,26 @@ def test_no_slope_and_no_force_of_a_saturated_converter(study):
     assert len(volts_notes(volts_table(study, noisy), noisy)) == 1 and volts_notes(table, None) == []
 
 
+@pytest.mark.parametrize(
+    ("load", "said"),
+    [
+        (22e3, []),  # 218 counts at rest, 655 under load
+        (2.2e3, ["The largest reading is 65 of 4096 counts; load_resistance = 67000 would use half."]),
+        (220, ["The largest reading is 6 of 4096 counts", "from the least force to the largest: 4 at most."]),
+        (0, ["The largest reading is 0 of 4096 counts.", "from the least force to the largest: 0 at most."]),
+    ],
+)
+def test_a_converter_that_is_hardly_used_is_remarked(study, load, said):
+    """With the load that uses half of it."""
+    circuit = replace(CIRCUIT, load_resistance=float(load), other_noise=1e-2)
+    notes = volts_notes(volts_table(study.isel(taxel=[0]), circuit), circuit)
+    assert len(notes) == len(said) and all(words in note for words, note in zip(said, notes, strict=True))
+    if load == 2.2e3:
+        better = replace(circuit, load_resistance=67e3)
+        table = volts_table(study.isel(taxel=[0]), better)
+        assert (table.rest_counts + table.signal_counts).item() == pytest.approx(0.5 * 4096 * 3.2 / 3.3, rel=0.02)
+
+
 def test_of_a_run_through_zero_neighbouring_forces_count(study):
     """The light of one taxel is linear, that of the other changes on one side of zero alone."""
     force = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])

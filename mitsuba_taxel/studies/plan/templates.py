@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from mitsuba_taxel.base.arguments import path_of
 from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.parts import Part, circuit_of_part, read_part
+from mitsuba_taxel.parts.part_circuit import OPTIONAL
 from mitsuba_taxel.studies.plan.files import check_new_file
 
 SUFFIXES = {"scene": ".xml", "touch": ".xml", "study": ".toml", "steps": ".csv", "circuit": ".toml", "part": ".toml"}
@@ -56,7 +59,7 @@ _TOUCH = (
 """What the scene with a ball has in place of what that with a force has."""
 
 
-def write_template(kind: str, file: str | Path) -> None:
+def write_template(kind: str, file: str | Path, part: str | Path | None = None) -> None:
     """Write a commented template, which can be used unchanged.
 
     Parameters
@@ -66,19 +69,24 @@ def write_template(kind: str, file: str | Path) -> None:
         (CSV), ``circuit`` or ``part`` (TOML).
     file : str or Path
         New file, with the suffix of its kind: ``.xml``, ``.toml`` or ``.csv``.
+    part : str or Path, optional
+        Of a circuit: the part whose datasheet gives its numbers (`circuit_of_part`), by name or as a TOML file.
 
     Raises
     ------
     InputError
-        if there is no such kind, or the file exists or cannot be written.
+        if there is no such kind, the file exists or cannot be written, or the part is not known or states too little.
     """
     if not isinstance(kind, str) or kind not in SUFFIXES:
         raise InputError(f"kind = {kind!r} is not allowed: one of {', '.join(SUFFIXES)} is needed.")
     file = path_of("file", file)
+    if part is not None and kind != "circuit":
+        raise InputError(f"part = {str(part)!r} is not allowed: a {kind} has no numbers of a part, only a circuit has.")
+    text = _text(kind) if part is None else _circuit_text(read_part(part))
     check_new_file(file, SUFFIXES[kind])
     if file.exists():
         raise InputError(f"{file} exists: the name of a new file is needed.")
-    write_text(file, _text(kind))
+    write_text(file, text)
 
 
 def _text(kind: str) -> str:
@@ -89,3 +97,34 @@ def _text(kind: str) -> str:
             text = text.replace(force, ball)
         return text
     return (_FILES / f"{kind}{SUFFIXES[kind]}").read_text(encoding="utf-8")
+
+
+def _circuit_text(part: Part) -> str:
+    """The template of a circuit with the numbers of a part in it; those that it does not state are left out."""
+    circuit = circuit_of_part(part).as_table()
+    figures = part.electrical
+    typical = figures["collector_current_typical_A"]
+    spread = [f"{figures[name] / typical:.2g}" for name in _SPREAD if name in figures]
+    between = f", from part to part {' to '.join(spread)} times that" if spread else ""
+    condition = f"under a {part.distance_reflector} at {figures['collector_distance_mm']:g} mm"
+    about = {
+        "load_resistance": "Ohm, from the emitter to ground; weaker light may need more",
+        "transfer": f"A/W: {typical:g} A {condition}{between}",
+        "led_efficiency": "W/A, assumed; its product with transfer is what the part states",
+    }
+    unknown = {*OPTIONAL.values(), "led_drift"} - {ours for name, ours in OPTIONAL.items() if name in figures}
+    head = f"# {part.name}: {part.title}\n# {part.source}; what the part does not state is an example.\n"
+    lines = []
+    for line in _text("circuit").splitlines():
+        match = re.match(r"(?P<name>\w+) = \S+ *(?P<comment># .*)?", line)
+        name = match["name"] if match else ""
+        if match and name in unknown:
+            line = f"# {line}"
+        elif match and name in (*about, "led_current", *OPTIONAL.values()):
+            comment = f"# {about[name]}" if name in about else match["comment"]
+            line = f"{f'{name} = {circuit[name]:g}':<28}{comment}"
+        lines.append(line)
+    return head + "\n".join(lines).replace(", with example values: replace them by your parts'", "") + "\n"
+
+
+_SPREAD = ("collector_current_least_A", "collector_current_most_A")
