@@ -10,13 +10,10 @@ from mitsuba_taxel.check.faces import CORNERS, Boxes, Faces, apply, boxes_of, fa
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Parts, ScenePart
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.pad import PROFILE
-from mitsuba_taxel.pads.profile import outline
+from mitsuba_taxel.pads.room import ROUNDING, holds, nearest_cell, room_needed
 
 GAP = 1e-3
 """Negligible distance in mm between pad and board."""
-_ROUNDING = 1e-5
-"""Relative error of lengths in single precision."""
 _ON_SURFACE = 1e-4
 """Negligible distance from the surface of a box, relative to its half side."""
 
@@ -63,7 +60,7 @@ def _nothing_in_front(faces: list[Faces], parts: Parts) -> Iterator[Finding]:
     for face in faces:
         others = [corners for part, corners in extents if part is not face.carrier]
         ahead = [np.max((corners - face.centres[0]) @ face.normal) for corners in others]
-        if all(distance <= _ROUNDING * face.side for distance in ahead):
+        if all(distance <= ROUNDING * face.side for distance in ahead):
             what = f"nothing lies in front of the {face.part.plugin}"
             yield face.part.finding("warning", f"{what}: turn it round, or add what is to reflect light.")
 
@@ -144,11 +141,12 @@ def _in_cells(body: Boxes, pads: list[ScenePart]) -> Iterator[Finding]:
         near = np.all((low[:, :2] < half) & (high[:, :2] > -half), axis=1)
         near &= (low[:, 2] < shape.height) & (high[:, 2] > 0)
         cells = np.array(shape.cell_centres)
-        number = _nearest_cell(shape, 0.5 * (low + high)[:, :2])
-        free = _inside(shape, corners - np.insert(cells[number], 2, 0, axis=1)[:, None])
+        number = nearest_cell(shape, 0.5 * (low + high)[:, :2])
+        free = holds(shape, corners - np.insert(cells[number], 2, 0, axis=1)[:, None])
         stand |= near
         if np.any(near & ~free):
-            yield _stands_in_silicone(body, pad, int(np.argmax(near & ~free)))
+            index = int(np.argmax(near & ~free))
+            yield _stands_in_silicone(body, pad, index, corners[index])
         elif np.any(near):
             yield from _other_pitch(body, pad)
             yield from _cells_not_read(body, pad, number[near & free] + 1)
@@ -165,36 +163,11 @@ def _reach_into(corners: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     return np.any(np.all((low < boxes[:, 1]) & (high > boxes[:, 0]), axis=2), axis=1)
 
 
-def _nearest_cell(pad: Pad, places: np.ndarray) -> np.ndarray:
-    """(N,) index of the cell nearest to each point (N, 2) on the pad's bottom."""
-    last = np.array([pad.columns - 1, pad.rows - 1])
-    column, row = np.clip(np.round(places / pad.pitch * [1, -1] + last / 2), 0, last).astype(int).T
-    return row * pad.columns + column
-
-
-def _inside(pad: Pad, points: np.ndarray) -> np.ndarray:
-    """(N,) whether all of some points (N, M, 3), relative to the centre of a cell's opening, lie in the cell."""
-    slack = _ROUNDING * pad.cell_size
-    points = points - points[..., 2:] * [*pad.slope, 0.0]
-    radius = 0.5 * pad.cell_size - slack
-    across = np.hypot(points[..., 0], points[..., 1])
-    if pad.is_square:
-        across = np.abs(points[..., :2]).max(axis=-1)
-    roof = np.full(across.shape, pad.top_of_cell)
-    if pad.cell == PROFILE:  # seen from the middle, directions and distances of its wall are unique
-        r, z = outline(pad).T
-        wall = np.interp(np.arctan2(across, points[..., 2]), np.arctan2(r, z), np.hypot(r, z))
-        return np.all(np.hypot(across, points[..., 2]) < wall - slack, axis=1)
-    if pad.dome_radius:
-        roof += np.sqrt(np.maximum(pad.dome_radius**2 - across**2, 0)) - pad.dome_radius
-    return np.all((across < radius) & (points[..., 2] < roof - slack), axis=1)
-
-
-def _stands_in_silicone(body: Boxes, pad: ScenePart, index: int) -> Finding:
+def _stands_in_silicone(body: Boxes, pad: ScenePart, index: int, corners: np.ndarray) -> Finding:
     shape, reflector = pad.made.pad, body.part.made
     size = " x ".join(f"{side:g}" for side in reflector.body)
     cells = f"whose cells are {shape.cell_size:g} mm wide and {shape.top_of_cell:g} mm high"
-    remedy = "make it smaller, or move it"
+    remedy = f"{room_needed(shape, corners)}; or move it"
     grids = [(part.rows, part.columns, part.pitch) for part in (reflector, shape)]
     if grids[0] != grids[1]:
         own, pads = (f"{rows} x {columns} at {pitch:g} mm" for rows, columns, pitch in grids)

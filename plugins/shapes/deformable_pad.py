@@ -268,9 +268,10 @@ class DeformablePad(mi.Mesh):
         try:
             state = self.state_under(self.value, obstacles)
         except InputError as error:  # undeformed
-            if not isinstance(self.pad, PadFile):
-                raise
-            advice = self.pad.placement.advice(self.state.mesh)
+            if isinstance(self.pad, PadFile):
+                advice = self.pad.placement.advice(self.state.mesh)
+            else:
+                advice = self._room_needed(obstacles)
             raise InputError(f"{str(error).removesuffix('.')}; {advice}.") from error
         if not self.load.goes_on:
             return False
@@ -279,6 +280,19 @@ class DeformablePad(mi.Mesh):
             return False
         self.take(state)
         return True
+
+    def _room_needed(self, obstacles: np.ndarray) -> str:
+        """For the first package that does not fit into its cell, in words; else the width of the cells."""
+        from mitsuba_taxel.mechanics.contact.bodies import body_of_each
+        from mitsuba_taxel.pads.room import holds, nearest_cell, room_needed
+
+        number = body_of_each(obstacles)
+        for corners in (obstacles[number == each].reshape(-1, 3) for each in range(number.max() + 1)):
+            middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+            centre = self.pad.cell_centres[nearest_cell(self.pad, middle[None, :2])[0]]
+            if not holds(self.pad, (corners - [*centre, 0.0])[None])[0]:
+                return room_needed(self.pad, corners)
+        return f"its cells are {self.pad.cell_size:g} mm wide"
 
     def take(self, state: State) -> None:
         """Become the surface of another state of the pad on the same mesh."""

@@ -19,7 +19,7 @@ class LoadPathEnds(ComputationError):
     Attributes
     ----------
     load : Load or None
-        Of which `value` is one: under a force on an indenter, the displacement of that.
+        Of which `value` is one.
     value : ndarray or None
         (3,) in N or mm, or (1,) in MPa: the last of which there is a state.
     contact : Contact or None
@@ -41,6 +41,12 @@ class LoadPathEnds(ComputationError):
         assert self.load is not None and self.value is not None
         words = str(self).replace(_shown(self.load, self.value), _shown(load, value))
         return LoadPathEnds(words, load, value, self.contact)
+
+    def under(self, load: Load, value: np.ndarray) -> LoadPathEnds:
+        """The same end, named by the force on an indenter and by the displacement that it drives."""
+        assert self.load is not None and self.value is not None
+        driven = _shown(self.load, self.value)
+        return LoadPathEnds(str(self).replace(driven, f"{_shown(load, value)}, {driven}"), load, value, self.contact)
 
 
 def end_of_path(

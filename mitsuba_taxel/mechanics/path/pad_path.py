@@ -127,11 +127,27 @@ class PadPath:
                 if reached > float(np.ptp(self.mesh.points[:, 2])):
                     raise InputError("an indenter that touches nothing cannot press: place it over the pad.")
                 further = (math.floor(reached / segment.step + 0.5 / TICKS) + 1) * segment.step
-                driven.canonical(further * down, [], obstacles)
+                self._canonical_driven(further * down, [], obstacles)
             depth = depth_under(pad, segment, -value[2])
             arrays = {"depth": np.array(depth)}
             cache.store(name, arrays)
         return float(arrays["depth"]) * down
+
+    def _canonical_driven(
+        self, moved: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
+    ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
+        """As `canonical` of the driven path, whose end is told with the largest force that was carried as well."""
+        driven, down = self.driven, np.array([0.0, 0.0, -1.0])
+        try:
+            return driven.canonical(moved, mirrors, obstacles)
+        except LoadPathEnds as end:
+            segment, pad = driven.segments.towards(np.zeros(3), down), driven.segments.pad_for(np.zeros(3), down)
+            if end.value is None or not segment.nodes:
+                raise
+            last = min(-float(end.value[2]), segment.nodes[-1].s)
+            nodes = [node for node in segment.nodes if node.s < last] + [segment.solved(pad, last)]
+            carried = max(force_at(pad, segment, node) for node in nodes)
+            raise end.under(self.load, np.array([0.0, 0.0, -carried])) from end
 
     @cached_property
     def images(self) -> dict[Mirror, np.ndarray]:
@@ -311,7 +327,7 @@ class PadPath:
         if not value.any():
             return *found, Interpolated(np.zeros(0), 1.0, 0.0, 0, True, 0.0)
         if isinstance(self.load, IndenterForce):
-            return self.driven.canonical(self.driven_to(value, obstacles), mirrors, obstacles)
+            return self._canonical_driven(self.driven_to(value, obstacles), mirrors, obstacles)
         start, seconds = partial(_at_rest, found), 0.0
         for segment, s in self.segments.to(value):
             pad = self.segments.pad_for(segment.origin, segment.direction)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +28,7 @@ from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
+from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.path.pad_path import pad_path
 from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes, carried_to
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR
@@ -124,6 +126,16 @@ def test_a_force_presses_as_deep_as_it_takes(few_elements_under_bodies):
     np.testing.assert_allclose(rate.displacement, difference, atol=2e-2 * np.abs(difference).max())
     (at_rest,) = pressed((0, 0, 0), load=by_force)
     assert not at_rest.displacement.any()
+
+
+def test_a_path_under_a_force_ends_in_newtons(fresh):
+    """At the force by which the reactions balance the body that is moved as far."""
+    with pytest.raises(LoadPathEnds, match=r"ends at force = \(0, 0, -.*\) N, displacement = \(0, 0, -.*\) mm") as end:
+        pressed((0, 0, -100.0), load=IndenterForce(BALL.indenter))
+    moved = float(re.search(r"displacement = \(0, 0, (.*)\) mm", str(end.value))[1])
+    (state,) = pressed((0, 0, 0.9999 * moved))
+    assert end.value.value[2] == pytest.approx(reactions(state).applied_force[2], rel=2e-3)
+    assert end.value.load.quantity == "force"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,77 @@
+"""Room for packages in the cells of undeformed pads of built-in shapes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.pads.pad import PROFILE, Pad
+from mitsuba_taxel.pads.profile import outline
+
+ROUNDING = 1e-5
+"""Relative error of lengths in single precision."""
+WIDEST = 10.0
+"""Times the width of a package, of cells that are tried for it."""
+_BISECTIONS = 20
+
+
+def nearest_cell(pad: Pad, places: np.ndarray) -> np.ndarray:
+    """(N,) index of the cell nearest to each point (N, 2) on the pad's bottom."""
+    last = np.array([pad.columns - 1, pad.rows - 1])
+    column, row = np.clip(np.round(places / pad.pitch * [1, -1] + last / 2), 0, last).astype(int).T
+    return row * pad.columns + column
+
+
+def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
+    """(N,) whether all of some points (N, M, 3), relative to the centre of a cell's opening, lie in the cell."""
+    slack = ROUNDING * pad.cell_size
+    points = points - points[..., 2:] * [*pad.slope, 0.0]
+    radius = 0.5 * pad.cell_size - slack
+    across = np.hypot(points[..., 0], points[..., 1])
+    if pad.is_square:
+        across = np.abs(points[..., :2]).max(axis=-1)
+    roof = np.full(across.shape, pad.top_of_cell)
+    if pad.cell == PROFILE:  # seen from the middle, directions and distances of its wall are unique
+        r, z = outline(pad).T
+        wall = np.interp(np.arctan2(across, points[..., 2]), np.arctan2(r, z), np.hypot(r, z))
+        return np.all(np.hypot(across, points[..., 2]) < wall - slack, axis=1)
+    if pad.dome_radius:
+        roof += np.sqrt(np.maximum(pad.dome_radius**2 - across**2, 0)) - pad.dome_radius
+    return np.all((across < radius) & (points[..., 2] < roof - slack), axis=1)
+
+
+def room_needed(pad: Pad, corners: np.ndarray) -> str:
+    """How wide the cells of a pad must be, in words, for a package that stands where it does.
+
+    Parameters
+    ----------
+    pad : Pad
+    corners : (M, 3) ndarray
+        Of the package in the frame of the pad, in mm.
+
+    Returns
+    -------
+    The least width by bisection, or that cells of this height hold it at no width.
+    """
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    number = nearest_cell(pad, 0.5 * (low + high)[None, :2])[0]
+    points = (corners - [*pad.cell_centres[number], 0.0])[None]
+    width = 2 * float(np.abs(points[..., :2]).max())
+
+    def fits(cell_size: float) -> bool:
+        room = {"pitch": 4 * cell_size, "wall": cell_size, "height": 4 * cell_size + pad.height, "meshed_as": ""}
+        try:
+            return bool(holds(pad.changed(rows=1, columns=1, cell_size=cell_size, **room), points)[0])
+        except InputError:  # a roof that is wider than it is high
+            return False
+
+    sizes = [size for size in np.geomspace(width, WIDEST * width, 64).tolist() if fits(size)]
+    if not sizes:
+        return f"its cells, {pad.top_of_cell:.3g} mm high, are too low for a package of {high[2]:.3g} mm"
+    least, most = max(width * (1 - 1e-6), sizes[0] / WIDEST ** (1 / 63)), sizes[0]
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (least + most)
+        least, most = (least, middle) if fits(middle) else (middle, most)
+    rounded = np.ceil(most * 100 * (1 - 1e-9)) / 100
+    size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g} mm"
+    return f"a package of {size} needs cells at least {rounded:g} mm wide there"
