@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 
@@ -179,32 +179,43 @@ def records(table) -> list[dict[str, object]]:
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A function (done, total) that moves a bar on stderr, or does nothing if stderr is not a terminal."""
+    """A function (done, total) that moves a bar on stderr, or does nothing if stderr is not a terminal.
+
+    Beside it stands what is done at the moment, such as meshing.
+    """
+    from mitsuba_taxel.base.activities import announced_to
+
     with _bar() as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        task = bar.add_task(what, total=None, activity="")
+        with announced_to(lambda words: bar.update(task, activity=words)):
+            yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 @contextmanager
 def study_bar() -> Iterator[Callable]:
     """A function that shows a study's ``Progress`` on a terminal: jobs, time left and error so far."""
+    from mitsuba_taxel.base.activities import announced_to
     from mitsuba_taxel.base.units import in_percent
 
     with _bar() as bar:
-        task = bar.add_task("readings", total=None)
+        task = bar.add_task("readings", total=None, activity="")
 
         def show(progress) -> None:
             failed = f", {progress.failed} failed" if progress.failed else ""
             words = f"readings (error {in_percent(progress.error)}{failed})"
             bar.update(task, completed=progress.done, total=progress.total, description=words)
 
-        yield show
+        with announced_to(lambda words: bar.update(task, activity=words)):
+            yield show
 
 
 def _bar() -> Progress:
     """A bar on stderr, if that is a terminal."""
     console = Console(file=sys.__stderr__)  # control characters move its cursor
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.fields[activity]}"),
+    )  # fmt: skip
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 

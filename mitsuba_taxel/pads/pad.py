@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from mitsuba_taxel.base.activities import activity
 from mitsuba_taxel.base.arguments import as_numbers, check_whole
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
@@ -293,9 +294,10 @@ class Pad(Checked, Displayed):
         from mitsuba_taxel.pads.parametric.morphing import moved_onto
 
         origin = self.origin
-        if origin is None:
-            return mesh_pad(self, mesh_size)
-        return moved_onto(self, origin, (of_origin or mesh_pad)(origin, mesh_size))
+        with activity(f"meshing, elements of {mesh_size:.3g} mm"):
+            if origin is None:
+                return mesh_pad(self, mesh_size)
+            return moved_onto(self, origin, (of_origin or mesh_pad)(origin, mesh_size))
 
     @property
     def extent(self) -> tuple[float, float, float]:

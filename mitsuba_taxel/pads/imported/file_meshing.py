@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from mitsuba_taxel.base.activities import activity
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.element_maps import worst_element
 from mitsuba_taxel.geometry.geometry_error import GeometryError, place
@@ -33,7 +34,7 @@ def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
     """
     if not (math.isfinite(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
-    with _named(pad):
+    with _named(pad), activity(f"meshing {pad.path.name}, elements of {mesh_size:.3g} mm"):
         content = pad.content()
         if pad.is_drawn:
             mesh = mesh_step(pad.path.resolve(), pad.digest, pad.regions, mesh_size, pad.placement)
@@ -49,7 +50,7 @@ def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
 
 def default_size_of(pad: PadFile) -> float:
     """Default size of elements in mm; raises as :func:`mesh_pad_file` does."""
-    with _named(pad):
+    with _named(pad), activity(f"reading {pad.path.name}"):
         content = pad.content()
         if pad.is_drawn:
             body = surveyed(pad.path.resolve(), pad.digest, pad.regions, pad.placement)

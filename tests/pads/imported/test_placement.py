@@ -67,9 +67,10 @@ EXPECTED = {
     ],
 )
 def test_a_file_loads_with_at_most_two_parameters_that_messages_name(tmp_path, box, write_stl, unit, up, shift):
-    """Three units, six orientations, off centre, at another height: the parameter that is named is given."""
+    """Three units, six orientations, off centre, at another height, in capitals: the parameter that is named is given."""
+    name_of_file = "PAD.STL" if unit == 1 else "pad.stl"
     points = turned(box(SIZE, HOLLOW).reshape(-1, 3), up) + shift
-    write_stl(tmp_path / "pad.stl", (points / unit).reshape(-1, 3, 3))
+    write_stl(tmp_path / name_of_file, (points / unit).reshape(-1, 3, 3))
     given = {}
     for _ in range(4):
         more = " ".join(
@@ -77,7 +78,7 @@ def test_a_file_loads_with_at_most_two_parameters_that_messages_name(tmp_path, b
             for name, kind in (("file_scale", "float"), ("file_up", "string"))
             if name in given
         )
-        (tmp_path / "scene.xml").write_text(SCENE.format(file="pad.stl", more=more))
+        (tmp_path / "scene.xml").write_text(SCENE.format(file=name_of_file, more=more))
         wrong = [f.message for f in check_scene(tmp_path / "scene.xml") if f.severity == "error"]
         if not wrong:
             break
@@ -92,7 +93,7 @@ def test_a_file_loads_with_at_most_two_parameters_that_messages_name(tmp_path, b
         given[name] = new[name][0] if name == "file_up" else f"{unit:g}"
         assert given[name] in new[name]
     assert not wrong and len(given) <= 2
-    pad = PadFile(tmp_path / "pad.stl", scale=float(given.get("file_scale", 1)), up=given.get("file_up", "as drawn"))
+    pad = PadFile(tmp_path / name_of_file, scale=float(given.get("file_scale", 1)), up=given.get("file_up", "as drawn"))
     found = areas(pad.mesh(2.0))
     for region, code in REGIONS.items():
         assert found[code] == pytest.approx(EXPECTED[region], rel=1e-4)
