@@ -6,6 +6,7 @@ A parameter may thus occur several times, such as the pitch of a pad and of its 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -15,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.backend import activate_variant
-from mitsuba_taxel.base.arguments import is_number
+from mitsuba_taxel.base.arguments import as_numbers, is_number
 from mitsuba_taxel.base.differences import STENCILS
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.pads import Pad
@@ -147,9 +148,11 @@ def _found(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Paramete
         if present is not None and not (isinstance(index, str) and index not in present):
             nodes.append((number, stated.plugin, parameter, present if index is None else present[index]))
     if not nodes:
-        names = ", ".join(scene.parameters) or "none of its own"
+        of_scene, of_parts = _numbers_in(scene, config)
+        allowed = [f"parameters {', '.join(of_scene)}"] if of_scene else []
+        allowed += [f"numbers of its parts {', '.join(of_parts)}"] if of_parts else []
         raise InputError(
-            f"{name} has no derivative: it is no number of the scene (parameters: {names}), nor of one of its parts."
+            f"{name} has no derivative: it is no number of the scene, which has {'; '.join(allowed) or 'none'}."
         )
     if len(nodes) > 1:
         parts = ", ".join(sorted({plugin for _, plugin, _, _ in nodes}))
@@ -170,6 +173,26 @@ def _found(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Paramete
         return state
 
     return _Parameter(name, parameter.unit or "1", float(value), changed)
+
+
+def _numbers_in(scene: Scene, config: mi.parser.ParserConfig) -> tuple[list[str], list[str]]:
+    """Names of the parameters of a scene that are numbers, and of the numbers of its parts beside them that stand for
+    one of them alone."""
+    own = [name for name, value in scene.parameters.items() if as_numbers([value])]
+    times: Counter[str] = Counter()
+    for node in _parsed(scene, config, {}).nodes:
+        stated = specifications().get(node.props.plugin_name())
+        if stated is None:
+            continue
+        part = stated.read(node.props)
+        followed = {name for name in stated.values() if not isinstance(part, DeformablePad) or name in _followed(part)}
+        for name in followed:
+            value, parameter = _present(part, name), stated.values()[name]
+            if isinstance(parameter, Number) and is_number(value):
+                times[name] += 1
+            of_load = [component for component, (quantity, _) in COMPONENTS.items() if quantity == name]
+            times.update(of_load if value is not None else [])
+    return own, sorted(name for name, count in times.items() if count == 1 and name not in own)
 
 
 def _present(part: Specification, name: str) -> Any:
@@ -262,8 +285,7 @@ def _pad(state: mi.parser.ParserState) -> DeformablePad | None:
 
 
 def _refuse_what_else_changes(parameter: _Parameter, pad: DeformablePad, other: DeformablePad) -> None:
-    followed = {"force", "displacement", "pressure", "shore_a", *_PLACES.get(pad.load, ())}
-    followed |= {*parameters_of(Pad), *_numbers(pad.build_material())}
+    followed = _followed(pad)
     for field in fields(pad):
         if field.name in followed or field.name == "bsdf":
             continue
@@ -272,6 +294,12 @@ def _refuse_what_else_changes(parameter: _Parameter, pad: DeformablePad, other: 
             one, two = np.array(one.matrix).tolist(), np.array(two.matrix).tolist()
         if one != two:
             raise InputError(f"{parameter.name} has no derivative: it changes {field.name} of the {PAD}.")
+
+
+def _followed(pad: DeformablePad) -> set[str]:
+    """Names of the parameters of a pad on which states depend smoothly."""
+    load = {"force", "displacement", "pressure", "shore_a", *_PLACES.get(pad.load, ())}
+    return load | {*parameters_of(Pad), *_numbers(pad.build_material())}
 
 
 def _numbers(part: Material) -> dict[str, float]:

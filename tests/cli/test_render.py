@@ -113,7 +113,11 @@ def test_mirrors_have_derivatives_by_random_paths(of_cylinder):
     ("words", "said"),
     [
         (("--derivatives", "roof"), "roof = 'lambertian' has no derivative: it is not a number."),
-        (("--derivatives", "hight"), "hight has no derivative: it is no number of the scene (parameters: fz, roof)"),
+        (
+            ("--derivatives", "hight"),
+            "hight has no derivative: it is no number of the scene, which has parameters fz; numbers of its parts "
+            "cell_height, cell_size, ",
+        ),
     ],
 )
 def test_what_has_no_derivative_is_refused_in_one_line(words, said, of_cylinder):

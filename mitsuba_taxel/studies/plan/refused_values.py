@@ -19,7 +19,8 @@ MOST_OTHERS = 8
 
 
 def check_values(batch: Batch) -> None:
-    """Raise for a value that each scene with it refuses; what only some combinations refuse fails there alone.
+    """Raise for a value that each scene with it refuses, or a derivative that none has; what only some combinations
+    refuse fails there alone.
 
     Raises
     ------
@@ -40,6 +41,28 @@ def check_values(batch: Batch) -> None:
             if refusal is not None:
                 shown = ", ".join(f"{name}={word}" for name, word in value.items())
                 raise InputError(f"{shown}: {refusal}") from refusal
+    check_derivatives(batch)
+
+
+def check_derivatives(batch: Batch) -> None:
+    """Raise if no scene of the batch has one of its derivatives; what only some of them lack fails there alone.
+
+    Raises
+    ------
+    InputError
+        that names the parameter.
+    """
+    from mitsuba_taxel.sensing.scene_rates import rates
+
+    for name in batch.derivatives:
+        for values in _spread(batch.axes):
+            try:
+                rates(batch.scene(values), name)
+                break
+            except InputError as error:
+                refusal = error
+        else:
+            raise refusal
 
 
 def _checked(axis: Axis) -> list[int]:

@@ -20,7 +20,7 @@ from mitsuba_taxel.sensing.prepared_scenes import Settings
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, Clock
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read_study
 from mitsuba_taxel.studies.plan.growth import grown, without_failed
-from mitsuba_taxel.studies.plan.refused_values import check_values
+from mitsuba_taxel.studies.plan.refused_values import check_derivatives, check_values
 from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension, sides_along
 from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
 from mitsuba_taxel.studies.run.dataset import assemble
@@ -188,7 +188,9 @@ def sweep(
     batch = make_batch(source, vary, defines, together=together, **what)
     check_flags(retry_failed=retry_failed, parquet=parquet)
     check_progress(progress)
-    if folder is not None:
+    if folder is None:
+        check_derivatives(batch)
+    else:
         check_values(batch)
     with open_pool(workers, scheduler) as pool:
         return run_batch(batch, pool, folder, retry_failed, parquet, progress)

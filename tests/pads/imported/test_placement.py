@@ -67,7 +67,7 @@ EXPECTED = {
     ],
 )
 def test_a_file_loads_with_at_most_two_parameters_that_messages_name(tmp_path, box, write_stl, unit, up, shift):
-    """Three units, six orientations, off centre, at another height, in capitals: the parameter that is named is given."""
+    """Three units, six orientations, off centre, at another height, capitals: the parameter that is named is given."""
     name_of_file = "PAD.STL" if unit == 1 else "pad.stl"
     points = turned(box(SIZE, HOLLOW).reshape(-1, 3), up) + shift
     write_stl(tmp_path / name_of_file, (points / unit).reshape(-1, 3, 3))

@@ -94,3 +94,16 @@ def test_no_result_is_lost_where_the_folder_was_not_begun_by_a_run(tmp_path):
     with pytest.raises(InputError, match="holds another study"):
         sweep("plate.xml", {"z": "0.7"}, output=own, **RUN)
     assert (own / "study.toml").read_text() == content
+
+
+@pytest.mark.parametrize("folder", [None, "out"])
+def test_a_derivative_that_no_scene_has_is_refused_before_any_is_solved(scene, tmp_path, monkeypatch, folder):
+    """One that some have is not."""
+    monkeypatch.setattr(study, "run_batch", lambda *_: "run")
+    output = folder and tmp_path / folder
+    with pytest.raises(
+        InputError, match="^hight has no derivative: .* parameters fz, cell_size, wall, size, hole; numb"
+    ):
+        sweep(scene, {"fz": [0, -1]}, derivatives=["fz", "hight"], output=output, **RUN)
+    assert not (tmp_path / "out").exists()
+    assert sweep(scene, {"hole": ["none", "0.1"]}, derivatives=["hole"], output=output, **RUN) == "run"
