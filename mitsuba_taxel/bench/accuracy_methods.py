@@ -14,6 +14,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.walls import is_bounded_from_detector, set_wavelength, walls_of
+from mitsuba_taxel.sensing.left_out import used_by
 from mitsuba_taxel.sensing.measurement import crosstalk, measure
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, Prepared, prepare
 from mitsuba_taxel.sensing.scene import Scene
@@ -187,9 +188,11 @@ def _variant(method: Method, scene: Scene, folder: Path) -> Scene:
     file = folder / "scene.xml"
     scene.write_xml(file)
     root = ElementTree.parse(file).getroot()
+    stated = {f"${name}": value for name, value in Scene(file).parameters.items()}
     reflections, roulette = -1, None
     for old in root.findall("integrator"):
-        values = {value.get("name"): int(value.get("value", "")) for value in old.findall("integer")}
+        words = {value.get("name"): value.get("value", "") for value in old.findall("integer")}
+        values = {name: int(stated.get(word, word)) for name, word in words.items()}
         reflections, roulette = values.get("max_depth", -1), values.get("rr_depth")
         if old.get("type") not in _OURS and reflections > 0:
             reflections -= 1  # Mitsuba counts edges of a path, from the LED to the first wall on
@@ -209,15 +212,9 @@ def _variant(method: Method, scene: Scene, folder: Path) -> Scene:
         for sampler in sensor.findall("sampler"):
             sensor.remove(sampler)
         ElementTree.SubElement(sensor, "sampler", type=method.sampler)
-    _name_files_in_full(root, scene)
+    used = set().union(*(used_by(element.attrib) for element in root.iter()))
+    for default in root.findall("default"):
+        if default.get("name") not in used:
+            root.remove(default)
     ElementTree.ElementTree(root).write(file)
     return Scene.from_file(file)
-
-
-def _name_files_in_full(root: ElementTree.Element, scene: Scene) -> None:
-    """Make the scene's relative file names absolute, as its variant lies in another folder."""
-    if isinstance(scene.source, Path):
-        for text in root.iter("string"):
-            file = scene.source.resolve().parent / text.get("value", "")
-            if file.is_file():
-                text.set("value", str(file))
