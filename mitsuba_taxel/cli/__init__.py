@@ -169,6 +169,8 @@ def _where_to_look(error: click.ClickException) -> str:
     """A hint for missing or unknown arguments, as opposed to refused values."""
     if not isinstance(error, click.UsageError) or type(error) is click.BadParameter or error.ctx is None:
         return ""
+    if isinstance(error, click.NoSuchOption) and error.option_name == "--plugin":
+        return f" (it stands before {error.ctx.info_name}: taxel --plugin FILE.py {error.ctx.info_name} ...)"
     return f" (see {error.ctx.command_path} --help)"
 
 

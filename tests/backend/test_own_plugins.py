@@ -21,6 +21,8 @@ def test_a_wall_of_ones_own_reads_as_that_of_mitsuba(tmp_path, agree):
     (tmp_path / "own.xml").write_text(PLATE_OF_ONES_OWN.format("own_wall_a"))
     without = run_program(tmp_path, "render", "own.xml", "--points", 64)
     assert without.returncode == 2 and "taxel --plugin FILE.py" in without.stderr
+    behind = run_program(tmp_path, "render", "own.xml", "--plugin", "own_wall_a.py")
+    assert behind.returncode == 2 and "it stands before render: taxel --plugin FILE.py render ..." in behind.stderr
     printed = run_program(tmp_path, "--plugin", "own_wall_a.py", "render", "own.xml", "--points", 64, "-D", "share=0.7")
     own = measure(Scene(tmp_path / "own.xml", {"share": 0.7}), points=64)
     assert f"{own.power[0]:.6e}" in printed.stdout
