@@ -113,7 +113,8 @@ class PackageShape(Protocol):
 
 class PadShape(Protocol):
     """A `deformable_pad`: the solid ``pad``, the ``value`` of its load and its ``history`` (times and values, the last
-    ones at present), and its ``state`` (None if it is only read) and ``surface`` under load."""
+    ones at present), its ``state`` (None if it is only read) and ``surface`` under load, and the codes of the regions
+    that are ``mirrors``."""
 
     specification: DeformablePad
     pad: Pad | PadFile
@@ -129,6 +130,7 @@ class PadShape(Protocol):
     remembers: bool
     state: State
     surface: Surface
+    mirrors: list[int]
     contact_pressure: np.ndarray | None
     to_world: np.ndarray
     ptr: int

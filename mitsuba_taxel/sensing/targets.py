@@ -20,7 +20,7 @@ from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing.checked import found_points
 from mitsuba_taxel.sensing.darkness import dark_errors, may_be_lit
-from mitsuba_taxel.sensing.facets import curved_pads, with_chords
+from mitsuba_taxel.sensing.facets import curved_pads, tilt_share, with_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.prepared_scenes import (
     FLAT,
@@ -85,9 +85,11 @@ scenes."""
 
 
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> FacetsEstimate:
-    """Error of a scene's readings by facets, from two short traces, of as many points as in :func:`mechanics_of`."""
+    """Error of a scene's readings by facets: of their positions, from two short traces, of as many points as in
+    :func:`mechanics_of`, and of their tilts."""
     if not curved_pads(ready.scene):
         return FLAT
+    tilt = tilt_share(ready.scene)
     pilot, chords = (Run(ready, derived_seed(seed, 1)) for _ in range(2))
     points = GEOMETRY_POINTS
     while True:
@@ -99,7 +101,8 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
         share, noise = (geometry_share(change, power) for change in (facets, standard_error(changes)))
         more = _more_points(share, noise, tolerance)
         if more == 1 or points >= most:
-            return FacetsEstimate(facets, share, pilot)
+            both = np.copysign(np.hypot(facets, tilt / FACETS_SHARE * power), facets)
+            return FacetsEstimate(both, geometry_share(both, power), pilot)
         points = min(points * more, most)
 
 

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from mitsuba_taxel import measure
+from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.bench.domes import dome_scene as scene
 from mitsuba_taxel.bench.sphere_light import DOMES
@@ -162,3 +162,35 @@ def test_curved_mirrors_lose_no_light(llvm_mono, shares):
     kept = sum(share for place, share in shares.items() if "roof" in place or "side" in place or "escaped" in place)
     assert kept < 2e-5, shares
     assert np.isfinite(audit.share).all()
+
+
+def narrow(cell, cone, force=-0.3, **sensor):
+    """A cell of a Lambertian roof with a small LED."""
+    wall = {"type": "wall", "scattering": "lambertian", "reflectance": 0.9}
+    black = {"type": "wall", "reflectance": 0.0}
+    pad = {"type": "deformable_pad", "cell": cell, "rows": 1, "columns": 1, "force": [0.0, 0.0, force]}
+    led = {"type": "annular_led", "size": 0.05, "hole": 0.0, "law": "uniform_solid_angle", "cone_angle": cone}
+    sensor = {"type": "phototransistor", "width": 0.2, "depth": 0.2, **sensor}
+    package = {"type": "photo_reflector", "spacing": 0.7, "led": led, "sensor": sensor}
+    walls = {"type": "region", "roof": wall, "side": black}
+    return Scene({"type": "scene", "pad": {**pad, "mesh_size": 2.0, "bsdf": walls}, "package": package})
+
+
+@pytest.mark.parametrize("force", [0.0, -0.3])
+@pytest.mark.parametrize(("cell", "cone"), [("spherical", 0.5), ("spherical", 3.0), ("hemispheric", 1.0)])
+def test_a_spot_on_few_triangles_is_off_by_what_is_stated(llvm_mono, cell, cone, force):
+    """Against light without random numbers, which knows the curved walls."""
+    scene = narrow(cell, cone, force)
+    exact, paths = measure(scene), measure(scene, points=512, seed=1)
+    assert exact.points == 0
+    off = abs(paths.power - exact.power)
+    assert np.all(off < 2 * np.hypot(paths.total_error, exact.total_error))
+
+
+def test_a_narrow_view_of_few_triangles_is_stated_too(llvm_mono):
+    def geometry(exponent):
+        scene = narrow("spherical", 60.0, response="cosine_power", exponent=exponent)
+        readings = measure(scene, points=256, seed=1)
+        return readings.error_budget["geometry"]
+
+    assert geometry(3000.0) > 3 * geometry(1.0)
