@@ -23,8 +23,9 @@ from mitsuba_taxel.pads.pad import REGIONS
 DEEPEST, DEEPEST_AT_EDGES = 0.25, 0.6
 """Largest depth of a body inside the deformed pad, relative to that in the undeformed one, and of one with a flat end:
 at its edge the pad rises steeply between nodes, which hardly changes the force."""
-LARGEST = 2.0
-"""Largest face under a body, relative to half the width of the contact."""
+LARGEST, WANTED = 2.0, 1.5
+"""Largest face under a body, relative to half the width of the contact, and where elements can still be made smaller:
+between the two, forces of balls whose tip is between nodes are up to 25 % too small."""
 ROUND = ("sphere", "cylinder")
 """Bodies whose contacts grow from nothing; others have flat ends."""
 SPACING = 0.25
@@ -121,14 +122,20 @@ def _inside(indenter: Indenter, nodes: np.ndarray, spacing: float) -> tuple[floa
 
 
 def refuse_unresolved(
-    mesh: VolumeMesh, indenter: Indenter, displacement: np.ndarray | None, moved: np.ndarray, mesh_size: float
+    mesh: VolumeMesh,
+    indenter: Indenter,
+    displacement: np.ndarray | None,
+    moved: np.ndarray,
+    mesh_size: float,
+    largest: float = LARGEST,
 ) -> None:
     """Raise :class:`Unresolved` if elements, of ``mesh_size`` mm, are too large for the contact with a body.
 
+    Faces may have ``largest`` times half the width of the contact.
     Before a state is solved, without its ``displacement``, their size alone is judged.
     """
     found = resolution(mesh, indenter, np.zeros_like(mesh.points) if displacement is None else displacement, moved)
-    if found.size > LARGEST:
+    if found.size > largest:
         why = f"their faces are {found.size:.2g} times half the width of its contact"
     elif displacement is not None and found.depth > found.deepest:
         why = f"it is inside the pad by {found.depth:.0%} of that"

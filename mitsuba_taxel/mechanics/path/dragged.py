@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.local_mesh import CLOSE, SMALL_DEPTH, swept_legs
-from mitsuba_taxel.mechanics.contact.resolution import Unresolved
+from mitsuba_taxel.mechanics.contact.resolution import LARGEST, WANTED, Unresolved
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
@@ -76,9 +76,10 @@ def solved_on(
     left = MOST_FINER if tips and not path.load.goes_on else 0
     while True:
         try:
-            path.refuse_unresolved(there, None)
+            largest = WANTED if left else LARGEST
+            path.refuse_unresolved(there, None, largest)
             state = path.state(there, obstacles)
-            path.refuse_unresolved(there, state.displacement)
+            path.refuse_unresolved(there, state.displacement, largest)
             return path, there, state
         except Unresolved:
             if not left:

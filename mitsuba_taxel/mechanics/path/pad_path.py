@@ -20,7 +20,7 @@ from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.local_mesh import Refinement, mesh_under
-from mitsuba_taxel.mechanics.contact.resolution import refuse_unresolved
+from mitsuba_taxel.mechanics.contact.resolution import LARGEST, refuse_unresolved
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
@@ -305,16 +305,17 @@ class PadPath:
         linear = where_linear(self.mesh, self.load, share)
         return glued_force(self.mesh, self.material, displacement, pressure, region="top", linear=linear)
 
-    def refuse_unresolved(self, value: np.ndarray, displacement: np.ndarray | None) -> None:
+    def refuse_unresolved(self, value: np.ndarray, displacement: np.ndarray | None, largest: float = LARGEST) -> None:
         """Raise `ComputationError` if elements are too large for the contact with an indenter in a canonical state.
 
-        Before it is solved, without its ``displacement``, that of one that is moved is judged by their size alone.
+        Before it is solved, without its ``displacement``, that of one that is moved is judged by their size alone,
+        relative to half the width of the contact at most ``largest``.
         """
         size = min(self.mesh_size, self.pad.default_mesh_size)  # of which larger ones are no larger under a body
         if isinstance(self.load, IndenterDisplacement):
-            refuse_unresolved(self.mesh, self.load.indenter, displacement, value, size)
+            refuse_unresolved(self.mesh, self.load.indenter, displacement, value, size, largest)
         elif isinstance(self.load, IndenterForce) and displacement is not None:
-            refuse_unresolved(self.mesh, self.load.indenter, displacement, self.driven_to(value, None), size)
+            refuse_unresolved(self.mesh, self.load.indenter, displacement, self.driven_to(value, None), size, largest)
 
     def canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None

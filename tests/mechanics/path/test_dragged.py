@@ -106,15 +106,15 @@ def test_an_error_of_no_force_is_all_of_it():
 
 @pytest.mark.parametrize("by_force", [False, True])
 def test_elements_are_fine_enough_for_a_body_that_is_hardly_in(by_force):
-    """By Hertz, within the 8 % of a contact that is just resolved."""
-    depth = 6e-4
+    """By Hertz; the tip of one is between nodes, where faces almost twice half the contact's width are too large."""
+    depth = 1e-3
     hertz = 4 / 3 * LAW.youngs_modulus / (1 - LAW.poisson_ratio**2) * depth**1.5
     if by_force:
         (state,) = moved((0, 0, -hertz), load=IndenterForce(ball().indenter))
         assert -state.indenter_moved[2] == pytest.approx(depth, rel=0.06)
     else:
         (state,) = moved((0.3, 0, -depth), load=ball())
-        assert -force_of(state)[2] == pytest.approx(hertz, rel=0.08)
+        assert -force_of(state)[2] == pytest.approx(hertz, rel=0.03)
 
 
 def test_what_no_elements_resolve_is_refused():
