@@ -19,11 +19,13 @@ from mitsuba_taxel.mechanics import (
     load_path,
 )
 from mitsuba_taxel.mechanics.elements import solvers
-from mitsuba_taxel.mechanics.elements.solvers import Rslab, available_solvers, symmetric_product
+from mitsuba_taxel.mechanics.elements.solvers import Pardiso, Rslab, available_solvers, symmetric_product
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
 from mitsuba_taxel.pads import Pad
 
 SIDE = 18
+NEEDS_PARDISO = pytest.mark.skipif(not importlib.util.find_spec("pypardiso"), reason="pypardiso is not installed")
+WITH_INERTIA = [Rslab, pytest.param(Pardiso, marks=NEEDS_PARDISO)]
 
 
 @pytest.fixture(scope="module")
@@ -38,23 +40,46 @@ def laplacian():
 
 @pytest.mark.parametrize("distance", [0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10])
 @pytest.mark.parametrize("beyond", [False, True])
-def test_the_inertia_is_right_however_near_an_eigenvalue_is_to_zero(distance, beyond, laplacian):
+@pytest.mark.parametrize("solver", WITH_INERTIA)
+def test_the_inertia_is_right_however_near_an_eigenvalue_is_to_zero(solver, distance, beyond, laplacian):
     matrix, least = laplacian
     shift = least * (1 + distance if beyond else 1 - distance)
     shifted = sparse.csc_matrix(sparse.tril(matrix - shift * sparse.eye_array(SIDE**2)))
-    factor = Rslab().factor(shifted)
+    factor = solver().factor(shifted)
     assert factor.negative_pivots == int(beyond)
     rhs = np.arange(float(SIDE**2))
     found = factor.solve(rhs)
     np.testing.assert_allclose(symmetric_product(shifted, found), rhs, atol=1e-13 * np.abs(found).max())
 
 
-def test_a_solution_is_right_to_all_digits_and_a_rough_one_to_some(laplacian):
+@pytest.mark.parametrize("solver", WITH_INERTIA)
+def test_a_solution_is_right_to_all_digits_and_a_rough_one_to_some(solver, laplacian):
     matrix, _ = laplacian
     exact = np.random.default_rng(1).standard_normal(SIDE**2)
-    factor = Rslab().factor(sparse.csc_matrix(sparse.tril(matrix)))
+    factor = solver().factor(sparse.csc_matrix(sparse.tril(matrix)))
     np.testing.assert_allclose(factor.solve(matrix @ exact), exact, atol=1e-13)
     np.testing.assert_allclose(factor.solve_roughly(matrix @ exact), exact, atol=1e-4)
+    both = factor.solve_many(matrix @ np.column_stack([exact, 2 * exact]))
+    np.testing.assert_allclose(both, np.column_stack([exact, 2 * exact]), atol=1e-3)
+
+
+@pytest.mark.parametrize("solver", WITH_INERTIA)
+def test_a_saddle_point_has_as_many_negative_eigenvalues_as_constraints(solver):
+    """Zeros on the diagonal may be left out of the pattern. A factor stays when the next one is made."""
+    random = np.random.default_rng(0)
+    constraints = np.eye(20, 60) + sparse.random_array((20, 60), density=0.2, rng=random)
+    matrix = np.block([[np.eye(60), constraints.T], [constraints, np.zeros((20, 20))]])
+    exact, made = random.standard_normal(80), solver()
+    first, second = (made.factor(sparse.csc_matrix(np.tril(each))) for each in (matrix, 2 * matrix))
+    assert first.negative_pivots == second.negative_pivots == 20
+    np.testing.assert_allclose(first.solve(matrix @ exact), exact, atol=1e-12)
+    np.testing.assert_allclose(second.solve(matrix @ exact), exact / 2, atol=1e-12)
+
+
+@pytest.mark.parametrize("solver", WITH_INERTIA)
+def test_a_singular_matrix_is_refused(solver):
+    with pytest.raises(RuntimeError):
+        solver().factor(sparse.csc_matrix(np.tril(np.ones((5, 5)))))
 
 
 def test_an_analysis_is_shared_by_matrices_of_one_pattern(monkeypatch):
@@ -78,6 +103,7 @@ def test_an_analysis_is_shared_by_matrices_of_one_pattern(monkeypatch):
     assert len(analysed) == 9
 
 
+ONE, LAW = Pad(rows=1, columns=1), NeoHookean(4.16, 0.49)
 LOADS = [
     (SpreadForce(), (0.2, 0.1, -1.5)),
     (PlateDisplacement(), (0.0, 0.0, -0.3)),
@@ -86,21 +112,34 @@ LOADS = [
 ]
 
 
-@pytest.mark.parametrize(("load", "value"), LOADS, ids=[type(load).__name__ for load, _ in LOADS])
-def test_load_paths_are_the_same_without_rslab(load, value, fresh, monkeypatch):
-    """By the solver that is always there; it does not tell whether states are stable, and they do not say so."""
-    pytest.importorskip("rslab")
+@pytest.fixture
+def without(fresh, monkeypatch):
+    """States of a pad, solved anew as if some packages were not installed."""
 
-    def solved():
+    def solved(*hidden, load, value, pad=ONE, material=LAW, mesh_size=3.0):
         fresh()
         loaded_pad.cache_clear()
-        return load_path(Pad(rows=1, columns=1), NeoHookean(4.16, 0.49), [value], load=load, mesh_size=3.0)[0]
+        find = importlib.util.find_spec
+        with monkeypatch.context() as patch:
+            patch.setattr(
+                importlib.util, "find_spec", lambda name, *more: None if name in hidden else find(name, *more)
+            )
+            assert not set(hidden) & set(available_solvers())
+            return load_path(pad, material, [value], load=load, mesh_size=mesh_size)[0]
 
-    usual, find = solved(), importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *more: None if name == "rslab" else find(name, *more))
-    assert available_solvers() == ["superlu"]
-    other = solved()
+    yield solved
     loaded_pad.cache_clear()
-    assert usual.stability_checked and not other.stability_checked
+
+
+@pytest.mark.parametrize(("load", "value"), LOADS, ids=[type(load).__name__ for load, _ in LOADS])
+@pytest.mark.parametrize(
+    ("hidden", "judged"),
+    [pytest.param(["rslab"], True, marks=NEEDS_PARDISO, id="pypardiso"), (["rslab", "pypardiso"], False)],
+)
+def test_load_paths_are_the_same_without_rslab(hidden, judged, load, value, without):
+    """SuperLU, which is always there, does not tell whether states are stable, and they do not say so."""
+    pytest.importorskip("rslab")
+    usual, other = without(load=load, value=value), without(*hidden, load=load, value=value)
+    assert usual.stability_checked and other.stability_checked == judged
     np.testing.assert_allclose(other.displacement, usual.displacement, atol=1e-7 * np.abs(usual.displacement).max())
     np.testing.assert_allclose(other.pressure, usual.pressure, atol=1e-5 * np.abs(usual.pressure).max())

@@ -159,13 +159,13 @@ def test_stretching_a_bar_between_two_free_ends_agrees_with_the_closed_form(bloc
 
 def test_solvers_agree_and_say_what_they_know():
     mesh, force, states = mesh_pad(SMALL, 1.6), np.array([0.3, 0.0, -1.0]), {}
-    assert available_solvers() == ["rslab", "superlu"]
+    assert [name for name in available_solvers() if name != "pypardiso"] == ["rslab", "superlu"]
     for name in available_solvers():
         pad = LoadedPad(mesh, NeoHookean(), solver=name)
         states[name], _ = pad.solve(np.zeros(pad.unknowns), force)
-    np.testing.assert_allclose(states["rslab"].unknowns, states["superlu"].unknowns, atol=1e-9)
-    assert states["rslab"].stability_checked
-    assert not states["superlu"].stability_checked
+    for name, state in states.items():
+        np.testing.assert_allclose(state.unknowns, states["superlu"].unknowns, atol=1e-9)
+        assert state.stability_checked == (name != "superlu")
 
 
 @pytest.mark.parametrize("load", [SpreadForce(), PlateDisplacement()], ids=["force", "driven plate"])
