@@ -186,6 +186,16 @@ def test_total_errors_of_a_curve(one_cell, tmp_path):
     assert 0 < budget["mechanics"] < budget["total"]
 
 
+def test_rows_after_one_that_fails_are_computed_and_it_is_named(one_cell):
+    """Of rows taken together, one is refused, and one lies beyond the end of a load path that others share."""
+    rows = {"fz": [-0.5, -5000, -1, -1], "law": ["lambertian", "lambertian", "loud", "lambertian"]}
+    study = sweep(one_cell, {}, together=rows, points=64, mesh_size=3.0)
+    assert np.isnan(study.power[[1, 2]]).all() and (study.power[[0, 3]] > 0).all()
+    ends, refused = study.attrs["failures"].splitlines()
+    assert ends.startswith("fz=-5000, law=lambertian: ") and "the load path ends at" in ends
+    assert refused.startswith("fz=-1, law=loud: law = 'loud' is not allowed")
+
+
 def test_a_target_chooses_one_mesh_for_all_scenes_and_keeps_it(one_cell, tmp_path):
     request = {"target_error": 0.0045, "output": tmp_path / "out"}
     study = sweep(one_cell, {"fz": "0,-2,-4"}, **request)
