@@ -6,8 +6,14 @@ import math
 
 FORCES = ("fx", "fy", "fz")
 """Parameters of a scene that are components of its force, in N."""
+DISPLACEMENTS = ("ux", "uy", "uz")
+"""Components of the displacement of a plate or an indenter, in mm."""
+LOADS = (FORCES, DISPLACEMENTS, ("pressure",))
+"""Components of each kind of load."""
 TIME = "time"
 """Parameter of a scene that is the time of its load, in s."""
+HISTORY = "history"
+"""Parameter of a scene for the load history: rows of time and load."""
 PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 """Powers of ten and their names."""
 

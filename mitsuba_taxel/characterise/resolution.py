@@ -67,6 +67,7 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
             "other": names,
             "unit": ("parameter", unit),
         },
+        {name: study.attrs[name] for name in ("forces", "roles") if name in study.attrs},
     )
 
 

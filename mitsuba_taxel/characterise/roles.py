@@ -1,44 +1,78 @@
-"""Studies whose forces have names of the user's own, as if they were called fx, fy and fz."""
+"""What the parameters of a study are, from their use in its scene, whatever they are called."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.base.units import FORCES, LOADS, TIME
+
+
+def roles_of_study(study: xr.Dataset) -> dict[str, str]:
+    """What each parameter is, by name: a role of `roles_of_parameters`.
+
+    Studies without a scene, made of numbers, have parameters that are what they are called.
+    """
+    if "roles" not in study.attrs:
+        return {str(name): str(name) for name in study.coords}
+    stated = {**json.loads(study.attrs["roles"]), **json.loads(study.attrs.get("forces", "{}"))}
+    plain = {} if "forces" in study.attrs else {name: name for name in FORCES}  # named so already
+    return {**{name: role for name, (role, _) in stated.items()}, **plain}
+
+
+def is_load(study: xr.Dataset, name: str) -> bool:
+    """Whether a parameter of a study is a component of the force or displacement, or the pressure."""
+    return any(roles_of_study(study).get(name) in names for names in LOADS)
+
 
 def with_forces_named(study: xr.Dataset) -> xr.Dataset:
-    """A study in which the components of the force are called ``fx``, ``fy`` and ``fz``, and have their sign.
+    """A study in which the components of the force are called ``fx``, ``fy`` and ``fz``, and have their sign, and the
+    time of the load ``time``.
 
-    What they were called is in the attribute ``forces``, from the scene, which the result does not have.
+    What they were called is in the attributes ``forces`` and ``roles``, from the scene, which the result does not have.
+    Other parameters of these names are called ``parameter fz``.
     """
-    stated = json.loads(study.attrs.get("forces", "{}"))
-    roles = {name: tuple(role) for name, role in stated.items() if name != role[0] or role[1] < 0}
+    if "forces" not in study.attrs:
+        return study
+    forces = {name: tuple(role) for name, role in json.loads(study.attrs["forces"]).items()}
+    stated = json.loads(study.attrs.get("roles", "{}"))
+    times = [name for name, (role, sign) in stated.items() if role == TIME and sign > 0]
+    parameters = json.loads(study.attrs.get("parameters", "{}"))
+    names = {*map(str, study.coords), *map(str, study.dims), *parameters}
+    new = {name: component for name, (component, _) in forces.items()} | dict.fromkeys(times, TIME)
+    taken = {name for name in (*FORCES, *([TIME] if "roles" in study.attrs else [])) if name in names} - new.keys()
+    new = {name: role for name, role in new.items() if name in names} | {name: f"parameter {name}" for name in taken}
+    signs = {name: sign for name, (_, sign) in forces.items() if name in new}
     study = study.assign_attrs({name: value for name, value in study.attrs.items() if name != "forces"})
     study.attrs.pop("forces", None)
-    parameters = json.loads(study.attrs.get("parameters", "{}"))
-    roles = {name: role for name, role in roles.items() if name in study.coords or name in parameters}
-    taken = {role[0] for role in roles.values()} - set(roles)
-    if not roles or taken & ({*map(str, study.coords), *map(str, study.dims)} | set(parameters)):
-        return study
-    for name, (_, sign) in roles.items():
+    for name, sign in signs.items():
         if sign < 0 and name in study.coords:
-            study = study.assign_coords({name: (study[name].dims, -study[name].values, study[name].attrs)})
-    new = {name: component for name, (component, _) in roles.items()}
+            study = study.assign_coords({name: (study[name].dims, -study[name].values + 0.0, study[name].attrs)})
     if "parameter" in study.coords:
-        names = study.parameter.values.tolist()
-        signs = xr.DataArray(
-            [float(roles[name][1]) if name in roles else 1.0 for name in names],
-            dims="parameter",
-            coords={"parameter": study.parameter},
+        by = study.parameter.values.tolist()
+        factors = xr.DataArray(
+            [float(signs.get(name, 1)) for name in by], dims="parameter", coords={"parameter": study.parameter}
         )
-        for variable in ("derivative",):
-            if variable in study:
-                attributes = study[variable].attrs
-                study[variable] = (study[variable] * signs).transpose(*study[variable].dims).assign_attrs(attributes)
-        study = study.assign_coords(parameter=np.array([new.get(name, name) for name in names]))
-    study = study.rename({name: component for name, component in new.items() if name in study.coords})
-    study.attrs["parameters"] = json.dumps({new.get(name, name): value for name, value in parameters.items()})
+        if "derivative" in study:
+            derivative = study.derivative
+            made = (derivative * factors).transpose(*derivative.dims).assign_attrs(derivative.attrs)
+            study = study.assign(derivative=made)
+        study = study.assign_coords(parameter=np.array([new.get(name, name) for name in by]))
+    for group in (taken, new.keys() - taken):  # the names of the second are free then
+        study = study.rename({name: new[name] for name in group if name in study.coords or name in study.dims})
+    values = {name: _negative(word) if signs.get(name, 1) < 0 else word for name, word in parameters.items()}
+    tables: dict[str, Mapping[str, Any]] = {"parameters": values}
+    tables |= {name: json.loads(study.attrs[name]) for name in ("units", "roles") if name in study.attrs}
+    for title, table in tables.items():
+        study.attrs[title] = json.dumps({new.get(name, name): value for name, value in table.items()})
     study.attrs["curve"] = new.get(study.attrs.get("curve", ""), study.attrs.get("curve", ""))
     return study
+
+
+def _negative(word: str) -> str:
+    """Minus a number, in words."""
+    return f"{-float(word) + 0.0:.12g}"

@@ -18,6 +18,11 @@ from mitsuba_taxel.fitting.plan import FitPlan, read_plan
 from mitsuba_taxel.fitting.solve import LeastSquares, interval, misfit_warnings, solve
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.residuals import plot_residuals
+from mitsuba_taxel.sensing import find_scene
+from mitsuba_taxel.sensing.parameter_roles import roles_of_parameters
+from mitsuba_taxel.sensing.parameter_units import units_of_parameters
+from mitsuba_taxel.sensing.scene import is_file
+from mitsuba_taxel.studies.plan.batch import loads_among
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.run.pool import open_pool
 
@@ -106,7 +111,7 @@ def run_fit(
         if progress:
             progress(model.calls)
     result = _result(plan, model, solution, of_model, shape)
-    _write(result, folder)
+    _write(result, folder, plan)
     return result
 
 
@@ -172,7 +177,7 @@ def _result(
     )
 
 
-def _write(result: FitResult, folder: Path) -> None:
+def _write(result: FitResult, folder: Path, plan: FitPlan) -> None:
     tables = {"fit": result.unknowns, "residuals": result.residuals}
     for name, table in tables.items():
         with replacing(folder / f"{name}.csv") as file:
@@ -181,4 +186,7 @@ def _write(result: FitResult, folder: Path) -> None:
         result.correlation.to_csv(file)
     notes = [*(f"warning: {line}" for line in result.warnings), *result.notes]
     write_text(folder / "notes.txt", "".join(f"{line}\n" for line in notes))
-    save_figure(plot_residuals(result.residuals, result.correlation), folder, "fit")
+    beside = plan.folder / plan.scene
+    scene = find_scene(beside if is_file(beside) else plan.scene)
+    units, loads = units_of_parameters(scene), loads_among(roles_of_parameters(scene))
+    save_figure(plot_residuals(result.residuals, result.correlation, units, loads), folder, "fit")

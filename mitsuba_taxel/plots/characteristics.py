@@ -26,9 +26,9 @@ from mitsuba_taxel.plots.figures import (
     MOST_PANELS,
     as_label,
     compared,
-    force_to_the_right,
     label_with_prefix,
     legend_beside,
+    load_to_the_right,
     panel_axes,
     save_figure,
     style,
@@ -260,7 +260,7 @@ def _of(group: _Group) -> str:
 def _finish(group: _Group, axes: Sequence[Axes]) -> None:
     forces = np.concatenate([run.force for one in group.lines.values() for run in one.runs])
     for ax in axes:
-        force_to_the_right(ax, group.force, forces)
+        load_to_the_right(ax, forces)
     axes[0].set_title(group.title, fontsize="medium")
     for ax in axes[-len(axes) // 2 :]:
         ax.set_xlabel(f"{group.force} [N]")

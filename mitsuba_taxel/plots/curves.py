@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.characterise.roles import with_forces_named
+from mitsuba_taxel.base.units import LOADS
+from mitsuba_taxel.characterise.roles import is_load, roles_of_study, with_forces_named
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.plots.figures import (
     MOST_PANELS,
     as_label,
     compared,
-    force_to_the_right,
     label_below,
     label_with_prefix,
     legend_beside,
+    load_to_the_right,
     panel_axes,
     style,
 )
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 PLACES = 200
 """Points at which cubic curves are drawn."""
+STEP = "step"
+TOUCH = ("indenter_x", "indenter_y", "patch_x", "patch_y")
+"""Roles of parameters that say where a pad is touched."""
 TAXELS = "taxel, row by\nrow from (-x, +y)"
 QUANTITIES = {"W": "optical power", "V": "voltage"}
 
@@ -37,7 +41,8 @@ class Curve(NamedTuple):
     """Power of some taxels against the curve parameter, with all other parameters fixed.
 
     ``where`` : values of the other parameters; ``x`` (points,); ``samples`` (points, replicates, taxels) and ``error``
-    (points, taxels), the total one, in W; ``smooth`` and ``slope`` (points, taxels) without random numbers, if known.
+    (points, taxels), the total one, in W; ``smooth`` and ``slope`` (points, taxels) without random numbers, if known;
+    ``joined``: whether a line from point to point means anything, as it does not from place to place.
     """
 
     where: Mapping[str, Any]
@@ -46,6 +51,7 @@ class Curve(NamedTuple):
     error: np.ndarray
     smooth: np.ndarray | None
     slope: np.ndarray | None
+    joined: bool = True
 
     def weighted(self, weights: np.ndarray) -> Curve:
         """Sums over the taxels with weights (taxels, lines); errors of taxels are taken as fully correlated."""
@@ -73,8 +79,42 @@ class Curve(NamedTuple):
         return bare._replace(smooth=100 * (self.smooth / level - 1), slope=100 * self.slope / level)
 
 
+def touched_places(study: xr.Dataset) -> tuple[list[str], str]:
+    """Of a study of steps that touch several places: the parameters of the place, and the load along which each place
+    is pressed, blank if no place is pressed by several."""
+    listed = [str(name) for name, each in study.coords.items() if each.dims == (STEP,) and each.dtype.kind in "fi"]
+    roles = roles_of_study(study)
+    places = [name for name in listed if roles.get(name, "") in TOUCH and np.ptp(study[name].values) > 0]
+    loads = [name for name in listed if any(roles.get(name) in names for names in LOADS)]
+    if not places:
+        return [], ""
+    load = max(loads, key=lambda name: len(np.unique(study[name].values)), default="")
+    count = len(np.unique(np.stack([study[name].values for name in places], axis=1), axis=0))
+    pressed = np.stack([study[name].values for name in (*places, *([load] if load else []))], axis=1)
+    return places, load if len(np.unique(pressed, axis=0)) > count else ""
+
+
 def curves_of(study: xr.Dataset) -> list[Curve]:
-    """The curves of a study, one for each combination of its other parameters."""
+    """The curves of a study, one for each combination of its other parameters, in the order of numbers.
+
+    Steps that press several places are a curve for each place, along the load.
+    """
+    places, load = touched_places(study)
+    if load:
+        groups = np.unique(np.stack([study[name].values for name in places], axis=1), axis=0)
+        found = []
+        for place in groups:
+            here = np.all([study[name].values == at for name, at in zip(places, place, strict=True)], axis=0)
+            along = study.isel({STEP: np.flatnonzero(here)})
+            where = dict(zip(places, place.tolist(), strict=True))
+            one_place = along.drop_vars([name for name in along.coords if along[name].dims == (STEP,)])
+            found += [
+                curve._replace(
+                    where={**where, **curve.where}, x=along[load].values, smooth=None, slope=None, joined=True
+                )
+                for curve in curves_of(one_place)
+            ]
+        return found
     name = study.attrs["curve"]
     powers = study[["replicate_power", "total_error"]]
     smooth = "derivative" in study and name in study.parameter.values
@@ -85,6 +125,8 @@ def curves_of(study: xr.Dataset) -> list[Curve]:
     panels = powers.stack(panel=others) if others else powers.expand_dims("panel")
     panels = panels.transpose("panel", name, "replicate", "taxel")
     x = study[name].values if name in study.coords else np.arange(study.sizes[name])
+    if name != STEP and x.dtype.kind in "fi" and len({*np.sign(np.diff(x))}) > 1:
+        panels, x = panels.isel({name: np.argsort(x, kind="stable")}), np.sort(x)
     return [
         Curve(
             {other: panels[other].values[number].item() for other in others},
@@ -93,6 +135,7 @@ def curves_of(study: xr.Dataset) -> list[Curve]:
             panels.total_error.values[number],
             panels.smooth_power.values[number] if smooth else None,
             panels.slope.values[number] if smooth else None,
+            joined=not (name == STEP and places),
         )
         for number in range(panels.sizes["panel"])
     ]
@@ -102,11 +145,12 @@ def plot_curves(study: xr.Dataset, narrow: bool = False) -> Figure:
     """Power against the study's curve parameter; voltage, with counts at the right, of a study in volts.
 
     Bars are 1 sigma of the light, bands the total error. Lines are straight between readings, or with derivatives the
-    cubic curves through readings without random numbers.
+    cubic curves through readings without random numbers. Steps that touch several places once are not joined.
 
     A single curve has a line for each taxel and, if there are several, a second panel with the difference of each from
-    their mean, and the error of that difference. Of several curves, each is a line, the mean of its taxels, with a
-    panel below for its change in percent of the reading at rest. More than
+    their mean, and the error of that difference. Of several curves, each is a line, the taxel that
+    changes most, with a panel below for its change in percent of the reading at rest; of curves at several places, each
+    has its own such taxel, which the legend names. More than
     :data:`mitsuba_taxel.plots.figures.MOST_LINES` lines are distributed over panels with the same axes. A ``narrow``
     picture, for a phone, has all panels and the legend in one column.
     """
@@ -131,22 +175,41 @@ def _plot_taxels(study: xr.Dataset, curve: Curve, narrow: bool) -> Figure:
 
 def _plot_compared(study: xr.Dataset, curves: list[Curve], narrow: bool) -> Figure:
     panels, left_out = compared(curves, lambda curve: curve.where)
-    count, lines = study.sizes["taxel"], 2 if _changes(curves[0]) else 1
+    names, lines = study.taxel.values.tolist(), 2 if _changes(curves[0]) else 1
+    shown = most_affected(study, curves)
+    own = len(set(shown.values())) > 1
     blocks = _blocks(len(panels), lines, narrow)
     for block, panel in zip(blocks, panels, strict=True):
         for number, (label, curve) in enumerate(panel.cases.items()):
-            mean = curve.weighted(np.full((count, 1), 1 / count))
-            _draw_lines(block[0], mean, [label], number)
+            taxel = shown[id(curve)]
+            words = ", ".join(filter(None, (label, f"taxel {names[taxel]}"))) if own else label
+            line = curve.weighted(np.eye(len(names))[:, [taxel]])
+            _draw_lines(block[0], line, [words], number)
             if lines > 1:
-                _draw_lines(block[1], mean.relative(), [label], number)
+                _draw_lines(block[1], line.relative(), [words], number)
         block[0].set_title(panel.title, fontsize="medium")
     quantity = _quantity(study)
-    _label(blocks[:, 0], study, f"{quantity.split()[-1]}, mean of {count} taxels" if count > 1 else quantity)
+    which = "the taxel that changes most" if own else f"taxel {names[shown[id(curves[0])]]}, which changes most"
+    taxels = f" of {which}" if len(names) > 1 else ""
+    _label(blocks[:, 0], study, f"{quantity.split()[-1]}{taxels}" if taxels else quantity)
     if lines > 1:
         label_with_prefix(blocks[:, 1], _since(study, curves[0]), "%")
     _finish(blocks, study, left_out)
     legend_beside(blocks[0, 0].figure, blocks[:, 0])
     return blocks[0, 0].figure
+
+
+def most_affected(study: xr.Dataset, curves: list[Curve]) -> dict[int, int]:
+    """For each curve, by its ``id``, the position of the taxel that changes most: along the curve if places are varied,
+    else in all curves."""
+    means = [np.ma.masked_invalid(curve.samples.mean(axis=1)) for curve in curves]
+    change = np.array([np.ma.ptp(mean, axis=0).filled(0.0) for mean in means])
+    if not change.any():  # of single points
+        change[:] = np.ma.ptp(np.ma.concatenate(means), axis=0).filled(0.0)
+    roles = roles_of_study(study)
+    touched = any(roles.get(name) in TOUCH for curve in curves for name in curve.where)
+    most = change.argmax(axis=1) if touched else np.full(len(curves), change.max(axis=0).argmax())
+    return dict(zip(map(id, curves), most.tolist(), strict=True))
 
 
 def plot_taxels(study: xr.Dataset, narrow: bool = False) -> Figure:
@@ -194,7 +257,8 @@ def _changes(curve: Curve) -> bool:
 
 
 def _since(study: xr.Dataset, curve: Curve) -> str:
-    return f"change since {study.attrs['curve']} = {curve.x[curve.rest]:.6g}"
+    name = touched_places(study)[1] or study.attrs["curve"]
+    return f"change since {name} = {curve.x[curve.rest]:.6g}"
 
 
 def _blocks(count: int, lines: int, narrow: bool) -> Any:
@@ -213,11 +277,11 @@ def _blocks(count: int, lines: int, narrow: bool) -> Any:
 
 
 def _finish(axes: Any, study: xr.Dataset, left_out: int = 0) -> None:
-    name = study.attrs["curve"]
+    name = touched_places(study)[1] or study.attrs["curve"]
     coordinate = study[name] if name in study.coords else None
     unit = "" if coordinate is None else coordinate.attrs.get("units", "")
-    if coordinate is not None:
-        force_to_the_right(axes[0, 0], name, coordinate.values)
+    if coordinate is not None and is_load(study, name):
+        load_to_the_right(axes[0, 0], coordinate.values)
     figure = axes[0, 0].figure
     label_below(figure, axes.flat[-1], f"{name} [{unit}]" if unit else name)
     figure.suptitle(study.attrs["scene"] + (f" ({left_out} more curves left out)" if left_out else ""))
@@ -239,9 +303,9 @@ def _draw_lines(ax: Axes, curve: Curve, labels: list[Any], first: int = 0) -> No
             linewidth=0.8,
             elinewidth=0.8,
             markersize=3,
-            **(look if numeric and curve.smooth is None else {**look, "linestyle": ""}),
+            **(look if numeric and curve.joined and curve.smooth is None else {**look, "linestyle": ""}),
         )
-        if numeric and curve.error[:, number].any():
+        if numeric and curve.joined and curve.error[:, number].any():
             middle, width = values[:, number], curve.error[:, number]
             ax.fill_between(curve.x, middle - width, middle + width, color=look["color"], alpha=0.2, linewidth=0)
         if curve.smooth is not None and curve.slope is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from mitsuba_taxel.base.atomic import replacing
-from mitsuba_taxel.base.units import FORCES, prefixed
+from mitsuba_taxel.base.units import prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -131,10 +131,10 @@ def label_below(figure: Figure, last: Axes, words: str) -> None:
         last.set_xlabel(words)
 
 
-def force_to_the_right(ax: Axes, name: str, values: np.ndarray) -> None:
-    """Let an axis of forces start at 0 on the left, also for negative ones, as in compression."""
+def load_to_the_right(ax: Axes, values: np.ndarray) -> None:
+    """Let an axis of loads start at 0 on the left, also for negative ones, as in compression."""
     numbers = np.asarray(values)
-    if numbers.dtype.kind in "fi" and any(force in name for force in FORCES) and numbers.max(initial=0) <= 0:
+    if numbers.dtype.kind in "fi" and numbers.max(initial=0) <= 0:
         ax.xaxis.set_inverted(True)
 
 

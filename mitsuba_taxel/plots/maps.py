@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.units import prefixed
+from mitsuba_taxel.characterise.roles import roles_of_study
 from mitsuba_taxel.plots.figures import MOST_PANELS, as_label, panel_axes
 
 if TYPE_CHECKING:
@@ -16,32 +18,61 @@ if TYPE_CHECKING:
 
 
 def plane_of(study: xr.Dataset) -> tuple[str, str] | None:
-    """Two parameters that a study varies over numbers, of names that end in x and y but for that are one; None if it
-    has no such pair, or one of them has a single value."""
+    """Two parameters that a study varies over numbers, of roles that end in x and y but for that are one, such as the
+    place of an indenter; None if it has no such pair, or one of them has a single value."""
     varied = [
         str(name)
         for name, count in study.sizes.items()
         if count > 1 and name in study and study[name].dtype.kind in "fi"
     ]
-    pairs = [(name, f"{name[:-1]}y") for name in varied if name.endswith("x")]
-    return next((pair for pair in pairs if pair[1] in varied), None)
+    return pair_among(study, varied)
+
+
+def plane_of_steps(study: xr.Dataset) -> tuple[str, str] | None:
+    """The same among the parameters that steps list; None if one of them has a single value in all steps."""
+    listed = [str(name) for name, each in study.coords.items() if each.dims == ("step",) and each.dtype.kind in "fi"]
+    return pair_among(study, [name for name in listed if np.ptp(study[name].values) > 0])
+
+
+def has_map(study: xr.Dataset) -> bool:
+    """Whether :func:`plot_map` has places to show."""
+    return bool(plane_of(study) or plane_of_steps(study))
+
+
+def pair_among(study: xr.Dataset, names: Sequence[str]) -> tuple[str, str] | None:
+    """Two of some parameters that are x and y of one place, or of one load."""
+    roles = roles_of_study(study)
+    by_role = {roles[name]: name for name in names if name in roles}
+    pairs = ((name, by_role.get(f"{role[:-1]}y")) for role, name in by_role.items() if role.endswith("x"))
+    return next(((one, other) for one, other in pairs if other is not None), None)
 
 
 def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
-    """Power of each taxel, as a colour over the two parameters of :func:`plane_of`; all taxels have one scale.
+    """Power of each taxel, as a colour over the two parameters of :func:`plane_of`, or as a dot at each place of
+    :func:`plane_of_steps`; all taxels have one scale.
 
-    Of other parameters that are varied the last values are taken, which the title tells.
+    Of other parameters that are varied the last values are taken, which the title tells; of steps at one place the
+    last one.
     """
-    plane = plane_of(study)
+    listed = None if plane_of(study) else plane_of_steps(study)
+    if listed:
+        at = np.stack([study[name].values for name in listed], axis=1)
+        last = len(at) - 1 - np.unique(at[::-1], axis=0, return_index=True)[1]
+        study = study.isel(step=np.sort(last))
+    plane = listed or plane_of(study)
     assert plane is not None
-    others = [str(dim) for dim in study.power.dims if dim not in (*plane, "taxel")]
+    others = [str(dim) for dim in study.power.dims if dim not in (*plane, "taxel", *(["step"] if listed else []))]
     shown = study.isel({name: -1 for name in others})
-    power = shown.power.transpose("taxel", plane[1], plane[0]).values
+    power = shown.power.transpose("taxel", *(["step"] if listed else plane[::-1])).values
     factor, unit = prefixed(float(np.nanmax(power, initial=0.0)), "W")
     axes = _panels(shown, plane, min(len(power), MOST_PANELS), narrow)
     limits = {"vmin": np.nanmin(power) / factor, "vmax": np.nanmax(power) / factor}
     for ax, taxel, values in zip(axes, study.taxel.values.tolist(), power, strict=False):
-        picture = ax.pcolormesh(shown[plane[0]], shown[plane[1]], values / factor, shading="nearest", **limits)
+        x, y = (shown[name].values for name in plane)
+        if listed:
+            picture = ax.scatter(x, y, c=values / factor, s=40, **limits)
+        else:
+            picture = ax.pcolormesh(x, y, values / factor, shading="nearest", **limits)
         ax.set_title(f"taxel {taxel}", fontsize="medium")
     figure = axes[0].figure
     figure.colorbar(picture, ax=axes, label=f"optical power [{unit}]")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mitsuba_taxel.base.units import FORCES, TIME
-from mitsuba_taxel.plots.figures import COLOURS, MARKERS, force_to_the_right
+from mitsuba_taxel.plots.figures import COLOURS, MARKERS, load_to_the_right
 
 if TYPE_CHECKING:
     import pandas
@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 NOT_SETTINGS = ("taxel", "unit", "measured", "model", "residual", "in_errors")
 
 
-def plot_residuals(residuals: pandas.DataFrame, correlation: pandas.DataFrame) -> Figure:
+def plot_residuals(
+    residuals: pandas.DataFrame, correlation: pandas.DataFrame, units: Mapping[str, str], loads: Collection[str]
+) -> Figure:
     """A fit: readings against the setting that changes most, points measured and
     lines modelled; below, residuals over their errors; beside, the correlations of the unknowns.
 
@@ -25,6 +27,10 @@ def plot_residuals(residuals: pandas.DataFrame, correlation: pandas.DataFrame) -
     ----------
     residuals, correlation : pandas.DataFrame
         Those of a ``FitResult``.
+    units : Mapping[str, str]
+        Of the settings, as far as known.
+    loads : Collection[str]
+        Names of the settings that are components of a load.
     """
     from matplotlib.figure import Figure
 
@@ -45,10 +51,11 @@ def plot_residuals(residuals: pandas.DataFrame, correlation: pandas.DataFrame) -
     axes["readings"].set_ylabel(f"reading [{residuals.unit.iloc[0]}]")
     axes["readings"].legend(title="taxel", frameon=False, fontsize="small")
     axes["residuals"].set_ylabel("residual\n[errors]")
-    unit = "N" if name in FORCES else "s" if name == TIME else ""
+    unit = units.get(name, "").removeprefix("1")
     axes["residuals"].set_xlabel(f"{name} [{unit}]" if unit else name)
     for ax in (axes["readings"], axes["residuals"]):
-        force_to_the_right(ax, name, places)
+        if name in loads:
+            load_to_the_right(ax, places)
     axes["residuals"].axhspan(-2, 2, color=COLOURS[4], alpha=0.3)
     for ax in (axes["readings"], axes["residuals"]):
         ax.grid(alpha=0.3)

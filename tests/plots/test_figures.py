@@ -78,7 +78,8 @@ def test_shapes_are_compared_in_one_panel_from_force_0():
     one = study(cell=["a", "b"])
     figure = plot_curves(one)
     above, below = figure.axes
-    assert above.get_ylabel() == "power, mean of 9 taxels [mW]" and below.get_ylabel() == "change since fz = 0 [%]"
+    assert above.get_ylabel() == "power of taxel 1, which changes most [mW]"
+    assert below.get_ylabel() == "change since fz = 0 [%]"
     assert above.xaxis_inverted() and len(above.containers) == len(below.containers) == 2
     np.testing.assert_allclose(below.containers[1].lines[0].get_ydata(), [0, 10, 20])
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["cell = a", "cell = b"]

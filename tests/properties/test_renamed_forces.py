@@ -11,10 +11,15 @@ import xarray as xr
 
 from mitsuba_taxel.characterise import experiments, sensitivity, sensitivity_table
 from mitsuba_taxel.characterise.roles import with_forces_named
+from mitsuba_taxel.plots.curves import plot_curves
+from mitsuba_taxel.plots.maps import plane_of
 from mitsuba_taxel.sensing import find_scene
-from mitsuba_taxel.sensing.parameter_roles import forces_of_parameters
+from mitsuba_taxel.sensing.parameter_roles import forces_of_parameters, roles_of_parameters
 from mitsuba_taxel.sensing.scene import shipped_scenes
-from mitsuba_taxel.studies import sweep
+from mitsuba_taxel.studies import sweep, training_set
+from mitsuba_taxel.studies.plan.batch import make_batch
+from mitsuba_taxel.studies.plan.vary import curve_dimension
+from tests.helpers.renamed_scenes import differences
 
 CELL = """<scene version="3.9.0">
     <default name="{name}" value="{value}"/> <default name="modulus" value="4"/>
@@ -80,8 +85,8 @@ def test_what_is_named_is_left_and_names_that_are_taken_too(studies):
     assert json.loads(studies["press"].attrs["forces"])["press"] == ["fz", -1]
     plain = with_forces_named(studies["press"])
     assert plain.fz.values.tolist() == [0, -1, -2] and with_forces_named(plain).identical(plain)
-    taken = studies["f"].assign_coords(fz=("f", [7.0, 8.0, 9.0]))
-    assert "f" in with_forces_named(taken).dims
+    taken = with_forces_named(studies["f"].assign_coords(fz=("f", [7.0, 8.0, 9.0])))
+    assert taken.fz.values.tolist() == [0, -1, -2] and taken["parameter fz"].values.tolist() == [7, 8, 9]
 
 
 def test_a_range_without_a_step_is_allowed_for_every_force(tmp_path):
@@ -92,3 +97,113 @@ def test_a_range_without_a_step_is_allowed_for_every_force(tmp_path):
     assert axis.is_open and axis.is_force
     batch = make_batch(tmp_path / "scene.xml", {"f": [0, -1]}, target_slope=0.1)
     assert batch.varied_forces == ("f",) and batch.derivatives == ("f",)
+
+
+@pytest.mark.usefixtures("painted_figures")
+def test_a_shipped_scene_says_the_same_under_other_names(tmp_path):
+    """Plates pay for no pad; ``tests/helpers/renamed_scenes.py`` compares all scenes."""
+    assert differences(find_scene("plate.xml"), 3, tmp_path) == []
+
+
+TOUCH = """<scene version="3.9.0">
+    <default name="a" value="0"/> <default name="fz" value="0"/> <default name="c" value="0"/>
+    <default name="t" value="0"/> <default name="before" value=""/> <default name="time" value="4"/>
+    <shape type="deformable_pad">
+        <string name="load" value="indenter_displacement"/> <string name="indenter" value="sphere"/>
+        <float name="indenter_radius" value="3"/> <float name="indenter_x" value="$a"/>
+        <float name="indenter_y" value="-$fz"/> <vector name="displacement" value="0.1, 0, -$c"/>
+        <string name="prony" value="0.2 1"/> <string name="history" value="$before"/>
+        <float name="time" value="$t"/> <float name="youngs_modulus" value="$time"/>
+    </shape>
+    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
+</scene>"""
+
+
+def test_displacements_places_and_times_are_found_where_they_are_used(tmp_path):
+    file = tmp_path / "touch.xml"
+    file.write_text(TOUCH)
+    assert roles_of_parameters(file) == {
+        "a": ("indenter_x", 1),
+        "fz": ("indenter_y", -1),
+        "c": ("uz", -1),
+        "t": ("time", 1),
+        "before": ("history", 1),
+        "time": ("youngs_modulus", 1),
+    }
+    assert "fz" not in forces_of_parameters(file)
+    batch = make_batch(file, {"a": [0, 1], "fz": [0, 1], "c": "0:1"})
+    assert batch.axes[2].is_open and curve_dimension(batch.axes) == "c"
+    path = make_batch(file, {"a": [0, 1]}, together={"t": [1, 2], "c": [0.5, 0.25]}).axes[1]
+    assert path.values["before"] == ["0 0 0 0", "0 0 0 0; 1 0.1 0 -0.5"]
+
+
+def test_a_pressure_and_a_vector_in_one_parameter(tmp_path):
+    file = tmp_path / "pressed.xml"
+    file.write_text(
+        '<scene version="3.9.0"> <default name="f" value="0 0 -1"/> <default name="p" value="0"/>'
+        '<shape type="deformable_pad"> <vector name="force" value="$f"/> <float name="pressure" value="-$p"/> </shape>'
+        "</scene>"
+    )
+    assert roles_of_parameters(file) == {"f": ("force", 1), "p": ("pressure", -1)}
+    assert "f" not in forces_of_parameters(file)
+
+
+def test_training_sets_have_forces_of_every_name(studies):
+    """Beside a parameter that is only called as a force."""
+    many = {
+        name: studies[name].isel({name: np.arange(12) % 3}).assign_coords({name: sign * np.arange(12.0)})
+        for name, sign in (("fz", -1), ("press", 1))
+    }
+    many["press"].attrs |= {"parameters": '{"fx": "7", "modulus": "4"}', "forces": '{"press": ["fz", -1]}'}
+    expected, found = training_set(many["fz"]), training_set(many["press"])
+    for part in expected:
+        assert found[part].columns.tolist() == expected[part].columns.tolist()
+        np.testing.assert_allclose(found[part], expected[part], rtol=1e-12)
+
+
+def touched(**coords):
+    """A study of steps at places, of which taxel 2 changes most at the first place and taxel 1 at others."""
+    count = len(coords["a"])
+    power = np.ones((count, 2, 2))
+    first = np.asarray(coords["a"]) == coords["a"][0]
+    power[:, :, 1] += np.where(first, coords["c"], 0)[:, None]
+    power[:, :, 0] += np.where(first, 0, coords["c"])[:, None]
+    roles = {"a": ["indenter_x", 1], "b": ["indenter_y", 1], "c": ["uz", -1]}
+    return xr.Dataset(
+        {
+            "replicate_power": (["step", "replicate", "taxel"], power),
+            "total_error": (["step", "taxel"], np.full((count, 2), 0.01)),
+            "power": (["step", "taxel"], power.mean(axis=1)),
+        },
+        coords={**{name: ("step", values) for name, values in coords.items()}, "taxel": [1, 2], "step": range(count)},
+        attrs={"curve": "step", "scene": "scene.xml", "roles": json.dumps(roles), "forces": "{}"},
+    )
+
+
+def test_places_are_curves_over_the_load_with_the_taxel_that_changes_most():
+    figure = plot_curves(touched(a=[2.0, 1, 2, 1], b=[0.0, 1, 0, 1], c=[0.0, 0, 0.5, 0.25]))
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert words == ["a = 1, b = 1, taxel 1", "a = 2, b = 0, taxel 2"]
+    assert [line.lines[0].get_xdata().tolist() for line in figure.axes[0].containers] == [[0, 0.25], [0, 0.5]]
+    assert figure.get_supxlabel() == "c"
+
+
+def test_places_that_are_pressed_once_are_not_joined_and_make_a_map():
+    from mitsuba_taxel.plots.maps import has_map, plot_map
+
+    once = touched(a=[2.0, 1, 2], b=[0.0, 1, 1], c=[0.5, 0.25, 0.5])
+    lines = [container.lines[0] for container in plot_curves(once).axes[0].containers]
+    assert [line.get_linestyle() for line in lines] == ["None"] * 2
+    assert has_map(once) and plane_of(once) is None
+    dots = plot_map(once).axes[0].collections[0]
+    np.testing.assert_allclose(dots.get_offsets(), [[2, 0], [1, 1], [2, 1]])
+
+
+def test_places_are_sorted():
+    from mitsuba_taxel.plots.curves import curves_of
+
+    steps = touched(a=[2.0, 1, 3], b=[0.0, 0, 0], c=[0.5, 0.25, 0.5])
+    along = steps.drop_vars(["a", "b", "c", "step"]).rename(step="x").assign_coords(x=[2.0, 1, 3])
+    (curve,) = curves_of(along.assign_attrs(curve="x", roles="{}"))
+    assert curve.x.tolist() == [1, 2, 3]
+    np.testing.assert_allclose(curve.samples[:, 0], along.replicate_power.values[[1, 0, 2], 0])

@@ -23,7 +23,7 @@ from mitsuba_taxel.plots.characteristics import (
     plot_tangential_maps,
 )
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
-from mitsuba_taxel.plots.maps import plane_of, plot_map
+from mitsuba_taxel.plots.maps import plane_of, plane_of_steps, plot_map
 from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, section, table
 from mitsuba_taxel.sensing.wording import budget_rows, light_of_study
 from mitsuba_taxel.studies import stage_totals, study_error_budget
@@ -86,7 +86,7 @@ def power(study: xr.Dataset, key: str) -> str:
     if has_taxels_to_compare(study):
         words = "How each taxel's reading changes, one panel for each combination of parameters, all of the same axes."
         plots.append(plot(partial(plot_taxels, study), words, "Each taxel's change. Bars: light."))
-    plane = plane_of(study)
+    plane = plane_of(study) or plane_of_steps(study)
     if plane:
         words = f"Optical power of each taxel as a colour over {plane[0]} and {plane[1]}; all taxels have one scale."
         plots.append(plot(partial(plot_map, study), words, f"Readings over {plane[0]} and {plane[1]}."))

@@ -13,13 +13,14 @@ import numpy as np
 from mitsuba_taxel.base.arguments import is_number, names_of, plain_number, require, table_of, word_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.toml import read_toml
+from mitsuba_taxel.base.units import LOADS
 from mitsuba_taxel.electronics import Circuit
 from mitsuba_taxel.electronics.circuit import circuit_of
 from mitsuba_taxel.sensing import Scene, find_scene
 from mitsuba_taxel.sensing.measurement import check_request
-from mitsuba_taxel.sensing.parameter_roles import forces_of_parameters
+from mitsuba_taxel.sensing.parameter_roles import forces_of_parameters, load_constants, roles_of_parameters
 from mitsuba_taxel.sensing.scene import is_file, shipped_scenes
-from mitsuba_taxel.studies.plan.histories import HISTORY, histories
+from mitsuba_taxel.studies.plan.histories import histories
 from mitsuba_taxel.studies.plan.steps import read_steps
 from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, make_axes
@@ -105,6 +106,16 @@ class Batch:
         """By parameter, the component of the force that it is, and its sign; see `forces_of_parameters`."""
         return forces_of_parameters(self.file)
 
+    @cached_property
+    def roles(self) -> dict[str, tuple[str, int]]:
+        """By parameter, what it is, and its sign; see `roles_of_parameters`."""
+        return roles_of_parameters(self.file)
+
+    @property
+    def loads(self) -> list[str]:
+        """Names of the parameters that are components of a load."""
+        return loads_among(self.roles)
+
     def as_toml(self) -> dict[str, Any]:
         """The batch as the content of a study file, with all values written out."""
         vary = {axis.dim: axis.values[axis.dim] for axis in self.axes if axis.dim != STEP}
@@ -158,7 +169,8 @@ def make_batch(
     file = find_scene(beside if is_file(beside) else source).resolve()
     fixed = {name: word_of(value) for name, value in table_of("defines", defines, "values").items()}
     forces = forces_of_parameters(file)
-    axes = make_axes(vary, together, folder, forces)
+    roles = roles_of_parameters(file)
+    axes = make_axes(vary, together, folder, forces, loads_among(roles))
     for parameter in (name for axis in axes for name in axis.values):
         if parameter in fixed:
             raise InputError(f"{parameter} is both varied and given a value: take one of them out.")
@@ -196,12 +208,20 @@ def make_batch(
     for parameter in (name for axis in axes for name in axis.values if name in scene.unused):
         raise InputError(f"{parameter} cannot be varied: nothing in {scene.name} uses its <default>.")
     alone = [axis.dim for axis in axes if axis.dim != STEP]
-    past = [histories(axis.values, scene.parameters, alone) if axis.dim == STEP else None for axis in axes]
+    constants = load_constants(file)
+    past = [
+        histories(axis.values, scene.parameters, alone, roles, constants) if axis.dim == STEP else None for axis in axes
+    ]
     filled = [
-        axis._replace(values={**axis.values, HISTORY: words}) if words else axis
+        axis._replace(values={**axis.values, **words}) if words else axis
         for axis, words in zip(axes, past, strict=True)
     ]
     return replace(batch, axes=tuple(filled))
+
+
+def loads_among(roles: Mapping[str, tuple[str, int]]) -> list[str]:
+    """Names of the parameters with these roles that are components of a load."""
+    return [name for name, (role, _) in roles.items() if any(role in names for names in LOADS)]
 
 
 def _forces(axes: Iterable[Axis], forces: Collection[str]) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ def grown(batch: Batch, stored: Mapping[str, Any]) -> Batch:
     of values taken together may be continued. Of two target errors, or numbers of points, the stricter one counts. A
     batch that does not extend the stored study is returned unchanged.
     """
-    before = make_axes(stored.get("vary", {}), stored.get("together"), forces=batch.forces)
+    before = make_axes(stored.get("vary", {}), stored.get("together"), forces=batch.forces, loads=batch.loads)
     fixed, defines = stored["provenance"]["parameters"], dict(batch.defines)
     now = {axis.dim: axis for axis in batch.axes}
     axes = []
@@ -68,14 +68,18 @@ def _values(before: Axis, asked: Axis) -> Axis:
     known = dict(zip(_keys(old), old, strict=True))
     if known.keys() <= set(_keys(new)):
         merged = [known.get(key, word) for key, word in zip(_keys(new), new, strict=True)]
-        return Axis(before.dim, {before.dim: merged}, is_force=before.is_force or asked.is_force)
+        return Axis(
+            before.dim, {before.dim: merged}, False, before.is_force or asked.is_force, before.is_load or asked.is_load
+        )
     joined = old + [word for key, word in zip(_keys(new), new, strict=True) if key not in known]
     numbers = as_numbers(joined)
     if numbers and all(_one_way(as_numbers(words)) for words in (old, new)):
         falls = any(words[-1] < words[0] for words in map(as_numbers, (old, new)) if words)
         joined = [joined[place] for place in np.argsort(numbers, kind="stable")]
         joined = joined[::-1] if falls else joined
-    return Axis(before.dim, {before.dim: joined}, is_force=before.is_force or asked.is_force)
+    return Axis(
+        before.dim, {before.dim: joined}, False, before.is_force or asked.is_force, before.is_load or asked.is_load
+    )
 
 
 def _one_way(numbers: Sequence[float] | None) -> bool:

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from types import MappingProxyType
 
 from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.limits import MOST_HISTORY
-from mitsuba_taxel.base.units import FORCES, TIME
-
-HISTORY = "history"
-"""Parameter of a scene for the load history: rows of time and load."""
-LOADS = (FORCES, ("ux", "uy", "uz"), ("pressure",))
-"""Parameters of a scene that are the components of a load."""
+from mitsuba_taxel.base.units import FORCES, HISTORY, LOADS, TIME
 
 
 def histories(
-    steps: Mapping[str, Sequence[str]], parameters: Mapping[str, str], varied: Sequence[str] = ()
-) -> list[str] | None:
-    """The load history of each step; None where steps have no times or give their histories themselves.
+    steps: Mapping[str, Sequence[str]],
+    parameters: Mapping[str, str],
+    varied: Sequence[str] = (),
+    roles: Mapping[str, tuple[str, int]] = MappingProxyType({}),
+    constants: Mapping[str, str] = MappingProxyType({}),
+) -> dict[str, list[str]] | None:
+    """The load history of each step, by the name of its parameter; None where steps have no times or give their
+    histories themselves.
 
     Parameters
     ----------
@@ -29,34 +30,55 @@ def histories(
         Of the scene. Load components that steps do not give keep its values, or are 0.
     varied : Sequence[str]
         Parameters that are varied besides.
+    roles : Mapping[str, tuple[str, int]]
+        What parameters are, and their signs; see `roles_of_parameters`. Others are what they are called.
+    constants : Mapping[str, str]
+        Components of the load that no parameter changes, by role.
 
     Raises
     ------
     InputError
         if the scene takes no history, it cannot be determined, or times go back.
     """
-    if TIME not in steps or HISTORY in steps:
+    named = {role: (name, sign) for name, (role, sign) in roles.items()}
+
+    def name_of(role: str) -> str:
+        return named.get(role, (role if role not in roles else "", 1))[0]
+
+    time, history = name_of(TIME), name_of(HISTORY)
+    if time not in steps or history in steps:
         return None
-    if HISTORY not in parameters:
+    if history not in parameters:
         raise InputError(
             "steps with a column time need a scene with the parameter history, which receives the earlier loads."
         )
+    # The kind of load is that of the steps, else that of the scene.
     known = {**parameters, **steps}
-    names = next((names for names in LOADS if set(names) & set(steps)), None)
-    names = names or next((names for names in LOADS if set(names) & set(known)), FORCES)
-    beside = [name for name in (*names, TIME, HISTORY) if name in varied]
+    names = next((names for names in LOADS if {*map(name_of, names)} & set(steps)), None)
+    names = names or next((names for names in LOADS if {*map(name_of, names)} & set(known)), FORCES)
+    beside = [name for name in (*map(name_of, names), time, history) if name in varied]
     if beside:
         raise InputError(f"{beside[0]} cannot be varied beside steps with times: give it in the steps.")
-    count = len(steps[TIME])
+    count = len(steps[time])
     if count > MOST_HISTORY:
         raise InputError(f"{count} steps with times are not allowed: at most {MOST_HISTORY} are.")
-    columns = [steps.get(name, [parameters.get(name, "0")] * count) for name in (TIME, *names)]
+    columns = [list(steps[time])]
+    for role in names:
+        name, sign = name_of(role), named.get(role, ("", 1))[1]
+        words = steps.get(name, [parameters.get(name, constants.get(role, "0"))] * count)
+        columns.append([_negative(word) for word in words] if sign < 0 else list(words))
     rows = [" ".join(row) for row in zip(*columns, strict=True)]
     if as_numbers(" ".join(rows).split()) is None:
-        raise InputError(f"steps with times need finite numbers for {', '.join((TIME, *names))}.")
+        shown = ", ".join(name_of(role) for role in (TIME, *names) if name_of(role) in known)
+        raise InputError(f"steps with times need finite numbers for {shown}.")
     _check_times([float(word) for word in columns[0]])
-    earlier = [parameters[HISTORY] if parameters[HISTORY].strip() else " ".join(["0"] * (1 + len(names)))]
-    return ["; ".join([*earlier, *rows[:number]]) for number in range(count)]
+    earlier = [parameters[history] if parameters[history].strip() else " ".join(["0"] * (1 + len(names)))]
+    return {history: ["; ".join([*earlier, *rows[:number]]) for number in range(count)]}
+
+
+def _negative(word: str) -> str:
+    word = word.strip()
+    return word[1:] if word.startswith("-") else word if as_numbers([word]) == [0.0] else f"-{word.removeprefix('+')}"
 
 
 def _check_times(times: Sequence[float]) -> None:

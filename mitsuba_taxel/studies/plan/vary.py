@@ -45,12 +45,15 @@ class Axis(NamedTuple):
         Whether these are the ends of a range whose steps have yet to be chosen.
     is_force : bool
         Whether its parameter is a component of the force.
+    is_load : bool
+        Whether it is a component of the force or displacement, or the pressure.
     """
 
     dim: str
     values: dict[str, list[str]]
     is_open: bool = False
     is_force: bool = False
+    is_load: bool = False
 
     @property
     def size(self) -> int:
@@ -63,6 +66,7 @@ def make_axes(
     together: Mapping[str, str | Iterable[object]] | None = None,
     folder: Path = Path(),
     forces: Collection[str] = FORCES,
+    loads: Collection[str] = (),
 ) -> tuple[Axis, ...]:
     """The dimensions of a study.
 
@@ -76,6 +80,8 @@ def make_axes(
         Folder to which the paths of files with values are relative.
     forces : Collection[str], optional
         Names of the parameters that are components of the force.
+    loads : Collection[str], optional
+        Names of those that are components of another load.
 
     Raises
     ------
@@ -84,7 +90,9 @@ def make_axes(
     """
     vary, together = table_of("vary", vary, "values"), table_of("together", together, "values")
     rows = {name: parse_values(name, values, folder) for name, values in together.items()}
-    axes = [_axis(name, values, folder, name in forces) for name, values in vary.items()]
+    axes = [
+        _axis(name, values, folder, name in forces, name in forces or name in loads) for name, values in vary.items()
+    ]
     lengths = {name: len(words) for name, words in rows.items()}
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"{name} has {length}" for name, length in lengths.items())
@@ -105,15 +113,15 @@ def make_axes(
     return tuple(axes)
 
 
-def _axis(name: str, values: str | Iterable[object], folder: Path, is_force: bool) -> Axis:
-    """The dimension of one parameter; a force may have a range ``start:stop`` without a step."""
-    if not (isinstance(values, str) and is_force and values.count(":") == 1 and not values.startswith("@")):
-        return Axis(name, {name: _distinct(name, parse_values(name, values, folder))}, is_force=is_force)
+def _axis(name: str, values: str | Iterable[object], folder: Path, is_force: bool, is_load: bool) -> Axis:
+    """The dimension of one parameter; a load may have a range ``start:stop`` without a step."""
+    if not (isinstance(values, str) and is_load and values.count(":") == 1 and not values.startswith("@")):
+        return Axis(name, {name: _distinct(name, parse_values(name, values, folder))}, False, is_force, is_load)
     start, _, stop = values.partition(":")
     ends = [start.strip(), stop.strip()]
     if as_numbers(ends) is None or float(start) == float(stop):
         raise InputError(f"{name} = {values!r} is not a range: start:stop, two different numbers, is needed.")
-    return Axis(name, {name: ends}, is_open=True, is_force=True)
+    return Axis(name, {name: ends}, True, is_force, is_load)
 
 
 def parse_values(name: str, values: str | Iterable[object], folder: Path = Path()) -> list[str]:
@@ -171,7 +179,7 @@ def _range(name: str, text: str) -> list[str]:
     except (ValueError, InvalidOperation):
         raise InputError(
             f"{name} = {text!r} is not a range: start:stop:step, three numbers, is needed (for a component of the "
-            "force, start:stop)."
+            "force or displacement, or a pressure, start:stop)."
         ) from None
     if not all(map(_is_in_range, (start, stop, step))):
         raise InputError(f"{name} = {text!r} is not allowed: finite numbers, none too close to 0, are needed.")
@@ -193,11 +201,13 @@ def _is_in_range(number: Decimal) -> bool:
 
 
 def curve_dimension(axes: Sequence[Axis]) -> str:
-    """Dimension to plot readings against: steps or the first force, else the first number, else the first parameter."""
+    """Dimension to plot readings against: steps or the first force, else the first other load, the first number, or the
+    first parameter."""
     longer = [axis for axis in axes if axis.size > 1]
     forces = [axis.dim for axis in longer if axis.dim == STEP or axis.is_force]
+    loads = [axis.dim for axis in longer if axis.is_load]
     numeric = [axis.dim for axis in longer if as_numbers(next(iter(axis.values.values())))]
-    return next(iter([*forces, *numeric]), axes[0].dim)
+    return next(iter([*forces, *loads, *numeric]), axes[0].dim)
 
 
 def sides_along(axis: Axis) -> list[dict[str, int]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,10 @@ import xarray as xr
 
 from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.units import FORCES
+from mitsuba_taxel.base.units import FORCES, HISTORY
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.readings import describe_mechanics, error_budget, geometry_share, mechanics_share, shares
-from mitsuba_taxel.studies.plan.histories import HISTORY
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.store.folder import Kept
@@ -71,7 +70,9 @@ def assemble(
     if about["target_error"] is not None and (missed := missed_target(about["target_error"], power, total)):
         notes.insert(0, missed)
     rates = _of_derivatives(dims, results, shape, curve)
-    if about["target_slope"] is not None and (missed := missed_slope(about["target_slope"], rates, results)):
+    if about["target_slope"] is not None and (
+        missed := missed_slope(about["target_slope"], rates, results, about.get("forces", FORCES))
+    ):
         notes.insert(0, missed)
     return xr.Dataset(
         {
@@ -89,7 +90,7 @@ def assemble(
             **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
         },
         coords={
-            **_coordinates(axes, about.get("units", {})),
+            **_coordinates(axes, about.get("units", {}), about.get("roles", {})),
             "taxel": ("taxel", first.taxel, {"long_name": "taxel, row by row from (-x, +y)"}),
             "stage": ("stage", stages),
             **_parameters(results),
@@ -110,7 +111,7 @@ def _provenance(about: Mapping[str, Any]) -> dict[str, Any]:
         **{name: about[name] for name in ("target_error", "target_slope", "mesh_size") if about[name] is not None},
         **{name: json.dumps(about[name]) for name in ("parameters", "versions", "pilot_seconds")},
         "units": json.dumps(about.get("units", {})),
-        "forces": json.dumps(about.get("forces", {})),
+        **{name: json.dumps(about[name]) for name in ("forces", "roles") if name in about},
     }
 
 
@@ -124,12 +125,14 @@ def _files(
     return {name: (dims, names.astype(str), {"long_name": about})} if names.any() else {}
 
 
-def _coordinates(axes: Sequence[Axis], units: Mapping[str, str]) -> dict[str, tuple]:
+def _coordinates(
+    axes: Sequence[Axis], units: Mapping[str, str], roles: Mapping[str, Sequence[Any]]
+) -> dict[str, tuple]:
     """Values along each dimension; parameters taken together are coordinates of ``step``."""
     coordinates: dict[str, tuple] = {}
     for axis in axes:
         for name, words in axis.values.items():
-            if name == HISTORY:  # repeats the earlier steps
+            if roles.get(name, (name,))[0] == HISTORY:  # repeats the earlier steps
                 continue
             numbers = as_numbers(words)
             unit = {"units": units[name]} if numbers and name in units else {}
@@ -304,13 +307,15 @@ def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> 
     return f"target error {target_error:g} not reached: {beyond.sum()} of {beyond.size} readings, the worst {worst}"
 
 
-def missed_slope(target: float, rates: Mapping[str, Any], results: Mapping[Place, Kept]) -> str:
+def missed_slope(
+    target: float, rates: Mapping[str, Any], results: Mapping[Place, Kept], forces: Collection[str] = FORCES
+) -> str:
     """Note on slopes whose error, relative to the steepest, exceeds the target or is unknown; empty if there are
     none."""
     names = next((each.parameters for each in _derivatives(results).values()), ())
     if not names:
         return f"target slope {target:g} not reached: there are no derivatives"
-    by_force = [number for number, name in enumerate(names) if name in FORCES]
+    by_force = [number for number, name in enumerate(names) if name in forces]
     relative = []
     for place in results:
         values, errors = (

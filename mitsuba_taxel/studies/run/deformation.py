@@ -14,9 +14,10 @@ from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing import Scene, find_scene
+from mitsuba_taxel.sensing.parameter_roles import load_constants, roles_of_parameters
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.studies.plan.files import make_folder
-from mitsuba_taxel.studies.plan.histories import HISTORY, histories
+from mitsuba_taxel.studies.plan.histories import histories
 
 
 @in_turn
@@ -67,9 +68,10 @@ def deform(
     rows = []
     file = find_scene(source)
     columns = {name: [str(values[name]) for values in steps] for name in steps[0]} if steps else {}
-    before = histories(columns, Scene(file, {**defines, **(steps[0] if steps else {})}).parameters)
+    parameters = Scene(file, {**defines, **(steps[0] if steps else {})}).parameters
+    before = histories(columns, parameters, (), roles_of_parameters(file), load_constants(file)) or {}
     for step, values in enumerate(steps, start=1):
-        past = {HISTORY: before[step - 1]} if before else {}
+        past = {name: words[step - 1] for name, words in before.items()}
         scene = Scene(file, {**defines, **values, **past})
         pads = deformed_pads(scene.load())
         if not pads:

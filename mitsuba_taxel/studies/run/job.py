@@ -14,6 +14,7 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.backend.own_plugins import load_plugins, loaded_plugins
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.errors import ComputationError, InputError, comes_from_interrupt
+from mitsuba_taxel.base.units import HISTORY
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.irradiance_file import write_irradiance
@@ -22,7 +23,6 @@ from mitsuba_taxel.sensing.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import MESHED_AS
 from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
-from mitsuba_taxel.studies.plan.histories import HISTORY
 from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT, as_number, way_to_contact
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 

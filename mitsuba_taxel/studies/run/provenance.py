@@ -35,7 +35,7 @@ def provenance(batch: Batch) -> dict[str, Any]:
     -------
     ``scene_content``, digests of the scene, of the files that it or a value names, and of the user's own plugins, by
     their names; ``code``, digest of the sources that readings depend on; ``versions`` by name; ``parameters``, values
-    of those that are not varied; ``units`` of parameters, as far as known; and ``forces``, components of the force by
+    of those that are not varied; ``units`` of parameters, as far as known; ``forces``, components of the force by
     parameter.
     """
     first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
@@ -48,6 +48,7 @@ def provenance(batch: Batch) -> dict[str, Any]:
         "parameters": {name: value for name, value in parameters.items() if name not in first},
         "units": units_of_parameters(batch.file),
         "forces": {name: list(role) for name, role in batch.forces.items()},
+        "roles": {name: list(role) for name, role in batch.roles.items()},
     }
 
 

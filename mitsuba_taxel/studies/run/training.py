@@ -26,6 +26,7 @@ from mitsuba_taxel.base.arguments import (
 from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
+from mitsuba_taxel.characterise.roles import with_forces_named
 from mitsuba_taxel.electronics import Circuit
 from mitsuba_taxel.electronics.samples import sampled
 from mitsuba_taxel.electronics.volts import circuit_of_study
@@ -155,7 +156,7 @@ def _scenes(study: xr.Dataset | xr.DataTree) -> dict[str, xr.Dataset]:
         scenes = {"": study}
     else:
         scenes = {node.path.strip("/"): node.to_dataset() for node in study.subtree}
-    scenes = {name: scene for name, scene in scenes.items() if "power" in scene}
+    scenes = {name: with_forces_named(scene) for name, scene in scenes.items() if "power" in scene}
     if not scenes:
         raise InputError("the study holds no power: readings are needed.")
     return scenes

@@ -15,7 +15,7 @@ from mitsuba_taxel.electronics.circuit import circuit_of
 from mitsuba_taxel.sensing.measurement import check_request
 from mitsuba_taxel.sensing.prepared_scenes import Settings
 from mitsuba_taxel.sensing.scene import is_file, why_unreadable
-from mitsuba_taxel.studies.plan.batch import check_target_slope, read_study
+from mitsuba_taxel.studies.plan.batch import check_target_slope, loads_among, read_study
 from mitsuba_taxel.studies.plan.vary import combinations, make_axes
 from mitsuba_taxel.studies.run.dataset import assemble
 from mitsuba_taxel.studies.run.provenance import own_code
@@ -48,7 +48,12 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
         tree.attrs["failures"] = "\n".join(lines)
         return tree
     (scene,), origin, store = study["scenes"], study["provenance"], Store(folder)
-    axes = make_axes(scene.get("vary", {}), scene.get("together"), forces=origin.get("forces", FORCES))
+    axes = make_axes(
+        scene.get("vary", {}),
+        scene.get("together"),
+        forces=origin.get("forces", FORCES),
+        loads=loads_among(origin.get("roles", {})),
+    )
     places = dict(enumerate(combinations(axes)))
     results = {}
     for number in sorted(places.keys() & store.done()):
@@ -99,7 +104,7 @@ def read_results(folder: Path) -> dict[str, Any]:
         tables: list[Any] = [None]
         if isinstance(origin, dict):
             tables = [origin.get("parameters"), origin.get("versions"), origin.get("units", {})]
-            if not _are_roles(origin.get("forces", {})):
+            if not all(_are_roles(origin.get(name, {})) for name in ("forces", "roles")):
                 tables.append(None)
         words = [word for table in tables for word in (table.values() if isinstance(table, dict) else [None])]
         if not (all(isinstance(word, str) for word in (*words, scene)) and "seed" in study):
@@ -112,9 +117,9 @@ def read_results(folder: Path) -> dict[str, Any]:
     return study
 
 
-def _are_roles(forces: object) -> bool:
-    """Whether these are components of the force, with their factors, by parameter."""
-    return isinstance(forces, dict) and all(
+def _are_roles(roles: object) -> bool:
+    """Whether these are roles, with their factors, by parameter."""
+    return isinstance(roles, dict) and all(
         isinstance(role, list) and len(role) == 2 and isinstance(role[0], str) and is_number(role[1])
-        for role in forces.values()
+        for role in roles.values()
     )

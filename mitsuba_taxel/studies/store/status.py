@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from mitsuba_taxel.base.units import FORCES
+from mitsuba_taxel.studies.plan.batch import loads_among
 from mitsuba_taxel.studies.plan.vary import Axis, checked_places, combinations, curve_dimension, make_axes
 from mitsuba_taxel.studies.store.folder import LOCK, RUN, STUDY, Store
 from mitsuba_taxel.studies.store.opening import read_results
@@ -55,7 +57,7 @@ def _states(folder: Path, name: str) -> Iterator[Status]:
             else:
                 yield Status(scene["name"], 0, 0, _size(scene), 0.0, False, None)
         return
-    axes = _axes(scenes[0], study["provenance"].get("forces", FORCES))
+    axes = _axes(scenes[0], study["provenance"].get("forces", FORCES), study["provenance"].get("roles", {}))
     store, values = Store(folder), dict(enumerate(values for _, values in combinations(axes)))
     fixed = study["provenance"]["parameters"]
     numbers = values.keys() & store.done()
@@ -67,8 +69,8 @@ def _states(folder: Path, name: str) -> Iterator[Status]:
     yield Status(name, len(kept), len(failed), len(values), error, running, left)
 
 
-def _axes(scene: dict, forces: Collection[str] = FORCES):
-    return make_axes(scene.get("vary", {}), scene.get("together"), forces=forces)
+def _axes(scene: dict, forces: Collection[str] = FORCES, roles: Mapping[str, tuple[str, int]] = MappingProxyType({})):
+    return make_axes(scene.get("vary", {}), scene.get("together"), forces=forces, loads=loads_among(roles))
 
 
 def _size(scene: dict) -> int:

@@ -15,7 +15,7 @@ from mitsuba_taxel.characterise import resolution, sensitivity_table, volts_tabl
 from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study, in_volts
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.figures import save_figure
-from mitsuba_taxel.plots.maps import plane_of, plot_map, plot_resolution
+from mitsuba_taxel.plots.maps import has_map, plane_of, plot_map, plot_resolution
 from mitsuba_taxel.studies.store.netcdf import write_netcdf
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def draw_results(study: xr.Dataset, folder: Path) -> None:
         "power": plot_curves,
         **({"taxels": plot_taxels} if has_taxels_to_compare(study) else {}),
     }
-    if plane_of(study):
+    if has_map(study):
         plots["map"] = plot_map
     for name, plot in plots.items():
         save_figure(plot(study), folder, name)

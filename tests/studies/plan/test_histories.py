@@ -14,18 +14,18 @@ SCENE = {"fx": "0.5", "fy": "0", "fz": "0", "time": "0", "history": ""}
 
 def test_each_step_knows_those_before_it():
     steps = {"time": ["1", "2", "3"], "fz": ["-1", "-2", "0"]}
-    assert histories(steps, SCENE) == ["0 0 0 0", "0 0 0 0; 1 0.5 0 -1", "0 0 0 0; 1 0.5 0 -1; 2 0.5 0 -2"]
+    assert histories(steps, SCENE)["history"] == ["0 0 0 0", "0 0 0 0; 1 0.5 0 -1", "0 0 0 0; 1 0.5 0 -1; 2 0.5 0 -2"]
     held = {**SCENE, "history": "0 0 0 -3"}
-    assert histories(steps, held)[1] == "0 0 0 -3; 1 0.5 0 -1"
+    assert histories(steps, held)["history"][1] == "0 0 0 -3; 1 0.5 0 -1"
 
 
 def test_other_loads_and_steps_without_times():
     assert histories({"fz": ["-1"]}, SCENE) is None
     assert histories({"time": ["1"], "history": ["0 0 0 0"]}, SCENE) is None
     plate = {"uz": "0", "time": "0", "history": ""}
-    assert histories({"time": ["1", "2"], "uz": ["-1", "0"]}, plate)[1] == "0 0 0 0; 1 0 0 -1"
-    assert histories({"time": ["1", "2"], "pressure": ["1", "0"]}, plate)[1] == "0 0; 1 1"
-    assert histories({"time": ["1", "2"]}, SCENE)[1] == "0 0 0 0; 1 0.5 0 0"
+    assert histories({"time": ["1", "2"], "uz": ["-1", "0"]}, plate)["history"][1] == "0 0 0 0; 1 0 0 -1"
+    assert histories({"time": ["1", "2"], "pressure": ["1", "0"]}, plate)["history"][1] == "0 0; 1 1"
+    assert histories({"time": ["1", "2"]}, SCENE)["history"][1] == "0 0 0 0; 1 0.5 0 0"
 
 
 @pytest.mark.parametrize(
