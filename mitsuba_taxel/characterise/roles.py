@@ -26,7 +26,11 @@ def roles_of_study(study: xr.Dataset) -> dict[str, str]:
 
 def is_load(study: xr.Dataset, name: str) -> bool:
     """Whether a parameter of a study is a component of the force or displacement, or the pressure."""
-    return any(roles_of_study(study).get(name) in names for names in LOADS)
+    return _is_load(roles_of_study(study).get(name, ""))
+
+
+def _is_load(role: str) -> bool:
+    return any(role in names for names in LOADS)
 
 
 def with_forces_named(study: xr.Dataset) -> xr.Dataset:
@@ -34,7 +38,8 @@ def with_forces_named(study: xr.Dataset) -> xr.Dataset:
     time of the load ``time``.
 
     What they were called is in the attributes ``forces`` and ``roles``, from the scene, which the result does not have.
-    Other parameters of these names are called ``parameter fz``.
+    Other parameters of these names are called ``parameter fz``, unless the scene has no parameter for a load: its names
+    are all that says what it is, then.
     """
     if "forces" not in study.attrs:
         return study
@@ -44,7 +49,9 @@ def with_forces_named(study: xr.Dataset) -> xr.Dataset:
     parameters = json.loads(study.attrs.get("parameters", "{}"))
     names = {*map(str, study.coords), *map(str, study.dims), *parameters}
     new = {name: component for name, (component, _) in forces.items()} | dict.fromkeys(times, TIME)
-    taken = {name for name in (*FORCES, *([TIME] if "roles" in study.attrs else [])) if name in names} - new.keys()
+    loads = [name for name, (role, _) in {**stated, **forces}.items() if name in names and _is_load(role)]
+    taken = {name for name in (*FORCES, *([TIME] if "roles" in study.attrs else [])) if loads and name in names}
+    taken -= new.keys()
     new = {name: role for name, role in new.items() if name in names} | {name: f"parameter {name}" for name in taken}
     signs = {name: sign for name, (_, sign) in forces.items() if name in new}
     study = study.assign_attrs({name: value for name, value in study.attrs.items() if name != "forces"})

@@ -56,7 +56,7 @@ def command(
     studies = {str(folder): open_study(folder) for folder in folders}
     found = compare(studies, by, limits, force=force, up_to=up_to, circuit=circuit_in(circuit))
     if output is not None:
-        from mitsuba_taxel.base.atomic import replacing
+        from mitsuba_taxel.base.atomic import replacing, write_text
         from mitsuba_taxel.plots.ranking import plot_ranking
 
         make_folder(output)
@@ -65,6 +65,7 @@ def command(
         if found.volts is not None:
             with replacing(output / "volts.csv") as file:
                 found.volts.to_csv(file, index=False)
+        write_text(output / "notes.txt", "".join(f"{note}\n" for note in found.notes))
         with replacing(output / "comparison.png") as file:
             plot_ranking(found).savefig(file)
     if as_json:

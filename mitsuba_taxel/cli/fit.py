@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import click
@@ -44,11 +43,11 @@ def _as_json(result) -> dict[str, object]:
 
 
 def _show(result) -> None:
+    from mitsuba_taxel.fitting.wording import UNKNOWN_HEADINGS, unknown_rows
+
     from .tables import print_notes, print_table
 
-    print_table(
-        ("unknown", "start", "value", "data ±", "model ±", "95 % interval"), map(_cells, result.unknowns.itertuples())
-    )
+    print_table(UNKNOWN_HEADINGS, unknown_rows(result.unknowns))
     print(
         "Errors: one standard deviation, of the data and of the model (light, finite elements, surfaces), and of both."
     )
@@ -56,11 +55,3 @@ def _show(result) -> None:
     of = "" if result.misfit != result.misfit else f" Mean square of the residuals, in errors: {result.misfit:.3g}."
     print(f"{count} readings, {wide} of them more than two errors off.{of}")
     print_notes(result)
-
-
-def _cells(row) -> tuple[str, ...]:
-    from mitsuba_taxel.characterise.wording import with_error
-
-    value = with_error(row.value, row.error) if math.isfinite(row.error) else f"{row.value:.4g}, not determined"
-    ends = f"{row.low:.6g} to {row.high:.6g}" if math.isfinite(row.error) else "-"
-    return row.unknown, f"{row.start:.4g}", value, f"{row.data_error:.2g}", f"{row.model_error:.2g}", ends

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -55,51 +54,14 @@ def _counts(result) -> dict[str, int]:
 
 
 def _show(result) -> None:
+    from mitsuba_taxel.tolerances.wording import INDICES, SPREAD_HEADINGS, SPREADS, index_rows, spread_rows
+
     from .tables import print_table
-
-    def share(value: float) -> str:
-        return "-" if math.isnan(value) else f"{round(value, 3) + 0.0:.1%}"  # what rounds to zero has no sign
-
-    def with_error(value: float, error: float) -> str:
-        return share(value) if math.isnan(error) else f"{share(value)} ± {share(error)}"
-
-    def index(row, name: str) -> str:
-        error = row[name.replace("total_", "total_error_", 1)]
-        return "not known" if math.isnan(row[name]) else with_error(row[name], error)
-
-    def relative(value: float, nominal: float) -> float:
-        return value / nominal if nominal else math.nan
 
     counts = _counts(result)
     linear = ", all linear" if result.shares.rate.notna().any() else ""
     few = f", {counts['exact']} of them exact{linear}" if counts else ""
-    print(f"{len(result.samples)} samples{few}; spreads are one standard deviation, relative to the nominal value:")
-    print_table(
-        ("figure", "taxel", "unit", "nominal", "mean", "spread", "linear", "not linear", "explained"),
-        (
-            (
-                row.figure,
-                str(row.taxel),
-                row.unit,
-                f"{row.nominal:.4g}",
-                with_error(
-                    relative(row.mean - row.nominal, row.nominal),
-                    relative(getattr(row, "mean_error", math.nan), abs(row.nominal)),
-                ),
-                with_error(relative(row.sd, abs(row.nominal)), relative(row.sd_error, abs(row.nominal))),
-                share(relative(row.linear_sd, abs(row.nominal))),
-                share(row.linear_error),
-                share(row.explained),
-            )
-            for row in result.spread.itertuples()
-        ),
-    )
-    figures = [name for name in result.parameters if name.startswith("total_") and "total_error_" not in name]
-    print("\nWhich tolerance costs most: total Sobol' indices, mean of the taxels")
-    print_table(
-        ("parameter", "law", *(name.removeprefix("total_") for name in figures)),
-        (
-            (row["parameter"], row["law"], *(index(row, name) for name in figures))
-            for row in result.parameters.to_dict("records")
-        ),
-    )
+    print(f"{len(result.samples)} samples{few}; {SPREADS[0].lower()}{SPREADS[1:]}:")
+    print_table(SPREAD_HEADINGS, spread_rows(result.spread))
+    print(f"\n{INDICES}")
+    print_table(*index_rows(result.parameters))

@@ -19,7 +19,9 @@ def test_a_study_is_ranked(taxel, tmp_path):
     mitsuba_taxel.sweep(tmp_path / "scene.xml", vary, points=64, output=tmp_path / "out")
     done = taxel("compare", "out", "--by", "mean_slope", "-o", "ranking")
     assert done.returncode == 0 and done.stderr == ""
-    assert {file.name for file in (tmp_path / "ranking").iterdir()} == {"comparison.csv", "comparison.png"}
+    assert {file.name for file in (tmp_path / "ranking").iterdir()} == {
+        "comparison.csv", "comparison.png", "notes.txt",
+    }  # fmt: skip
     title, _, _, first, *_ = done.stdout.splitlines()
     assert title == "By mean slope:" and first.split()[:2] == ["1", "1"] and "100.0%" in first
     rows = json.loads(taxel("compare", "out", "--at-most", "nonlinearity=100", "--json").stdout)["variants"]
@@ -41,7 +43,7 @@ def test_a_study_is_ranked_in_volts(taxel, tmp_path):
     assert done.returncode == 0 and done.stdout.startswith("By mean slope, readings in V:"), done.stderr
     assert "As the circuit shows it, fz:" in done.stdout
     assert {file.name for file in (tmp_path / "ranking").iterdir()} == {
-        "comparison.csv", "comparison.png", "volts.csv",
+        "comparison.csv", "comparison.png", "notes.txt", "volts.csv",
     }  # fmt: skip
     volts = json.loads(taxel("compare", "out", "--by", "mean_slope", "--circuit", "circuit.toml", "--json").stdout)
     first = {"watts": json.loads(watts.stdout)["variants"][0], "volts": volts["variants"][0]}

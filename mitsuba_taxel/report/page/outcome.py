@@ -1,13 +1,20 @@
-"""Sections of a page with what `taxel tolerance`, `taxel fit` or `taxel optimise` left in a folder."""
+"""Sections of a page with what `taxel tolerance`, `fit`, `optimise`, `compare` or `dataset` left in a folder."""
 
 from __future__ import annotations
 
 import base64
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from html import escape
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from mitsuba_taxel.fitting.wording import UNKNOWN_HEADINGS, unknown_rows
 from mitsuba_taxel.report.page.markup import bullets, folded, section, table
+from mitsuba_taxel.tolerances.wording import INDICES, SPREAD_HEADINGS, SPREADS, index_rows, spread_rows
+
+if TYPE_CHECKING:
+    import pandas
 
 MOST_ROWS, MOST_COLUMNS = 50, 12
 """Of a table on the page; the rest is in the file."""
@@ -42,8 +49,8 @@ OUTCOMES = (
         "notes.txt",
         {"tolerance": "Spreads of the figures, and the parameters that they come from."},
         {
-            "spread": "Spreads: one standard deviation of each figure",
-            "parameters": "Which tolerance costs most: total Sobol' indices",
+            "spread": SPREADS,
+            "parameters": INDICES,
             "shares": "Linear answer: contributions of the parameters",
             "samples": "Samples",
         },
@@ -54,6 +61,20 @@ OUTCOMES = (
         "notes.txt",
         {"fit": "Residuals of the fit."},
         {"fit": "Unknowns, with one standard deviation", "correlation": "Correlation", "residuals": "Residuals"},
+    ),
+    Outcome(
+        "comparison.csv",
+        "Comparison",
+        "notes.txt",
+        {"comparison": "Figures of merit of the variants, with their errors."},
+        {"comparison": "Variants by rank", "volts": "Behind the circuit"},
+    ),
+    Outcome(
+        "train.csv",
+        "Training set",
+        "README.md",
+        {},
+        {"train": "Training", "validation": "Validation", "test": "Test"},
     ),
     Outcome(
         "optimum.md",
@@ -75,6 +96,15 @@ OUTCOMES = (
 )
 
 
+_Rows = Callable[["pandas.DataFrame"], tuple[Sequence[str], list[tuple[str, ...]]]]
+AS_PRINTED: dict[str, tuple[str, _Rows]] = {
+    "spread.csv": (SPREADS, lambda table: (SPREAD_HEADINGS, spread_rows(table))),
+    "parameters.csv": (INDICES, index_rows),
+    "fit.csv": ("Unknowns, with one standard deviation", lambda table: (UNKNOWN_HEADINGS, unknown_rows(table))),
+}
+"""Tables that the page has as the command prints them, by the file that holds their numbers."""
+
+
 def outcome_sections(folder: Path) -> list[str]:
     """Sections for the files of these commands in a folder; none if there are none."""
     return [_section(kind, folder) for kind in OUTCOMES if (folder / kind.file).is_file()]
@@ -83,10 +113,11 @@ def outcome_sections(folder: Path) -> list[str]:
 def _section(kind: Outcome, folder: Path) -> str:
     parts = [bullets(_lines(folder / kind.verdict))]
     for name, caption in kind.plots.items():
-        if (file := folder / f"{name}.svg").is_file():
+        kinds = {folder / f"{name}.svg": "svg+xml", folder / f"{name}.png": "png"}
+        for file, of in [each for each in kinds.items() if each[0].is_file()][:1]:
             picture = base64.b64encode(file.read_bytes()).decode("ascii")
             parts.append(
-                f'<figure><img class="plot" src="data:image/svg+xml;base64,{picture}" alt="{escape(caption)}">'
+                f'<figure><img class="plot" src="data:image/{of};base64,{picture}" alt="{escape(caption)}">'
                 f"<figcaption>{escape(caption)}</figcaption></figure>"
             )
     for number, (name, caption) in enumerate(kind.tables.items()):
@@ -110,6 +141,10 @@ def _table(file: Path, caption: str) -> str:
     import pandas
 
     content = pandas.read_csv(file)
+    if file.name in AS_PRINTED:
+        words, made = AS_PRINTED[file.name]
+        with suppress(AttributeError, KeyError):  # columns of another version: as they are
+            return table(f"{words} (all columns in {file.name})", *made(content))
     rows = [
         ["" if value != value else f"{value:.4g}" if isinstance(value, float) else str(value) for value in row]
         for row in content.iloc[:MOST_ROWS, :MOST_COLUMNS].to_numpy(dtype=object).tolist()

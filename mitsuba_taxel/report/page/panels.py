@@ -143,6 +143,8 @@ def _light(
         panel["fixed"] = lit.fixed(packing)
         panel["cut"] = round(100 * float((lit.y - box[0, 1]) / np.ptp(box[:, 1])))
         panel["taxel"] = lit.taxel
+    if panel["steps"][number]["indenters"]:
+        panel["cut"] = 0  # a body and the pad that it presses are seen whole
 
 
 def _words(step: xr.DataArray, along: list[str]) -> str:

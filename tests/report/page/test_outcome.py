@@ -18,7 +18,10 @@ def test_the_page_of_a_fit_has_its_unknowns_residuals_and_warnings(tmp_path, llv
     result = run_fit(tmp_path / "study.toml", tmp_path / "out")
     assert write_report(tmp_path / "out", tmp_path / "page.html") == []
     page = (tmp_path / "page.html").read_text()
-    assert f"<td>{result.unknowns.value[0]:.4g}</td>" in page and "data:image/svg+xml;base64," in page
+    assert (
+        f"<td>{result.unknowns.low[0]:.6g} to {result.unknowns.high[0]:.6g}</td>" in page
+        and "data:image/svg+xml;base64," in page
+    )
     assert result.warnings and all(
         f"<li>warning: {line}</li>" in page.replace("&#x27;", "'") for line in result.warnings
     )
@@ -33,6 +36,41 @@ def test_the_page_of_tolerances_has_spreads_and_indices_and_the_shortened_sample
     (part,) = outcome_sections(tmp_path)
     assert "<td>0.01235</td>" in part and "&lt;x&gt;" in part and '<th scope="col">total gain</th>' in part
     assert "<li>samples without readings, left out: 2 of 9</li>" in part and "3 more rows in samples.csv" in part
+
+
+def test_the_page_has_the_tables_as_the_command_prints_them(tmp_path, capsys):
+    """With a nominal value of 2, a mean of 2.02 and a spread of 0.1: 1 % and 5 %."""
+    from types import SimpleNamespace
+
+    from mitsuba_taxel.cli.tolerance import _show
+
+    row = {"figure": "gain", "taxel": 3, "unit": "W/N", "nominal": 2.0, "mean": 2.02, "mean_error": 0.002, "sd": 0.1}
+    row |= {"sd_error": 0.01, "linear_sd": 0.09, "linear_error": 0.04, "explained": 0.9}
+    indices = {"parameter": "wall", "law": "normal", "total_gain": 0.5, "total_error_gain": 0.02}
+    spread, parameters = pandas.DataFrame([row]), pandas.DataFrame([indices])
+    spread.to_csv(tmp_path / "spread.csv", index=False)
+    parameters.to_csv(tmp_path / "parameters.csv", index=False)
+    (part,) = outcome_sections(tmp_path)
+    shares = pandas.DataFrame({"rate": [1.0]})
+    _show(SimpleNamespace(samples=pandas.DataFrame({"x": [1]}), shares=shares, spread=spread, parameters=parameters))
+    printed = capsys.readouterr().out
+    for word in ("1.0% ± 0.1%", "5.0% ± 0.5%", "4.5%", "90.0%", "50.0% ± 2.0%"):
+        assert f"<td>{word}</td>" in part and word in printed
+
+
+def test_folders_of_comparisons_and_training_sets_have_pages(tmp_path):
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+    pandas.DataFrame({"variant": ["a"], "rank": [1]}).to_csv(tmp_path / "one" / "comparison.csv", index=False)
+    (tmp_path / "one" / "comparison.png").write_bytes(b"picture")
+    (tmp_path / "one" / "notes.txt").write_text("a note\n")
+    pandas.DataFrame({f"c{n}": [n] for n in range(14)}).to_csv(tmp_path / "other" / "train.csv", index=False)
+    (tmp_path / "other" / "README.md").write_text("# Set\n\n- a caveat\n")
+    write_report(tmp_path / "one", tmp_path / "one.html")
+    write_report(tmp_path / "other", tmp_path / "other.html")
+    one, other = ((tmp_path / f"{name}.html").read_text() for name in ("one", "other"))
+    assert "data:image/png;base64,cGljdHVyZQ==" in one and "<li>a note</li>" in one and "<td>a</td>" in one
+    assert "<li>a caveat</li>" in other and "2 more columns in train.csv" in other
 
 
 def test_the_page_of_an_optimum_has_its_verdict(tmp_path):

@@ -139,6 +139,7 @@ def pressed_page(tmp_path_factory, mechanics_error_unknown):
 
 def test_indenters_are_drawn_and_what_they_press_with_has_colours(pressed_page):
     (panel,) = solids(pressed_page)
+    assert panel["cut"] == 0
     for step, depth in zip(panel["steps"], (0, 0.3), strict=True):
         vertices = numbers(step["vertices"], "<i2") * panel["unit"]
         pressure = np.frombuffer(base64.b64decode(step["pressure"]), np.uint8) * panel["pressure"] / 255

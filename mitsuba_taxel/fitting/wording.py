@@ -1,0 +1,24 @@
+"""Unknowns of a fit in words, common to terminal and web page."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from mitsuba_taxel.characterise.wording import with_error
+
+if TYPE_CHECKING:
+    import pandas
+
+UNKNOWN_HEADINGS = ("unknown", "start", "value", "data ±", "model ±", "95 % interval")
+
+
+def unknown_rows(unknowns: pandas.DataFrame) -> list[tuple[str, ...]]:
+    """The rows of the table of unknowns, ``fit.csv``."""
+    return [_cells(row) for row in unknowns.itertuples()]
+
+
+def _cells(row: Any) -> tuple[str, ...]:
+    value = with_error(row.value, row.error) if math.isfinite(row.error) else f"{row.value:.4g}, not determined"
+    ends = f"{row.low:.6g} to {row.high:.6g}" if math.isfinite(row.error) else "-"
+    return str(row.unknown), f"{row.start:.4g}", value, f"{row.data_error:.2g}", f"{row.model_error:.2g}", ends

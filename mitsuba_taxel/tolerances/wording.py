@@ -1,0 +1,59 @@
+"""Spreads and indices of tolerances in words, common to terminal and web page."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas
+
+SPREAD_HEADINGS = ("figure", "taxel", "unit", "nominal", "mean", "spread", "linear", "not linear", "explained")
+SPREADS = "Spreads are one standard deviation, relative to the nominal value"
+INDICES = "Which tolerance costs most: total Sobol' indices, mean of the taxels"
+
+
+def spread_rows(spread: pandas.DataFrame) -> list[tuple[str, ...]]:
+    """The rows of the table of spreads, ``spread.csv``."""
+    return [
+        (
+            str(row.figure),
+            str(row.taxel),
+            str(row.unit),
+            f"{row.nominal:.4g}",
+            _with_error(
+                _relative(row.mean - row.nominal, row.nominal),
+                _relative(getattr(row, "mean_error", math.nan), abs(row.nominal)),
+            ),
+            _with_error(_relative(row.sd, abs(row.nominal)), _relative(row.sd_error, abs(row.nominal))),
+            _share(_relative(row.linear_sd, abs(row.nominal))),
+            _share(row.linear_error),
+            _share(row.explained),
+        )
+        for row in spread.itertuples()
+    ]
+
+
+def index_rows(parameters: pandas.DataFrame) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """The headings and rows of the table of total Sobol' indices, ``parameters.csv``."""
+    figures = [name for name in parameters if name.startswith("total_") and "total_error_" not in name]
+    headings = ("parameter", "law", *(name.removeprefix("total_") for name in figures))
+    rows = parameters.to_dict("records")
+    return headings, [(row["parameter"], row["law"], *(_index(row, name) for name in figures)) for row in rows]
+
+
+def _share(value: float) -> str:
+    return "-" if math.isnan(value) else f"{round(value, 3) + 0.0:.1%}"  # what rounds to zero has no sign
+
+
+def _with_error(value: float, error: float) -> str:
+    return _share(value) if math.isnan(error) else f"{_share(value)} ± {_share(error)}"
+
+
+def _index(row: dict[str, Any], name: str) -> str:
+    error = row[name.replace("total_", "total_error_", 1)]
+    return "not known" if math.isnan(row[name]) else _with_error(row[name], error)
+
+
+def _relative(value: float, nominal: float) -> float:
+    return value / nominal if nominal else math.nan
