@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, fields
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from mitsuba_taxel.base.atomic import replacing, write_text
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.convergence import ORDER
-from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.coverage_cases import COARSER, FINE, FINER, coverage_cases
 from mitsuba_taxel.bench.coverage_row import CoverageRow
@@ -18,6 +15,7 @@ from mitsuba_taxel.bench.intervals import IntervalRow, interval_cases, intervals
 from mitsuba_taxel.bench.intervals import summary as summary_of_intervals
 from mitsuba_taxel.bench.isolated_process import measure_isolated
 from mitsuba_taxel.bench.row import cells, headings
+from mitsuba_taxel.bench.row_files import read_rows, write_rows
 from mitsuba_taxel.bench.stability import chosen
 from mitsuba_taxel.bench.tables import LEFT
 from mitsuba_taxel.studies.plan.files import check_new_file
@@ -95,7 +93,7 @@ def coverage(
     for file, suffix in ((csv_file, ".csv"), (markdown, ".md")):
         if file:
             check_new_file(file, suffix)
-    before = read_rows(csv_file) if csv_file and csv_file.exists() else {}
+    before = read_rows(csv_file, CoverageRow) if csv_file and csv_file.exists() else {}
     known = {name: row for name, row in before.items() if not row.remark}
     rows: list[CoverageRow] = []
     for number, case in enumerate(cases, start=1):
@@ -140,28 +138,6 @@ def coverage_of_figures(
         yield row
     if markdown:
         write_page(rows, markdown, csv_file, counted)
-
-
-def read_rows(file: Path) -> dict[str, CoverageRow]:
-    """Rows of a file from :func:`write_rows`, by name of the setting; raises `InputError`."""
-    texts = {"case", "remark"}
-    try:
-        with file.open(newline="", encoding="utf-8") as stream:
-            rows = [
-                CoverageRow(**{name: value if name in texts else float(value) for name, value in row.items()})  # type: ignore[arg-type]
-                for row in csv.DictReader(stream)
-            ]
-    except (OSError, TypeError, ValueError) as error:
-        raise InputError(f"{file} is not allowed: a file of rows that this command wrote is needed.") from error
-    return {row.case: row for row in rows}
-
-
-def write_rows(rows: Iterable[CoverageRow], file: Path) -> None:
-    """Write the rows with a heading, in full precision; missing numbers are ``nan``."""
-    with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, [field.name for field in fields(CoverageRow)])
-        writer.writeheader()
-        writer.writerows(map(asdict, rows))
 
 
 def write_page(

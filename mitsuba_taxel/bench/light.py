@@ -12,6 +12,7 @@ from mitsuba_taxel.bench.isolated_process import measure_isolated
 from mitsuba_taxel.bench.light_cases import DERIVED, TIGHT, light_cases
 from mitsuba_taxel.bench.light_row import LightRow
 from mitsuba_taxel.bench.row import cells, headings
+from mitsuba_taxel.bench.row_files import read_rows, write_rows
 from mitsuba_taxel.bench.stability import chosen
 from mitsuba_taxel.studies.plan.files import check_new_file
 
@@ -34,8 +35,8 @@ random paths alone, which need neither patches nor their rules.
 {table}
 
 - **random paths**: whether the default reading needs them; if not, it has no noise.
-- **deviation**: of the default reading from that of random paths, relative; **stated**, **noise**: stated errors of the
-  two. **combined errors**: the deviation in units of the root of the sum of their squares.
+- **deviation**: of the default reading from that of random paths, relative; **stated**, **noise**: stated errors of
+  the two, of random paths by noise and by triangles. **combined errors**: the deviation in units of the root of the sum of their squares.
 - **slope**: the same of the derivative by {derived} that deviates most in these units, relative to the reading per mm.
 - **CPU s**, **MB**: time of all processors at the default and to {tight:.1%}, with compilation, and peak memory.
 """
@@ -43,6 +44,7 @@ random paths alone, which need neither patches nor their rules.
 
 def light(
     only: str | None = None,
+    csv_file: Path | None = None,
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[LightRow]:
@@ -52,6 +54,8 @@ def light(
     ----------
     only : str, optional
         Pattern for a part of the configurations' names, with the wildcards * and ?.
+    csv_file : Path, optional
+        File of the rows measured so far, which are not measured again.
     markdown : Path, optional
         Page that is rewritten after each row.
     starting : Callable[[int, int, str], None], optional
@@ -60,18 +64,22 @@ def light(
     Raises
     ------
     InputError
-        if no configuration matches, or the file cannot be written.
+        if no configuration matches, a file cannot be written, or an existing one holds other rows.
     """
     cases = chosen(light_cases(), only)
-    if markdown:
-        check_new_file(markdown, ".md")
+    for file, suffix in ((csv_file, ".csv"), (markdown, ".md")):
+        if file:
+            check_new_file(file, suffix)
+    known = read_rows(csv_file, LightRow) if csv_file and csv_file.exists() else {}
     rows: list[LightRow] = []
     for number, case in enumerate(cases, start=1):
         if starting:
             starting(number, len(cases), case.name)
-        rows.append(measure_isolated(case))
+        rows.append(known.get(case.name) or measure_isolated(case))
+        if csv_file:
+            write_rows({**known, **{row.case: row for row in rows}}.values(), csv_file)
         if markdown:
-            write_page(rows, markdown, f"taxel bench light {f'--only {only!r} ' if only else ''}--markdown {markdown}")
+            write_page(rows, markdown, f"taxel bench light --csv {csv_file or 'FILE.csv'} --markdown {markdown}")
         yield rows[-1]
 
 

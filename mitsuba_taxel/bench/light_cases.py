@@ -16,6 +16,8 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.light_row import LightRow
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing import Readings, Scene, measure
+from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.targets import geometry_of
 
 CASES, SLOPES = 120, 12
 """Number of configurations, and of those whose derivatives are compared."""
@@ -84,6 +86,7 @@ class LightCase:
         power, true = float(default.power[0]), float(truth.power[0])
         scale = true or power or 1.0
         stated, noise = (float(each.total_error[0]) / scale for each in (default, truth))
+        noise = math.hypot(noise, geometry_of(prepare(scene), seed=1).share)
         slopes = self._slopes(scene, default) if self.with_slopes else (math.nan,) * 3
         return LightRow(
             self.name,
@@ -104,7 +107,6 @@ class LightCase:
         from mitsuba_taxel.sensing.diffuse_cells import NotFollowed
         from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
         from mitsuba_taxel.sensing.path_derivatives import derivatives_of_paths
-        from mitsuba_taxel.sensing.runs import prepare
         from mitsuba_taxel.sensing.scene_rates import rates
 
         changes, ready = [rates(scene, name) for name in DERIVED], prepare(scene)

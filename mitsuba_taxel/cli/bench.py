@@ -10,7 +10,7 @@ from typing import TypeVar
 import click
 
 from .bench_peers import peers
-from .options import debug_option, defines_option, folder_option, markdown_option
+from .options import csv_option, debug_option, defines_option, folder_option, markdown_option
 
 Row = TypeVar("Row")
 
@@ -86,10 +86,7 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
 
 @command.command("coverage", short_help="Stated against true errors of readings and figures.")
 @click.option("--only", metavar="PATTERN", help="Only settings whose name contains this; * and ? are wildcards.")
-@click.option(
-    "--csv", type=click.Path(path_type=Path), metavar="FILE",
-    help="Also write the rows with all digits; rows already in the file are not measured again.",
-)  # fmt: skip
+@csv_option
 @markdown_option
 @debug_option
 def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
@@ -114,9 +111,10 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
 
 @command.command("light", short_help="Readings with and without random numbers, of random optics.")
 @click.option("--only", metavar="PATTERN", help="Only configurations whose name contains this; * and ? are wildcards.")
+@csv_option
 @markdown_option
 @debug_option
-def light_command(only: str | None, markdown: Path | None) -> None:
+def light_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
     """Compare readings and derivatives without random numbers with those of random paths.
 
     Laws, walls, shapes and sizes are drawn at random. Each configuration is read in its own process.
@@ -125,7 +123,7 @@ def light_command(only: str | None, markdown: Path | None) -> None:
     from mitsuba_taxel.bench.light_row import LightRow
     from mitsuba_taxel.bench.row import cells, headings
 
-    rows = light(only, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
+    rows = light(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
     _shown(rows, headings(LightRow), partial(map, cells), summary=summary)
 
 

@@ -132,6 +132,10 @@ folder_option = click.option(
     "-o", "--output", "folder", required=True, type=click.Path(path_type=Path), metavar="DIR",
     help="Folder for the results.",
 )  # fmt: skip
+csv_option = click.option(
+    "--csv", type=click.Path(path_type=Path), metavar="FILE",
+    help="Also write the rows with all digits; rows already in the file are not measured again.",
+)  # fmt: skip
 markdown_option = click.option(
     "--markdown", type=NewFile(".md"), metavar="FILE", help="Also write a page with the table."
 )

@@ -13,9 +13,10 @@ from taxel_cli.bench import command
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.bench import coverage as table
 from mitsuba_taxel.bench import coverage_cases
-from mitsuba_taxel.bench.coverage import coverage, read_rows, summary
+from mitsuba_taxel.bench.coverage import coverage, summary
 from mitsuba_taxel.bench.coverage_row import CoverageRow
 from mitsuba_taxel.bench.row import cells, headings
+from mitsuba_taxel.bench.row_files import read_rows
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 SUBSET = ("parallelepiped, 1 x 1, wall 0.5 mm, plate moved by 0.1 mm", "cylindrical, 1 x 1, wall 0.3 mm, -1 N")
@@ -67,7 +68,8 @@ def made_up(monkeypatch):
 def test_rows_that_a_file_holds_are_not_measured_again(tmp_path, made_up):
     file, page = tmp_path / "rows.csv", tmp_path / "page.md"
     first = list(coverage("spherical, 1 x 1, wall 0.5 mm, -1 N", file))
-    assert made_up == ["spherical, 1 x 1, wall 0.5 mm, -1 N"] and read_rows(file)[made_up[0]].ratio == first[0].ratio
+    assert made_up == ["spherical, 1 x 1, wall 0.5 mm, -1 N"]
+    assert read_rows(file, CoverageRow)[made_up[0]].ratio == first[0].ratio
     rows = list(coverage("spherical, 1 x 1, wall 0.[35] mm, -1 N", file, page))
     assert len(made_up) == 2 and len(rows) == 2 and math.isnan(rows[1].true)
     list(coverage("spherical, 1 x 1, wall 0.[35] mm, -1 N", file, page))

@@ -48,9 +48,12 @@ def test_the_page_counts_what_agrees(monkeypatch, tmp_path):
         [{}, {"off": 1e-3}, {"random": "yes", "off": 5e-4, "tight_seconds": 99.0}, {"remark": "no", "off": math.nan}]
     )
     monkeypatch.setattr(light, "measure_isolated", lambda case: made_up(case, **next(changes)))
-    page = tmp_path / "page.md"
-    result = CliRunner().invoke(command, ["light", "--only", "00[1-4] ", "--markdown", str(page)])
+    page, rows = tmp_path / "page.md", tmp_path / "rows.csv"
+    asked = ["light", "--only", "00[1-4] ", "--csv", str(rows), "--markdown", str(page)]
+    result = CliRunner().invoke(command, asked)
     assert result.exit_code == 0, result.output
+    again = CliRunner().invoke(command, asked)  # nothing is measured, as there are no changes left
+    assert again.exit_code == 0 and again.stdout == result.stdout
     for text in (result.output, page.read_text()):
         assert "2 of 3 readings agree within 3 combined errors, 1 within 2; 2 need no random paths" in text
         assert "1.1 times the deviation" in text and "1 readings take more than" in text
