@@ -36,7 +36,8 @@ random paths alone, which need neither patches nor their rules.
 
 - **random paths**: whether the default reading needs them; if not, it has no noise.
 - **deviation**: of the default reading from that of random paths, relative; **stated**, **noise**: stated errors of
-  the two, of random paths by noise and by triangles. **combined errors**: the deviation in units of the root of the sum of their squares.
+  the two, of random paths by noise and by triangles. **combined errors**: the deviation in units of the root of the sum
+  of their squares.
 - **slope**: the same of the derivative by {derived} that deviates most in these units, relative to the reading per mm.
 - **CPU s**, **MB**: time of all processors at the default and to {tight:.1%}, with compilation, and peak memory.
 """
