@@ -100,7 +100,10 @@ def test_the_page_has_95_percent_within_twice():
     headings_there, _, *rows = [line.strip("| ").split(" | ") for line in first if line.startswith("| ")]
     told = [dict(zip(headings_there, row, strict=True)) for row in rows]
     names = [case.name for case in coverage_cases.coverage_cases()]
-    assert len(told) >= 46 and [row["setting"] for row in told] == names[: len(told)]  # those measured so far
-    readings, within = (np.array([int(row[name]) for row in told]) for name in ("readings", "within twice"))
+    measured = [row["setting"] for row in told]
+    assert measured == [name for name in names if name in measured]
+    read = [row for row in told if row["readings"] != "-"]
+    assert len(read) >= 74 and all("needs random paths" in row["remark"] for row in told if row not in read)
+    readings, within = (np.array([int(row[name]) for row in read]) for name in ("readings", "within twice"))
     assert within.sum() >= 0.95 * readings.sum() and np.mean(within == readings) >= 0.95
     assert max(coverage_cases.FINE, *coverage_cases.FINE_OF_DOMES.values()) <= 0.4

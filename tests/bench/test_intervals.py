@@ -16,7 +16,7 @@ from mitsuba_taxel.bench.intervals import ALLOWED, TWICE, IntervalCase, interval
 ALARM = 1e-4
 """Chance that a case fails although its errors hold within the allowed lack."""
 LACKING = ("record: stairs, noise hidden by steps, 2 cycles", "max_slope")
-"""Known to hold less: the slope of the place that half of the replicates choose is low by more than its error."""
+"""Holds less, and why is not known: where it misses, the slope is 5 to 10 % too low."""
 
 
 @pytest.mark.parametrize("case", [
