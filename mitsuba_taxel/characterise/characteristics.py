@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mitsuba_taxel.characterise.equations import Deviation, hysteresis, nonlinearity, repeatability, share_forces
 from mitsuba_taxel.characterise.experiment import Branch, Experiment
-from mitsuba_taxel.characterise.shape_error import with_shape
+from mitsuba_taxel.characterise.shape_error import Changed, with_shape
 from mitsuba_taxel.characterise.slopes import relative_slope, slopes
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ NOT_ABOVE = "as the mean"
 """Remark on a largest slope below the mean one: the difference is noise."""
 
 
-def characteristics(experiments: Iterable[Experiment], off: Iterable[Iterable[Experiment]] = ()) -> pandas.DataFrame:
+def characteristics(experiments: Iterable[Experiment], off: Changed | None = None) -> pandas.DataFrame:
     """Sensitivities, nonlinearity, hysteresis and repeatability, one number per row.
 
     Slopes are given for each run of growing force, the relative one as the mean slope over the reading at rest;
@@ -32,8 +32,9 @@ def characteristics(experiments: Iterable[Experiment], off: Iterable[Iterable[Ex
 
     Parameters
     ----------
-    off : Iterable[Iterable[Experiment]]
-        The same experiments with readings changed by each error of the shape, to be included in the errors.
+    off : dict of lists of two lists of Experiment, optional
+        By mode of the errors of the shape, which are to be included in the errors: the same experiments with readings
+        changed by it, up and down.
 
     Returns
     -------
@@ -43,18 +44,25 @@ def characteristics(experiments: Iterable[Experiment], off: Iterable[Iterable[Ex
     """
     import pandas
 
-    rows, *off_rows = (
-        [row for experiment in all_ for row in (*_slopes(experiment), *_deviations(experiment))]
-        for all_ in (experiments, *off)
-    )
-    for row, *moved in zip(rows, *off_rows, strict=True):
-        row["error"] = float(with_shape(row["error"], row["value"], [other["value"] for other in moved]))
+    rows = _figures(experiments)
+    changed = {mode: [_column(_figures(one), "value") for one in both] for mode, both in (off or {}).items()}
+    errors = with_shape(_column(rows, "error"), _column(rows, "value"), changed)
+    for row, error in zip(rows, errors.tolist(), strict=True):
+        row["error"] = error
         size = row["value"] if row["figure"] in DEVIATIONS else abs(row["value"])
         if size <= row["error"]:
             row["remark"] = NOT_RESOLVED
     last = ("taxel", "loading", "value", "error", "unit", "at_N", "from_N", "to_N", "remark")
     others = dict.fromkeys(name for row in rows for name in row if name not in ("figure", "force", *last))
     return pandas.DataFrame(rows, columns=["figure", "force", *others, *last])
+
+
+def _figures(experiments: Iterable[Experiment]) -> list[dict[str, Any]]:
+    return [row for experiment in experiments for row in (*_slopes(experiment), *_deviations(experiment))]
+
+
+def _column(rows: Sequence[Mapping[str, Any]], name: str) -> np.ndarray:
+    return np.array([row[name] for row in rows], dtype=float)
 
 
 def _slopes(experiment: Experiment) -> Iterator[dict[str, Any]]:

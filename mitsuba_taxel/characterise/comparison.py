@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +15,7 @@ from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS, NOT_RESOLVED, SLOPES, characteristics
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
-from mitsuba_taxel.characterise.shape_error import off_by_shape
+from mitsuba_taxel.characterise.shape_error import VARIANTS, Mode, off_by_shape, shape_shift
 from mitsuba_taxel.characterise.summary import common_channel
 from mitsuba_taxel.characterise.volts import volts_table
 from mitsuba_taxel.characterise.wording import as_word, with_error
@@ -60,7 +60,7 @@ class Comparison(NamedTuple):
 class _Variant(NamedTuple):
     where: dict[str, Any]
     reading: Experiment
-    off: list[Experiment]
+    off: dict[Mode, list[Experiment]]
     numbers: tuple[Any, ...]  # the random numbers: seed and points
     saturated: float = math.inf  # least magnitude of force in N at which a taxel saturates
 
@@ -78,9 +78,9 @@ def compare(
 
     Arrays are represented by one channel. Slopes are ranked by magnitude, the largest first; deviations the smallest
     first. Errors are those of ``taxel characterise``. Variants of the same seed and points share their random numbers,
-    whose common effect cancels in differences, as estimated by the jackknife over replicates. So does the common effect
-    of the errors of mechanics and geometry, with their estimated signs, between variants that differ in numerical
-    parameters only; variants of other shapes or scenes have independent errors.
+    whose common effect cancels in differences, as estimated by the jackknife over replicates. Errors of mechanics and
+    geometry have a correlation of 0.88 between variants that differ in numerical parameters only; those of other shapes
+    or scenes are independent.
 
     Readings are in volts if there is a circuit, else in watts. A variant that saturates within the range of forces is
     not ranked, as its figures are those of its circuit.
@@ -175,14 +175,17 @@ def _variants(studies: Mapping[str, xr.Dataset | xr.DataTree], circuits: Mapping
             scene, leaf = ("", each) if isinstance(each, xr.Dataset) else (each.name, each.to_dataset())
             labels = {**({"study": name} if len(studies) > 1 else {}), **({"scene": scene} if scene else {})}
             numbers = (leaf.attrs.get("seed"), leaf.attrs.get("points"), leaf.sizes["replicate"])
-            every = (leaf, *off_by_shape(leaf))
-            shown = (in_volts(one, circuits[name]) for one in every) if circuits else every
-            found, *off = map(experiments, shown)
-            watts = experiments(leaf) if circuits else found
+            watts = experiments(leaf)
+            found = experiments(in_volts(leaf, circuits[name])) if circuits else watts
+            off = {
+                mode: [experiments(in_volts(each, circuits[name]) if circuits else each) for each in both]
+                for mode, both in off_by_shape(leaf).items()
+            }
             for number, one in enumerate(found):
                 if one.loading_runs:
                     saturated = _saturated(watts[number], circuits[name]) if circuits else math.inf
-                    yield _Variant({**labels, **one.where}, one, [all_[number] for all_ in off], numbers, saturated)
+                    changed = {mode: [all_[number] for all_ in both] for mode, both in off.items()}
+                    yield _Variant({**labels, **one.where}, one, changed, numbers, saturated)
 
 
 def _saturated(watts: Experiment, circuit: Circuit) -> float:
@@ -228,7 +231,12 @@ def _in_range(variants: list[_Variant], up_to: float | None, notes: list[str]) -
         if most < up_to * (1 - 1e-9):
             notes.append(f"Left out, as it ends at {most:g} N: {_words(variant.where)}.")
     enough = [one for one, most in zip(variants, reach, strict=True) if most >= up_to * (1 - 1e-9)]
-    return [one._replace(reading=cut(one.reading), off=list(map(cut, one.off))) for one in enough]
+    return [_mapped(one, cut) for one in enough]
+
+
+def _mapped(variant: _Variant, function: Callable[[Experiment], Experiment]) -> _Variant:
+    off = {mode: list(map(function, both)) for mode, both in variant.off.items()}
+    return variant._replace(reading=function(variant.reading), off=off)
 
 
 def _one_channel(variants: list[_Variant]) -> tuple[list[_Variant], str]:
@@ -236,7 +244,7 @@ def _one_channel(variants: list[_Variant]) -> tuple[list[_Variant], str]:
     alike = len({len(one.taxel) for one in readings}) == 1
     channels = [common_channel(readings if alike else [one]) for one in readings]
     reduced = [
-        one._replace(reading=one.reading.weighted(weights), off=[each.weighted(weights) for each in one.off])
+        _mapped(one, lambda each, weights=weights: each.weighted(weights))  # type: ignore[misc]
         for one, (weights, _) in zip(variants, channels, strict=True)
     ]
     return reduced, channels[0].words if alike else "mean of the taxels of each"
@@ -258,12 +266,15 @@ def _found(readings: Sequence[Experiment], names: Sequence[str], column: str = "
 def _figures(
     variants: Sequence[_Variant], names: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray], dict[str, str]]:
-    """Values, errors of the light and changes by each error of the shape (figures, variants), and units."""
+    """Values, errors of the light, changes by each mode of the errors of the shape (figures, variants), and units."""
     readings = [variant.reading for variant in variants]
     value, light = _found(readings, names), _found(readings, names, "error")
-    off = [_found([variant.off[n] for variant in variants], names) for n in range(min(len(v.off) for v in variants))]
+    shifts = []
+    for mode in dict.fromkeys(mode for variant in variants for mode in variant.off):
+        both = [[variant.off.get(mode, [variant.reading] * 2)[n] for variant in variants] for n in range(2)]
+        shifts.append(shape_shift(value, [_found(changed, names) for changed in both]))
     table = characteristics(readings[:1])
-    return value, light, [one - value for one in off], dict(zip(table.figure, table.unit, strict=True))
+    return value, light, shifts, dict(zip(table.figure, table.unit, strict=True))
 
 
 def _covariance(
@@ -282,7 +293,8 @@ def _covariance(
     np.fill_diagonal(correlation, 1.0)
     errors = light.ravel()
     kinds = [[value for value in variant.where.values() if isinstance(value, str)] for variant in variants]
-    alike = np.tile([[one == other for other in kinds] for one in kinds], (len(names), len(names)))
+    same = np.array([[one == other for other in kinds] for one in kinds])
+    alike = np.tile(same * np.where(np.eye(len(variants)), 1.0, VARIANTS), (len(names), len(names)))
     return correlation * np.outer(errors, errors) + alike * sum(np.outer(shift, shift) for shift in shifts)
 
 

@@ -89,10 +89,14 @@ def _slopes_along(study: xr.Dataset, line: LoadLine) -> xr.Dataset:
     shape = tuple(study.sizes[dim] for dim in (*others, "taxel"))
     names = (*Slopes._fields, "relative_slope", "relative_slope_error")
     found = np.array([_found(run) for _, run in runs(study, line)])
-    off = [np.array([_found(run) for _, run in runs(other, line)]) for other in off_by_shape(study)]
+    off = {
+        mode: [np.array([_found(run) for _, run in runs(other, line)]) for other in both]
+        for mode, both in off_by_shape(study).items()
+    }
     for name in ("max_slope", "mean_slope", "zero_slope", "relative_slope"):
         value, error = names.index(name), names.index(f"{name}_error")
-        found[:, error] = with_shape(found[:, error], found[:, value], [other[:, value] for other in off])
+        changed = {mode: [each[:, value] for each in both] for mode, both in off.items()}
+        found[:, error] = with_shape(found[:, error], found[:, value], changed)
     coordinates = {dim: study[dim] for dim in (*others, "taxel") if dim in study.coords}
     return xr.Dataset(
         {

@@ -10,7 +10,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
 from mitsuba_taxel.characterise.roles import with_forces_named
-from mitsuba_taxel.characterise.shape_error import off_by_shape, scenes_off_by_shape
+from mitsuba_taxel.characterise.shape_error import Changed, off_by_shape, scenes_off_by_shape
 from mitsuba_taxel.characterise.tangential import TangentialMap, tangential_maps
 from mitsuba_taxel.electronics import Circuit, in_volts
 
@@ -27,10 +27,11 @@ SLOPES = (
 
 
 class Simulated(NamedTuple):
-    """``experiments``; ``off``, the same for ``characteristics``; ``maps``; and ``notes``."""
+    """``experiments``; ``off``, the same by mode of the errors of the shape, for ``characteristics``; ``maps``; and
+    ``notes``."""
 
     experiments: list[Experiment]
-    off: list[list[Experiment]]
+    off: Changed
     maps: list[TangentialMap]
     notes: list[str]
 
@@ -52,9 +53,8 @@ def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | No
         maps = []
         notes.append(f"No map of tangential loads: {error}")
     off = scenes_off_by_shape(study) if isinstance(study, xr.DataTree) else off_by_shape(study)
-    found, moved = experiments(study), [experiments(one) for one in off]
-    if circuit is not None:
-        found, *moved = (_in_both(*pair, circuit) for pair in zip([study, *off], [found, *moved], strict=True))
+    found = _shown(study, circuit)
+    moved = {mode: [_shown(one, circuit) for one in both] for mode, both in off.items()}
     if any(run.tangents is not None for one in found for run in one.runs):
         notes.insert(1, SLOPES)
     return Simulated(found, moved, maps, notes)
@@ -64,8 +64,11 @@ def _named(leaf: xr.Dataset) -> xr.Dataset:
     return with_forces_named(leaf) if "power" in leaf else leaf
 
 
-def _in_both(study: xr.Dataset | xr.DataTree, watts: list[Experiment], circuit: Circuit) -> list[Experiment]:
-    """The experiments of a study in watts and in volts."""
+def _shown(study: xr.Dataset | xr.DataTree, circuit: Circuit | None) -> list[Experiment]:
+    """The experiments of a study, with a circuit in watts and in volts."""
+    watts = experiments(study)
+    if circuit is None:
+        return watts
 
     def shown(leaf: xr.Dataset) -> xr.Dataset:
         return in_volts(leaf, circuit) if "replicate_power" in leaf else leaf

@@ -46,11 +46,13 @@ def slope_summary(study: xr.Dataset) -> tuple[str, pandas.DataFrame]:
     Several lines of one force have a row each, for the channel by which they are compared. The table is that of
     :func:`characteristics`; it has no row if no force is varied.
     """
-    found, off = experiments(study), [experiments(one) for one in off_by_shape(study)]
+    found = experiments(study)
+    off = {mode: [experiments(one) for one in both] for mode, both in off_by_shape(study).items()}
     words = ""
     if len(found) > 1 and len({one.force for one in found}) == 1:
         weights, words = common_channel(found)
     if words:
-        found, *off = ([one.weighted(weights) for one in all_] for all_ in (found, *off))
+        found = [one.weighted(weights) for one in found]
+        off = {mode: [[one.weighted(weights) for one in all_] for all_ in both] for mode, both in off.items()}
     table = characteristics(found, off)
     return words, table[table.loading == 1].drop(columns="taxel" if words else [])

@@ -78,14 +78,18 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
 
 def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[str, Any]]:
     study = with_forces_named(study)
-    volts, *off = (in_volts(one, circuit) for one in (study, *off_by_shape(study)))
+    off = off_by_shape(study)
+    moved = [in_volts(one, circuit) for both in off.values() for one in both]
     for line in loading_lines(study):
-        for (where, power), *shown in zip(*(runs(one, line) for one in (study, volts, *off)), strict=True):
+        every = (study, in_volts(study, circuit), *moved)
+        for (where, power), *shown in zip(*(runs(one, line) for one in every), strict=True):
             within = np.abs(power.force) <= up_to
             if within.sum() < 2:
                 continue
-            slope, *moved = (slopes(voltage.part(within)) for _, voltage in shown)
-            error = with_shape(slope.mean_slope_error, slope.mean_slope, [one.mean_slope for one in moved])
+            slope, *changed = (slopes(voltage.part(within)) for _, voltage in shown)
+            means = [one.mean_slope for one in changed]
+            pairs = {mode: means[2 * number : 2 * number + 2] for number, mode in enumerate(off)}
+            error = with_shape(slope.mean_slope_error, slope.mean_slope, pairs)
             found = _figures(circuit, power.part(within), slope.mean_slope, error)
             for number, taxel in enumerate(study.taxel.values.tolist()):
                 figures = {name: values[number].item() for name, values in found.items()}

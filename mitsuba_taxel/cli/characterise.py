@@ -68,11 +68,11 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
     print(f"Results: {', '.join(map(str, files))}")
 
 
-def _measured(file: Path) -> tuple[list, list, list, list[str]]:
+def _measured(file: Path) -> tuple[list, dict, list, list[str]]:
     from mitsuba_taxel.characterise import read_measurement, recorded_experiment
 
     experiment = recorded_experiment(read_measurement(file))
-    return [experiment], [], [], list(experiment.notes)
+    return [experiment], {}, [], list(experiment.notes)
 
 
 def _print_json(table, pairs, notes: list[str], files: list[Path], volts) -> None:
