@@ -5,9 +5,6 @@ from .comparison import (
 from .comparison import (
     compare as compare,
 )
-from .comparison import (
-    comparison_rows as comparison_rows,
-)
 from .equations import (
     Deviation as Deviation,
 )
@@ -32,6 +29,12 @@ from .measurement import (
 )
 from .measurement import (
     read_measurement as read_measurement,
+)
+from .ranking_rows import (
+    comparison_rows as comparison_rows,
+)
+from .ranking_rows import (
+    ranking_notes as ranking_notes,
 )
 from .recorded_runs import recorded_experiment as recorded_experiment
 from .resolution import resolution as resolution

@@ -11,14 +11,12 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.units import prefixed
-from mitsuba_taxel.characterise.characteristics import DEVIATIONS, NOT_RESOLVED, SLOPES, characteristics
+from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES, characteristics
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
 from mitsuba_taxel.characterise.shape_error import VARIANTS, Mode, off_by_shape, shape_shift
 from mitsuba_taxel.characterise.summary import common_channel
 from mitsuba_taxel.characterise.volts import volts_table
-from mitsuba_taxel.characterise.wording import as_word, with_error
 from mitsuba_taxel.electronics import Circuit, in_volts, saturation_force
 from mitsuba_taxel.electronics.volts import circuit_of_study
 
@@ -34,6 +32,8 @@ NEEDS = {
 }
 SLACK = 1 + 1e-9
 """Factor of forces that are equal to a limit but for rounding."""
+WITHIN = 0.5
+"""Least probability to meet the limits of a variant that counts as within them."""
 DRAWS = 20_000
 """Random draws for the probabilities: accurate to 0.4 percentage points."""
 
@@ -45,7 +45,8 @@ class Comparison(NamedTuple):
     ``allowed``, the probability that the variant meets the limits; ``first``, that it is the best of those that do;
     ``behind``, the difference from the first one, and ``behind_error``. ``by``, the figure of the ranking; ``limits``
     of figures; ``unit`` of each; ``channel``, the channel that represents the taxels; ``volts``, the
-    ``volts_table`` of all studies, None without a circuit; ``notes``.
+    ``volts_table`` of all studies, None without a circuit; ``notes``. Where no variant is more likely within the limits
+    than not, none has a rank, and ``behind`` is NaN.
     """
 
     table: pandas.DataFrame
@@ -55,6 +56,11 @@ class Comparison(NamedTuple):
     channel: str
     volts: pandas.DataFrame | None
     notes: list[str]
+
+    @property
+    def ranked(self) -> bool:
+        """Whether any variant is within the limits."""
+        return bool(self.table["rank"].notna().all())
 
 
 class _Variant(NamedTuple):
@@ -106,6 +112,8 @@ def compare(
         if there are fewer than two variants, all saturate, or they lack a figure; or if only some of the studies have a
         circuit.
     """
+    import pandas
+
     limits = dict(at_most or {})
     for name in (by, *limits):
         if name not in FIGURES:
@@ -128,8 +136,13 @@ def compare(
     score = np.where(allowed, _score(by, drawn[:, 0]), -np.inf)
     first = np.bincount(score.argmax(axis=1)[allowed.any(axis=1)], minlength=len(variants)) / DRAWS
     meets = allowed.mean(axis=0)
-    order = np.lexsort((-_score(by, value[0]), meets < 0.5))
+    within = meets >= WITHIN
+    order = np.lexsort((-_score(by, value[0]), ~within if within.any() else -meets))
     table = _table(variants, names, value, covariance, meets, first, order)
+    if not within.any():
+        table = table.assign(
+            rank=pandas.array([pandas.NA] * len(table), dtype="Int64"), behind=np.nan, behind_error=np.nan
+        )
     volts = _volts(studies, circuits, force, up_to) if circuits else None
     return Comparison(table, by, limits, units, channel, volts, notes)
 
@@ -350,34 +363,3 @@ def _table(
 
 def _words(where: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} = {value}" for name, value in where.items())
-
-
-def _in_words(name: str, value: float, error: float, factor: float) -> str:
-    size = value if name in DEVIATIONS else abs(value)
-    return NOT_RESOLVED if size <= error else with_error(value / factor, error / factor)
-
-
-def varied_names(found: Comparison) -> list[str]:
-    """Columns in which the variants differ."""
-    names = list(found.table.columns)
-    return names[1 : names.index(found.by)]
-
-
-def comparison_rows(found: Comparison) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of a comparison, as text."""
-    table, where = found.table, varied_names(found)
-    names = [name for name in table.columns if f"{name}_error" in table.columns]
-    units = {**found.unit, "behind": found.unit[found.by]}
-    scale = {name: prefixed(float(table[name].abs().max()), units[name]) for name in names}
-    limited = bool((table.allowed < 1).any()) or len(names) > 2
-    shown = [name for name in names if name != "behind"]
-    headings = ["rank", *where, *(f"{name.replace('_', ' ')} [{scale[name][1]}]" for name in shown)]
-    headings += [*(["allowed"] if limited else []), "first", f"behind [{scale['behind'][1]}]"]
-    rows = []
-    for record in table.to_dict("records"):
-        cells = [str(record["rank"]), *(as_word(record[name]) for name in where)]
-        numbers = {n: _in_words(n, record[n], record[f"{n}_error"], scale[n][0]) for n in names}
-        cells += [numbers[name] for name in shown]
-        cells += [f"{record['allowed']:.0%}"] if limited else []
-        rows.append([*cells, f"{record['first']:.1%}", numbers["behind"] if record["rank"] > 1 else "-"])
-    return headings, rows

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from .options import assignments, circuit_option, debug_option, json_option
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.characterise import Comparison
 
 FIGURES = (
     "max_slope", "mean_slope", "zero_slope", "relative_slope", "nonlinearity", "hysteresis", "repeatability",
@@ -42,11 +46,12 @@ def command(
     """Rank the variants in one or several studies: shapes, dimensions, whatever is varied besides the force.
 
     Slopes are ranked by magnitude. The table gives the probability that a variant is the best of those that meet the
-    limits, and its difference from the first, with an error in which common random numbers cancel. Behind a circuit,
-    that of the studies or another one, readings are volts.
+    limits, and its difference from the first, with an error in which common random numbers cancel. Where no variant is
+    within the limits, none is ranked, and the exit code is 1. Behind a circuit, that of the studies or another one,
+    readings are volts.
     """
     from mitsuba_taxel import open_study
-    from mitsuba_taxel.characterise import compare, comparison_rows
+    from mitsuba_taxel.characterise import compare, comparison_rows, ranking_notes
     from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows
     from mitsuba_taxel.studies.plan.files import make_folder
 
@@ -72,17 +77,32 @@ def command(
         about = {"by": by, "units": found.unit, "channel": found.channel, "notes": found.notes}
         volts = {} if found.volts is None else {"volts": records(found.volts)}
         print_json({"variants": records(found.table), **about, **volts})
+        _require_ranked(found)
         return
     of = "" if found.volts is None else "readings in V"
     title = ", ".join(filter(None, (f"By {by.replace('_', ' ')}", of, found.channel)))
     print_figures(title, *comparison_rows(found))
-    print("first: probability to be the best of those allowed; behind: difference from the first, with its error.")
+    for line in ranking_notes(found):
+        print(line)
     if found.volts is not None:
         print_figures(AS_SHOWN, *figure_rows(found.volts))
     for note in found.notes:
         print(note)
     if output is not None:
         print(f"Results: {output}")
+    _require_ranked(found)
+
+
+def _require_ranked(found: Comparison) -> None:
+    from mitsuba_taxel import ComputationError
+
+    if not found.ranked:
+        closest = found.table.iloc[0]
+        limits = ", ".join(f"{name} at most {limit:g} {found.unit[name]}" for name, limit in found.limits.items())
+        raise ComputationError(
+            f"no variant is within the limits ({limits}), so none is ranked: the probability of the first in the "
+            f"table is {closest.allowed:.1%}."
+        )
 
 
 def _number(name: str, word: str) -> float:

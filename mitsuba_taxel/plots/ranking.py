@@ -8,7 +8,8 @@ import numpy as np
 
 from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS
-from mitsuba_taxel.characterise.comparison import Comparison, varied_names
+from mitsuba_taxel.characterise.comparison import WITHIN, Comparison
+from mitsuba_taxel.characterise.ranking_rows import varied_names
 from mitsuba_taxel.characterise.wording import as_word
 from mitsuba_taxel.plots.figures import COLOURS, panel_axes
 
@@ -28,7 +29,7 @@ def plot_ranking(found: Comparison) -> Figure:
     labels = [", ".join(f"{name} = {as_word(row[name])}" for name in where) for row in rows.to_dict("records")]
     size = (3.4, 0.32 * len(rows) + 1.0)
     (axes,) = panel_axes(1, len(figures) + 1, size=size, sharex=False)
-    colours = [COLOURS[0] if allowed >= 0.5 else "0.6" for allowed in rows.allowed]
+    colours = [COLOURS[0] if allowed >= WITHIN else "0.6" for allowed in rows.allowed]
     for ax, name in zip(axes, figures, strict=False):
         _draw_figure(ax, rows, name, found, colours)
     axes[-1].barh(range(len(rows)), 100 * rows["first"], color=colours)

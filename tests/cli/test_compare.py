@@ -25,6 +25,9 @@ def test_a_study_is_ranked(taxel, tmp_path):
     title, _, _, first, *_ = done.stdout.splitlines()
     assert title == "By mean slope:" and first.split()[:2] == ["1", "1"] and "100.0%" in first
     rows = json.loads(taxel("compare", "out", "--at-most", "nonlinearity=100", "--json").stdout)["variants"]
+    none = taxel("compare", "out", "--at-most", "mean_slope=1e-30")
+    assert none.returncode == 1 and "In 100.0% of the draws no variant" in none.stdout and none.stderr.count("\n") == 1
+    assert "no variant is within the limits (mean_slope at most 1e-30 W/N)" in none.stderr
     assert [row["rank"] for row in rows] == [1, 2] and {row["allowed"] for row in rows} == {1.0}
 
 
