@@ -18,6 +18,7 @@ from mitsuba_taxel.characterise.shape_error import VARIANTS, Mode, off_by_shape,
 from mitsuba_taxel.characterise.summary import common_channel
 from mitsuba_taxel.characterise.volts import volts_table
 from mitsuba_taxel.electronics import Circuit, in_volts, saturation_force
+from mitsuba_taxel.electronics.noise import resolution_notes
 from mitsuba_taxel.electronics.volts import circuit_of_study
 
 if TYPE_CHECKING:
@@ -143,7 +144,7 @@ def compare(
         table = table.assign(
             rank=pandas.array([pandas.NA] * len(table), dtype="Int64"), behind=np.nan, behind_error=np.nan
         )
-    volts = _volts(studies, circuits, force, up_to) if circuits else None
+    volts = _volts(studies, circuits, force, up_to, notes) if circuits else None
     return Comparison(table, by, limits, units, channel, volts, notes)
 
 
@@ -168,8 +169,9 @@ def _volts(
     circuits: Mapping[str, Circuit],
     force: str | None,
     up_to: float | None,
+    notes: list[str],
 ) -> pandas.DataFrame:
-    """What the circuits show along the lines that are compared."""
+    """What the circuits show along the lines that are compared; that steps of a converter hide the noise is noted."""
     import pandas
 
     tables = [
@@ -178,6 +180,11 @@ def _volts(
     ]
     table = pandas.concat(tables, ignore_index=True)
     table = table if force is None else table[table.force == force]
+    notes += dict.fromkeys(
+        note
+        for name, rows in table.groupby("study", sort=False)
+        for note in resolution_notes(circuits[str(name)].step, rows.noise_V.to_numpy())
+    )
     first = ["force", *(["study"] if len(studies) > 1 else [])]
     return table[[*first, *(name for name in table.columns if name not in ("force", "study"))]]
 

@@ -15,7 +15,7 @@ from mitsuba_taxel.characterise.roles import with_forces_named
 from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
 from mitsuba_taxel.characterise.slopes import slopes
 from mitsuba_taxel.electronics import Circuit, in_volts, respond, saturation_force, total_noise
-from mitsuba_taxel.electronics.noise import FEW_COUNTS, FINE, RESOLUTION, unused_range
+from mitsuba_taxel.electronics.noise import FEW_COUNTS, resolution_notes, unused_range
 
 if TYPE_CHECKING:
     import pandas
@@ -71,9 +71,7 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
     signal = int(table.signal_counts.abs().max())
     if signal < FEW_COUNTS and not len(saturated):
         notes.append(f"Counts of signal, from the least force to the largest: {signal} at most.")
-    if (table.noise_V < FINE * circuit.step).any():
-        notes.append(RESOLUTION.format(step=circuit.step))
-    return notes
+    return [*notes, *resolution_notes(circuit.step, table.noise_V.to_numpy())]
 
 
 def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[str, Any]]:

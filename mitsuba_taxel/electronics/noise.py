@@ -39,6 +39,11 @@ def unused_range(circuit: Circuit, most: int) -> list[str]:
     return [f"The largest reading is {most} of {counts} counts{remedy}."]
 
 
+def resolution_notes(step: float, noise: np.ndarray) -> list[str]:
+    """A note if the step in V of the converter hides the noise before it in any reading, by its total noise in V."""
+    return [RESOLUTION.format(step=step)] if (noise < FINE * step).any() else []
+
+
 def noise_parts(circuit: Circuit, power: Any) -> dict[str, np.ndarray]:
     """Standard deviations in V for optical powers in W, by their source.
 

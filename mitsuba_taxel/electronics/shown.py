@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.electronics.circuit import Circuit
-from mitsuba_taxel.electronics.noise import FINE, RESOLUTION, total_noise, unused_range
+from mitsuba_taxel.electronics.noise import resolution_notes, total_noise, unused_range
 from mitsuba_taxel.electronics.response import respond
 from mitsuba_taxel.electronics.saturation import change_to_saturation
 
@@ -89,9 +89,7 @@ class Shown(NamedTuple):
                 "saturated: the output is at the circuit's limit; from the converter's full scale on readings tell "
                 "nothing."
             )
-        if (self.noise < FINE * self.step).any():
-            notes.append(RESOLUTION.format(step=self.step))
-        return notes
+        return [*notes, *resolution_notes(self.step, self.noise)]
 
 
 def shown(circuit: Circuit, readings: Any) -> Shown:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mitsuba_taxel.electronics import saturation_force
+from mitsuba_taxel.electronics import saturation_force, total_noise
+from mitsuba_taxel.electronics.noise import resolution_notes
+from mitsuba_taxel.electronics.response import lit
 from mitsuba_taxel.optimum.again import Again, Beyond
 from mitsuba_taxel.optimum.course import HELD, Course, with_rates, worst_of
 from mitsuba_taxel.optimum.designs import Read
@@ -176,7 +178,8 @@ def circuit_notes(seen: Seen, along: Mapping[str, str]) -> list[str]:
                 first = int(np.nanargmin(np.abs(saturated)))
                 where = f"from {along[name]} = {saturated[first]:.4g} on (taxel {first + 1})"
             notes.append(f"along {name}: noise of the first reading as {along[name]}: {noises}; saturated {where}")
-    return notes
+    noise = [total_noise(seen.circuit, lit(line.power.real)).ravel() for line in seen.lines.values()]
+    return [*notes, *resolution_notes(seen.circuit.step, np.concatenate(noise))]
 
 
 def _gain(figures: pandas.DataFrame, sign: int) -> tuple[float, float, float]:

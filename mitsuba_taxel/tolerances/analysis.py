@@ -12,6 +12,8 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.left_out import LEFT_OUT
+from mitsuba_taxel.electronics.noise import resolution_notes, total_noise
+from mitsuba_taxel.electronics.response import lit
 from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.tolerances.control import LITTLE, corrected, spreads
 from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel, shown_readings
@@ -93,6 +95,7 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
     if circuit is not None:
         notes.append(f"one count: {circuit.step:.4g} V")
         notes += _note_of_saturation(found, force)
+        notes += resolution_notes(circuit.step, total_noise(circuit, lit(nominal)))
     parts = [_of_figure(plan, name, at_mean[name], found[name], slopes[name], z, others) for name in found]
     spread = pandas.DataFrame([row for rows, _ in parts for row in rows])
     shares = pandas.DataFrame([row for _, rows in parts for row in rows])

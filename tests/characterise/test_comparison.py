@@ -107,7 +107,11 @@ def test_a_variant_that_saturates_is_not_ranked_in_volts():
     bright = study([23.0, 0.01], 1e-6)
     first, second = (compare({"one": bright}, "mean_slope", circuit=each) for each in (None, CIRCUIT))
     assert list(first.table.cell) == ["a", "b"] and list(second.table.cell) == ["b"]
-    assert second.notes == ["Left out, as its output is saturated from 0.1 N on: cell = a."]
+    left_out, steps = second.notes
+    assert left_out == "Left out, as its output is saturated from 0.1 N on: cell = a."
+    assert steps.startswith("Noise before the converter is less than half of its step of 0.2062 V")
+    noisy = dataclasses.replace(CIRCUIT, other_noise=0.2)
+    assert compare({"one": bright}, "mean_slope", circuit=noisy).notes == [left_out]
     assert len(compare({"one": bright}, "mean_slope", circuit=CIRCUIT, up_to=10).table) == 1
     with pytest.raises(InputError, match="no variant can be ranked: all 2 saturate.*from 0.1 N on: study = y, cell"):
         compare(dict.fromkeys("xy", bright.isel(cell=[0])), "mean_slope", circuit=CIRCUIT)

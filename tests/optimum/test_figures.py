@@ -130,6 +130,8 @@ def test_what_a_circuit_shows_of_a_design():
         "along x: noise of the first reading as fx: 0.3 to 0.6; saturated nowhere",
     ]
     assert circuit_notes(Seen(lines, {}, None), {}) == []
+    quiet = circuit_notes(Seen(lines, {}, replace(circuit, other_noise=0.0)), {"z": "fz", "x": "fx", "still": ""})
+    assert len(quiet) == 4 and quiet[-1].startswith("Noise before the converter is less than half of its step")
 
 
 def test_words():

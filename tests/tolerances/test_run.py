@@ -87,10 +87,11 @@ def test_noise_as_a_force_is_that_of_the_circuit(folder, result):
     at_rest = open_study(folder / "out")["nominal"].to_dataset().smooth_power.sel(fz=0).item()
     expected = total_noise(circuit_of(TABLE), at_rest) / abs(rows.nominal["sensitivity"])
     assert rows.unit["noise_force"] == "N" and rows.nominal["noise_force"] == pytest.approx(expected, rel=1e-6)
-    assert result.notes[-3:-1] == [
+    assert result.notes[-4:-2] == [
         f"one count: {3.3 / 2**12:.4g} V",
         "the output reaches the circuit's limit between 0 and -2 N in none of 8 samples",
     ]
+    assert result.notes[-2].startswith("Noise before the converter is less than half of its step of 0.0008057 V")
     total = result.parameters.set_index("parameter").total_noise_force
     assert total["led_power"] > 0.8  # a count's noise does not depend on the light
 
