@@ -77,9 +77,8 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
 def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[str, Any]]:
     study = with_forces_named(study)
     off = off_by_shape(study)
-    moved = [in_volts(one, circuit) for both in off.values() for one in both]
+    every = (study, *(in_volts(one, circuit) for one in (study, *(one for both in off.values() for one in both))))
     for line in loading_lines(study):
-        every = (study, in_volts(study, circuit), *moved)
         for (where, power), *shown in zip(*(runs(one, line) for one in every), strict=True):
             within = np.abs(power.force) <= up_to
             if within.sum() < 2:
