@@ -282,6 +282,8 @@ def _finish(axes: Any, study: xr.Dataset, left_out: int = 0) -> None:
     unit = "" if coordinate is None else coordinate.attrs.get("units", "")
     if coordinate is not None and is_load(study, name):
         load_to_the_right(axes[0, 0], coordinate.values)
+    if name == STEP:
+        axes[0, 0].xaxis.get_major_locator().set_params(integer=True)
     figure = axes[0, 0].figure
     label_below(figure, axes.flat[-1], f"{name} [{unit}]" if unit else name)
     figure.suptitle(study.attrs["scene"] + (f" ({left_out} more curves left out)" if left_out else ""))
