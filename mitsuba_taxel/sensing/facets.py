@@ -15,7 +15,6 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.geometry.triangles import area_normals, unit
 from mitsuba_taxel.kernels.protocols import PadShape, is_region, is_wall
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.sensing.mechanics_error import moved
@@ -63,6 +62,8 @@ def tilt_share(scene: mi.Scene) -> float:
 def _square_share(scene: mi.Scene, end: mi.Endpoint) -> float:
     """Mean square share over the faces of an LED or phototransistor."""
     from scipy.stats import qmc  # a scene without curved walls has no use for it
+
+    from mitsuba_taxel.geometry.triangles import area_normals, unit
 
     x, y, z, w = (mi.Float(row) for row in qmc.Sobol(4, seed=np.random.default_rng(0)).random(RAYS).T)
     ray, weight = end.sample_ray(0.0, 0.5, mi.Point2f(x, y), mi.Point2f(z, w))
