@@ -123,7 +123,9 @@ def command(
             }
             rows = {**together, **(columns_of(steps, known=parameters_in(source)) if steps else {})}
             study = sweep(source, vary, defines, together=rows, output=folder, progress=progress, **what, **how)
-    studies = {"": study} if isinstance(study, xr.Dataset) else dict(study.children.items())
+    studies = {"": study}
+    if isinstance(study, xr.DataTree):
+        studies = {name: one.to_dataset() for name, one in study.children.items()}
     if as_json:
         described = {name: _as_json(one) for name, one in studies.items()}
         about = {"output": str(folder), "failures": study.attrs["failures"].splitlines()}
