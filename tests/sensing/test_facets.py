@@ -164,15 +164,15 @@ def test_curved_mirrors_lose_no_light(llvm_mono, shares):
     assert np.isfinite(audit.share).all()
 
 
-def narrow(cell, cone, force=-0.3, **sensor):
-    """A cell of a Lambertian roof with a small LED."""
+def narrow(cell, cone, force=-0.3, others=(), **sensor):
+    """A cell of a Lambertian roof with a small LED; the sides and ``others`` are black."""
     wall = {"type": "wall", "scattering": "lambertian", "reflectance": 0.9}
     black = {"type": "wall", "reflectance": 0.0}
     pad = {"type": "deformable_pad", "cell": cell, "rows": 1, "columns": 1, "force": [0.0, 0.0, force]}
     led = {"type": "annular_led", "size": 0.05, "hole": 0.0, "law": "uniform_solid_angle", "cone_angle": cone}
     sensor = {"type": "phototransistor", "width": 0.2, "depth": 0.2, **sensor}
     package = {"type": "photo_reflector", "spacing": 0.7, "led": led, "sensor": sensor}
-    walls = {"type": "region", "roof": wall, "side": black}
+    walls = {"type": "region", "roof": wall, **dict.fromkeys(("side", *others), black)}
     return Scene({"type": "scene", "pad": {**pad, "mesh_size": 2.0, "bsdf": walls}, "package": package})
 
 
@@ -194,3 +194,8 @@ def test_a_narrow_view_of_few_triangles_is_stated_too(llvm_mono):
         return readings.error_budget["geometry"]
 
     assert geometry(3000.0) > 3 * geometry(1.0)
+
+
+def test_a_region_may_name_walls_that_a_pad_does_not_have(llvm_mono):
+    plain, named = (measure(narrow("spherical", 3.0, 0.0, others), points=64, seed=1) for others in ((), ("body",)))
+    assert named.geometry_error[0] == plain.geometry_error[0] > 0
