@@ -44,12 +44,13 @@ def optics_command(
 
 
 @peers.command("mechanics", short_help="Errors, times and memory of the pad's mechanics.")
-@click.argument("tables", nargs=-1, type=click.Choice(["solve", "paths", "cells", "parts", "contact"]))
+@click.argument("tables", nargs=-1, type=click.Choice(["solve", "paths", "cells", "parts", "contact", "solvers"]))
 @csv_option
 @debug_option
 def mechanics_command(tables: tuple[str, ...], file: Path | None) -> None:
     """Compare the mechanics with CalculiX (solve), time the paper's load paths (paths), larger pads (cells), and what
-    takes the time (parts); count the factorisations under bodies that press (contact)."""
+    takes the time (parts); count the factorisations under bodies that press (contact); compare linear solvers
+    (solvers)."""
     from mitsuba_taxel.bench.peers.mechanics import TABLES
 
     for name in tables or TABLES:
