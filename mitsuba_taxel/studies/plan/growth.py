@@ -69,7 +69,10 @@ def _values(before: Axis, asked: Axis) -> Axis:
     if known.keys() <= set(_keys(new)):
         merged = [known.get(key, word) for key, word in zip(_keys(new), new, strict=True)]
         return Axis(
-            before.dim, {before.dim: merged}, False, before.is_force or asked.is_force, before.is_load or asked.is_load
+            before.dim,
+            {before.dim: merged},
+            is_force=before.is_force or asked.is_force,
+            is_load=before.is_load or asked.is_load,
         )
     joined = old + [word for key, word in zip(_keys(new), new, strict=True) if key not in known]
     numbers = as_numbers(joined)
@@ -78,7 +81,10 @@ def _values(before: Axis, asked: Axis) -> Axis:
         joined = [joined[place] for place in np.argsort(numbers, kind="stable")]
         joined = joined[::-1] if falls else joined
     return Axis(
-        before.dim, {before.dim: joined}, False, before.is_force or asked.is_force, before.is_load or asked.is_load
+        before.dim,
+        {before.dim: joined},
+        is_force=before.is_force or asked.is_force,
+        is_load=before.is_load or asked.is_load,
     )
 
 
