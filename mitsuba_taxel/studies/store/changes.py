@@ -61,7 +61,7 @@ def changed_scene(now: str, before: str) -> str:
     """The first value that differs between two scenes, or else the first line; an empty text if none is known."""
     try:
         pairs = [list(_values(ElementTree.fromstring(text))) for text in (now, before)]
-    except ElementTree.ParseError:
+    except (ElementTree.ParseError, RecursionError):
         return ""
     for (name, value), (name_before, value_before) in zip(*pairs, strict=False):
         if name != name_before:

@@ -32,10 +32,12 @@ def test_a_scene_made_in_python_can_be_swept(tmp_path, llvm_mono):
     assert [row.done for row in study_status(folder)] == [2]
     with pytest.raises(InputError, match="holds another study .the <default> skin_reflectance is 0.7 instead of 0.8"):
         sweep(plate(0.7), vary, output=folder, **RUN)
-    with pytest.raises(
-        InputError, match="reflectance is not a parameter of scene.xml: allowed are .*ball_radius|radius"
-    ):
+    with pytest.raises(InputError, match="reflectance is not a parameter of scene.xml: allowed are .*radius"):
         sweep(plate(), {"reflectance": [1]}, **RUN)
+    for stored in (100_000 * "<a>" + 100_000 * "</a>", "<a>"):  # of somebody else
+        (folder / "study_scene.xml").write_text(stored)
+        with pytest.raises(InputError, match="holds another study"):
+            sweep(plate(), vary, output=folder, **RUN)
 
 
 def test_a_scene_with_other_values_than_its_file_is_swept_with_these(llvm_mono):
