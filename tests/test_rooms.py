@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import re
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -53,13 +52,6 @@ def test_no_import_leads_up(room):
     up = set(FLOORS[FLOORS.index(room) + 1 :])
     arrows = [(file.name, name) for file in folder_of(room).rglob("*.py") for name in imported(file)]
     assert [arrow for arrow in arrows if up.intersection(arrow[1].split(".")[1:2])] == []
-
-
-def test_each_name_of_a_class_has_one_meaning():
-    """Plugins, in a folder of their own, have the names of their specifications."""
-    nodes = (node for file in (ROOT / "mitsuba_taxel").rglob("*.py") for node in ast.parse(file.read_text()).body)
-    names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef) and not node.name.startswith("_"))
-    assert len(names) > 400 and [name for name, times in names.items() if times > 1] == []
 
 
 TESTED = sorted({file.relative_to(ROOT / "tests").parts[0] for file in (ROOT / "tests").glob("*/**/test_*.py")})
