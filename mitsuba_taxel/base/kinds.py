@@ -34,6 +34,10 @@ class Kind(ABC):
     ----------
     name : str
         Of a kind, as in a scene.
+    meaning : str
+        Of its name, in a few words for lists; empty if that is obvious.
+    prefix : str
+        Of a family, of the names of its own parameters in a scene, such as ``indenter_``.
 
     Raises
     ------
@@ -52,6 +56,8 @@ class Kind(ABC):
 
     family: ClassVar[str] = ""
     name: ClassVar[str] = ""
+    meaning: ClassVar[str] = ""
+    prefix: ClassVar[str] = ""
 
     _registry: ClassVar[dict[str, tuple[int, type[Any]]]]
 
@@ -68,6 +74,11 @@ class Kind(ABC):
             raise TypeError(f"{cls.family} {name!r} exists already: {known.__module__}.{known.__qualname__}.")
         cls.name = name
         cls._registry[name] = (rank, cls)
+
+    @classmethod
+    def own_parameters(cls) -> Mapping[str, Any]:
+        """Parameters (`Parameter`) that only kinds such as this one have, by attribute."""
+        return MappingProxyType({})
 
     @classmethod
     def kinds(cls) -> Mapping[str, type[Self]]:

@@ -1,6 +1,6 @@
 """Parameters: fields of dataclasses with allowed values, checked when an object is made."""
 
-from mitsuba_taxel.parameters.checked import Checked, check, parameters_of, values_of
+from mitsuba_taxel.parameters.checked import Checked, Kinded, check, parameters_of, values_of
 from mitsuba_taxel.parameters.parameter import (
     REQUIRED,
     Choice,
@@ -12,6 +12,7 @@ from mitsuba_taxel.parameters.parameter import (
     Vector,
     Whole,
     choice,
+    kind,
     nested,
     number,
     stated,
@@ -27,6 +28,7 @@ __all__ = [
     "REQUIRED",
     "Checked",
     "Choice",
+    "Kinded",
     "Nested",
     "Number",
     "Parameter",
@@ -36,6 +38,7 @@ __all__ = [
     "Whole",
     "check",
     "choice",
+    "kind",
     "nested",
     "number",
     "parameters_of",

@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import inspect
+import math
 import re
+from abc import ABCMeta
 from collections.abc import Mapping
-from dataclasses import Field, fields
+from dataclasses import Field, dataclass, field, fields, replace
 from functools import cache
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.parameters.parameter import REQUIRED, Nested, Parameter, named
+from mitsuba_taxel.parameters.parameter import REQUIRED, Choice, Nested, Number, Parameter, named
+
+
+class _TakesOwnParameters(ABCMeta):
+    """Makes objects whose arguments may be parameters of kinds."""
+
+    def __call__(cls, *given: Any, **values: Any) -> Any:
+        own = dict(values.pop("kind_values", ()))
+        own |= {name: values.pop(name) for name in _own_parameters(cls) if name in values}
+        pairs = sorted((name, value) for name, value in own.items() if value is not None)
+        return super().__call__(*given, **values, **({"kind_values": tuple(pairs)} if pairs else {}))
 
 
 class Checked:
@@ -42,19 +54,78 @@ class Checked:
     def read(cls, props: Any) -> Any:
         """An object with the values of ``mi.Properties``; raises `InputError`."""
         given = {}
-        for field, parameter in parameters_of(cls).items():
+        for attribute, parameter in parameters_of(cls).items():
             if isinstance(parameter, Nested):
                 value = _specification_of(props, parameter)
             else:
                 value = props.get(parameter.name) if parameter.name in props else None
             if value is not None:
-                given[field] = value
+                given[attribute] = value
         return cls(**given)
 
 
+@dataclass(frozen=True)
+class Kinded(Checked, metaclass=_TakesOwnParameters):
+    """Base of frozen dataclasses of parameters, some of which choose a kind (see `kind`).
+
+    The parameters of the chosen kind are arguments and attributes like the others, though they are no fields: kinds may
+    be defined at any time.
+
+    Parameters
+    ----------
+    kind_values : tuple[tuple[str, Any], ...]
+        Names and values of the kinds' parameters, sorted by name; set by giving them one by one.
+    """
+
+    kind_values: tuple[tuple[str, Any], ...] = field(default=(), kw_only=True, repr=False)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            own = dict(self.__dict__.get("kind_values", ()))
+            if name in own or (not name.startswith("_") and name in _own_parameters(type(self))):
+                return own.get(name)
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+
 def parameters_of(cls: Any) -> Mapping[str, Parameter]:
-    """The parameters of a dataclass, by field."""
-    return _stated_in(cls)
+    """The parameters of a dataclass, by field, and those of kinds that it chooses among, by attribute."""
+    if not issubclass(cls, Kinded):
+        return _stated_in(cls)
+    return MappingProxyType({**_stated_in(cls), **_own_parameters(cls)})
+
+
+def _own_parameters(cls: Any) -> dict[str, Parameter]:
+    """Parameters of all kinds that the choices of a class are among, by attribute.
+
+    One that several kinds share applies to all of them; where their ranges differ, the widest is checked here, and each
+    kind checks its own.
+    """
+    stated = _stated_in(cls)
+    merged: dict[str, Parameter] = {}
+    for chooser, choice in stated.items():
+        if not (isinstance(choice, Choice) and choice.family is not None):
+            continue
+        for word, kind in choice.family.kinds().items():
+            for own, parameter in kind.own_parameters().items():
+                shown = choice.family.prefix + own  # as in a scene
+                name = shown if chooser == choice.name else own
+                if name not in stated:
+                    one = replace(parameter, name=shown, when=(chooser, word))
+                    merged[name] = _shared(merged[name], one) if name in merged else one
+    return merged
+
+
+def _shared(first: Parameter, second: Parameter) -> Parameter:
+    """A parameter of two kinds of a family."""
+    when = (*first.when, *second.when[1:])
+    if replace(second, when=first.when) == first:
+        return replace(first, when=when)
+    doc = f"{first.doc.removesuffix('.')}; {second.range} for `{second.when[-1]}`."
+    wider: dict[str, Any] = (
+        {"above": -math.inf, "minimum": -math.inf, "maximum": math.inf} if isinstance(first, Number) else {}
+    )
+    return replace(first, when=when, doc=doc, **wider)
 
 
 @cache
@@ -75,9 +146,19 @@ def check(part: Any) -> None:
             missing.append(parameter)
         elif not conflict and (value is not None or parameter.default is not None):
             given = parameter.default if value is None and parameter.is_conditional else value
-            object.__setattr__(part, name, parameter.checked(given))
+            _set(part, name, parameter.checked(given))
     if missing:
         raise InputError(f"{missing[0].name} is missing: {missing[0].needed.replace('finite ', '')}.")
+
+
+def _set(part: Any, name: str, value: Any) -> None:
+    """Set a parameter of a frozen object."""
+    cls: Any = type(part)
+    if name in _stated_in(cls):
+        object.__setattr__(part, name, value)
+    else:
+        own = dict(part.kind_values) | {name: value}
+        object.__setattr__(part, "kind_values", tuple(sorted(own.items())))
 
 
 def values_of(part: Any) -> dict[str, Any]:

@@ -7,8 +7,9 @@ and their messages, tables of the documentation, the schema of scenes, units of 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -258,9 +259,17 @@ class Points(Text):
 
 @dataclass(frozen=True, kw_only=True)
 class Choice(Parameter):
-    """One of some words, each with its meaning, or nothing if that is obvious."""
+    """One of some words, each with its meaning, or nothing if that is obvious.
+
+    Attributes
+    ----------
+    allowed : Mapping[str, str]
+    family : type[Kind], optional
+        Family of the kinds that are chosen among; the parameters of a kind then apply where it is chosen.
+    """
 
     allowed: Mapping[str, str]
+    family: Any = None
 
     type: ClassVar[str] = "string"
 
@@ -409,6 +418,11 @@ def choice(default: str, allowed: Mapping[str, str] | Sequence[str], doc: str, *
     return stated(Choice(default=default, allowed=table, doc=doc, **conditions))
 
 
+def kind(default: str, family: Any, doc: str, also: Mapping[str, str] = MappingProxyType({}), **conditions: Any) -> Any:
+    """A field for the name of a kind of a family, or one of the words ``also``; see `Choice`."""
+    return stated(Choice(default=default, allowed=_Meanings(family, also), family=family, doc=doc, **conditions))
+
+
 def vector(default: tuple[float, float, float], unit: str, doc: str, **conditions: Any) -> Any:
     """A field for three numbers; see `Vector` and `Parameter`."""
     return stated(Vector(default=default, unit=unit, doc=doc, **conditions))
@@ -454,6 +468,22 @@ def describe_range(above: float, minimum: float, maximum: float) -> str:
     elif maximum < math.inf:
         parts.append(f"of at most {maximum:g}")
     return " and ".join(parts)
+
+
+class _Meanings(Mapping[str, str]):
+    """Meaning of each kind of a family, also of kinds that are defined later, and of some other words."""
+
+    def __init__(self, family: Any, also: Mapping[str, str]) -> None:
+        self._family, self._also = family, also
+
+    def __getitem__(self, name: str) -> str:
+        return self._also[name] if name in self._also else self._family.kinds()[name].meaning
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([*self._family.kinds(), *self._also])
+
+    def __len__(self) -> int:
+        return len(self._family.kinds()) + len(self._also)
 
 
 def _refused(parameter: Parameter, value: Any, shown: str = "") -> InputError:
