@@ -13,6 +13,9 @@ from .electronics import (
     read_circuit as read_circuit,
 )
 from .mechanics import (
+    ArrudaBoyce as ArrudaBoyce,
+)
+from .mechanics import (
     Grooves as Grooves,
 )
 from .mechanics import (

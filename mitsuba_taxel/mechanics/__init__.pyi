@@ -31,6 +31,9 @@ from .elements.loads import (
 )
 from .elements.solvers import available_solvers as available_solvers
 from .materials.laws import (
+    ArrudaBoyce as ArrudaBoyce,
+)
+from .materials.laws import (
     Material as Material,
 )
 from .materials.laws import (

@@ -101,18 +101,30 @@ def _own_parameters(cls: Any) -> dict[str, Parameter]:
     One that several kinds share applies to all of them; where their ranges differ, the widest is checked here, and each
     kind checks its own.
     """
+    choices = {
+        name: choice
+        for name, choice in _stated_in(cls).items()
+        if isinstance(choice, Choice) and choice.family is not None
+    }
+    return _merged(cls, tuple((name, *choice.family.kinds().values()) for name, choice in choices.items()))
+
+
+@cache
+def _merged(cls: Any, chosen: tuple[tuple[Any, ...], ...]) -> dict[str, Parameter]:
+    """As `_own_parameters`, of fields and the kinds that each of them chooses among."""
     stated = _stated_in(cls)
     merged: dict[str, Parameter] = {}
-    for chooser, choice in stated.items():
-        if not (isinstance(choice, Choice) and choice.family is not None):
-            continue
-        for word, kind in choice.family.kinds().items():
+    for chooser, *kinds in chosen:
+        choice: Any = stated[chooser]
+        for word, kind in ((kind.name, kind) for kind in kinds):
             for own, parameter in kind.own_parameters().items():
                 shown = choice.family.prefix + own  # as in a scene
                 name = shown if chooser == choice.name else own
                 if name not in stated:
                     one = replace(parameter, name=shown, when=(chooser, word))
                     merged[name] = _shared(merged[name], one) if name in merged else one
+                elif word not in stated[name].when:  # else the class states it itself
+                    raise TypeError(f"{chooser} {word!r}: {name} is a parameter of {cls.__name__} already.")
     return merged
 
 

@@ -37,7 +37,7 @@ class PadSensor(Displayed):
     Parameters
     ----------
     pad, material : Pad and Material or Viscoelastic
-        The silicone; its law is `NeoHookean`, `MooneyRivlin` or `Yeoh`, or `Viscoelastic` with one of these.
+        The silicone: a law with a name, such as `NeoHookean`, or `Viscoelastic` with one.
     force : sequence of float
         Total force (Fx, Fy, Fz), in N; compression is Fz < 0.
     load : Load

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -286,14 +286,14 @@ def _pad(state: mi.parser.ParserState) -> DeformablePad | None:
 
 def _refuse_what_else_changes(parameter: _Parameter, pad: DeformablePad, other: DeformablePad) -> None:
     followed = _followed(pad)
-    for field in fields(pad):
-        if field.name in followed or field.name == "bsdf":
+    for name in parameters_of(DeformablePad):
+        if name in followed or name == "bsdf":
             continue
-        one, two = getattr(pad, field.name), getattr(other, field.name)
-        if field.name == "to_world" and one is not None:
+        one, two = getattr(pad, name), getattr(other, name)
+        if name == "to_world" and one is not None:
             one, two = np.array(one.matrix).tolist(), np.array(two.matrix).tolist()
         if one != two:
-            raise InputError(f"{parameter.name} has no derivative: it changes {field.name} of the {PAD}.")
+            raise InputError(f"{parameter.name} has no derivative: it changes {name} of the {PAD}.")
 
 
 def _followed(pad: DeformablePad) -> set[str]:
@@ -304,7 +304,7 @@ def _followed(pad: DeformablePad) -> set[str]:
 
 def _numbers(part: Material) -> dict[str, float]:
     """The constants of a material."""
-    return {name: float(value) for name in parameters_of(type(part)) if is_number(value := getattr(part, name))}
+    return {name: float(getattr(part, name)) for name in part.parameters}
 
 
 def _add(total: dict[str, float], weight: float, numbers: dict[str, float]) -> None:

@@ -23,7 +23,7 @@ from mitsuba_taxel.mechanics.elements.loads import (
     Pressure,
     SpreadForce,
 )
-from mitsuba_taxel.mechanics.materials.laws import Material, MooneyRivlin, NeoHookean, Yeoh
+from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
 from mitsuba_taxel.mechanics.materials.silicones import HARDNESS, SILICONES, from_shore_a, silicone
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic, prony_of
 from mitsuba_taxel.mechanics.path.timed_rows import timed_rows
@@ -31,7 +31,9 @@ from mitsuba_taxel.mechanics.surface.finish import Finish, Grooves, LayerSteps, 
 from mitsuba_taxel.pads import Pad, PadFile
 from mitsuba_taxel.parameters import (
     REQUIRED,
+    Kinded,
     choice,
+    kind,
     nested,
     number,
     parameters_of,
@@ -47,7 +49,6 @@ from mitsuba_taxel.parameters import (
 from mitsuba_taxel.specification.region import Region
 from mitsuba_taxel.specification.specification import Specification
 
-LAWS: dict[str, type[Material]] = {"neo_hookean": NeoHookean, "mooney_rivlin": MooneyRivlin, "yeoh": Yeoh}
 LOADS: dict[str, Any] = {
     "spread_force": SpreadForce,
     "patch_force": PatchForce,
@@ -75,7 +76,7 @@ def _of_finish(word: str, field: str) -> Any:
 
 
 @dataclass(frozen=True)
-class DeformablePad(Specification):
+class DeformablePad(Specification, Kinded):
     """A pad under a load."""
 
     plugin = "deformable_pad"
@@ -108,19 +109,11 @@ class DeformablePad(Specification):
     top_y: float | None = _of_pad("top_y")
     meshed_as: str | None = _of_pad("meshed_as")
 
-    material: str = choice(
-        "neo_hookean",
-        {**dict.fromkeys(LAWS, "a law"), **dict.fromkeys(SILICONES, "")},
-        "A law, or a silicone of known stiffness.",
+    material: str = kind(
+        "neo_hookean", Material, "A law, or a silicone of known stiffness.", also=dict.fromkeys(SILICONES, "")
     )
     shore_a: float | None = stated(HARDNESS, name="shore_a", when=_NEO_HOOKEAN)
     youngs_modulus: float | None = taken(NeoHookean, "youngs_modulus", when=_NEO_HOOKEAN, without="shore_a")
-    c10: float | None = taken(
-        MooneyRivlin, "c10", doc="Constant of I1; above 0 for `yeoh`.", when=("material", "mooney_rivlin", "yeoh")
-    )
-    c01: float | None = taken(MooneyRivlin, "c01", when=("material", "mooney_rivlin"))
-    c20: float | None = taken(Yeoh, "c20", when=("material", "yeoh"))
-    c30: float | None = taken(Yeoh, "c30", when=("material", "yeoh"))
     poisson_ratio: float | None = taken(
         NeoHookean,
         "poisson_ratio",
@@ -299,8 +292,9 @@ class DeformablePad(Specification):
             return silicone(self.material).changed(**ratio)
         if self.shore_a is not None:
             return from_shore_a(self.shore_a, **ratio)
-        law = LAWS[self.material]
-        return law(**self._own(law))
+        law = Material.named(self.material)
+        given = {name: getattr(self, name) for name in law.own_parameters()} | ratio
+        return law(**{name: value for name, value in given.items() if value is not None})
 
     def build_load(self, find: Any = Path) -> tuple[Load, tuple[float, ...]]:
         """The load and its value; ``find`` gives the path of a file that is named."""
@@ -380,9 +374,12 @@ class DeformablePad(Specification):
         if isinstance(material, Viscoelastic):
             rest["prony"] = "; ".join(f"{share!r} {time!r}" for share, time in material.prony)
             material = material.law
-        if type(material) not in LAWS.values():
-            known = ", ".join(law.__name__ for law in LAWS.values())
-            raise InputError(f"material = {material!r} is not allowed in a scene: one of {known} is needed.")
+        if not material.name:
+            law = type(material).__name__
+            raise InputError(
+                f"material = {material!r} is not allowed in a scene: its law needs a name, as in "
+                f'class {law}(Material, name="{law.lower()}").'
+            )
         if len(value) != load.components:
             raise InputError(f"force = {tuple(value)} is not allowed: {load.components} numbers are needed for {load}.")
         given: dict[str, Any] = {load.quantity: value if load.components == 3 else value[0], **rest}
@@ -396,8 +393,9 @@ class DeformablePad(Specification):
             given.update(indenter_x=x, indenter_y=y, **values_of(load.indenter))
         if finish is not None:
             given.update(finish=_word(FINISHES, finish), **values_of(finish))
-        given.update(material=_word(LAWS, material), load=_word(LOADS, load))
-        return cls(**values_of(pad), **values_of(material), **given)
+        given.update(material=material.name, load=_word(LOADS, load))
+        constants = {name: getattr(material, name) for name in material.parameters}
+        return cls(**values_of(pad), **constants, **given)
 
 
 def _word(kinds: dict[str, Any], part: Any) -> str:

@@ -96,3 +96,21 @@ def test_kinds_that_are_defined_later_count():
         del Tip._registry["blade"]
     with pytest.raises(InputError, match="tip = 'blade' is not allowed: one of flat, cone, pyramid is needed"):
         Probe("blade")
+
+
+def test_a_parameter_that_the_class_has_already_is_refused():
+    class Bare(Kind, family="bare"):
+        pass
+
+    class Same(Bare, name="same"):
+        @classmethod
+        def own_parameters(cls) -> Mapping[str, Any]:
+            return {"width": Number(doc="Width.", unit="mm", default=1.0)}
+
+    @dataclass(frozen=True)
+    class Bar(Kinded):
+        bare: str = kind("same", Bare, "Kind.")
+        width: float = number(1.0, "mm", "Width.", above=0)
+
+    with pytest.raises(TypeError, match="bare 'same': width is a parameter of Bar already"):
+        Bar()

@@ -15,6 +15,7 @@ from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.materials.invariants import IsochoricInvariants
 from mitsuba_taxel.mechanics.materials.laws import Material, MooneyRivlin, Yeoh
+from mitsuba_taxel.mechanics.materials.laws.arruda_boyce import ArrudaBoyce
 from mitsuba_taxel.mechanics.materials.moduli import PAIRS
 
 POISSON = [0.0, 0.3, 0.49, 0.4999, 0.5]
@@ -51,6 +52,7 @@ LAWS = [
     MooneyRivlin(0.0, 0.3),
     Yeoh(0.5, -0.02, 0.01),
     Yeoh(0.08, 0.014, 0.0, 0.5),
+    ArrudaBoyce(0.4, 2.5),
     Gent(0.7, 30.0),
     Mixed(0.3, 0.2),
 ]
@@ -176,6 +178,13 @@ def test_moduli_at_small_strain_follow_from_the_constants(law):
         NeoHookean: lambda: law.youngs_modulus / (2 * (1 + nu)),
         MooneyRivlin: lambda: 2 * (law.c10 + law.c01),
         Yeoh: lambda: 2 * law.c10,
+        ArrudaBoyce: lambda: (
+            law.chain_modulus
+            * sum(
+                2 * i * c * 3 ** (i - 1) / law.locking_stretch ** (2 * i - 2)
+                for i, c in enumerate((1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750), 1)
+            )
+        ),
         Gent: lambda: law.mu,
         Mixed: lambda: 2 * (law.a * 8 / 5 + law.b * 2),
     }[type(law)]()
@@ -400,3 +409,14 @@ def surface_forces(mesh, nominal):
     for k in (3, 4, 5):
         np.add.at(forces, mesh.faces[:, k], traction)
     return forces
+
+
+@pytest.mark.parametrize(("extension", "softer"), [(0.3, 1e-4), (0.5, 1e-3), (0.6, 5e-3), (0.7, 0.025)])
+def test_eight_chains_follow_the_inverse_langevin_function(extension, softer):
+    """dW/dI1 = (mu N^(1/2) / (6 lambda)) L^-1(lambda / N^(1/2)), where lambda^2 = I1 / 3 (Arruda and Boyce 1993)."""
+    locking = 3.0
+    stretch = extension * locking
+    slope = brentq(lambda x: 1 / math.tanh(x) - 1 / x - extension, 1e-3, 100)
+    law, i1, step = ArrudaBoyce(0.5, locking), 3 * stretch**2, 1e-4
+    rate = (law.strain_energy(i1 + step, 3.0) - law.strain_energy(i1 - step, 3.0)) / (2 * step)
+    assert -softer <= rate / (0.5 * locking / (6 * stretch) * slope) - 1 <= 1e-6

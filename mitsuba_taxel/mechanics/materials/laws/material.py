@@ -2,25 +2,27 @@
 
 A law is a strain energy W(I1, I2) of the isochoric invariants; stress, tangent and small-strain moduli are derived from
 it. The volumetric energy kappa/2 (J - 1)^2 is treated separately, by a pressure field p and 1/kappa, so that an
-incompressible solid (nu = 0.5, 1/kappa = 0) is exact. A new law is a dataclass with its energy::
+incompressible solid (nu = 0.5, 1/kappa = 0) is exact. A new law is a frozen dataclass with its energy::
 
     @dataclass(frozen=True)
-    class Gent(Material):
-        mu: float
-        limit: float
-        poisson_ratio: float = 0.49
+    class Gent(Material, name="gent"):
+        stiffness: float = number(REQUIRED, "MPa", "Shear modulus.", above=0)
+        locking: float = number(30.0, "", "Value of I1 - 3 that it does not reach.", above=0)
+        poisson_ratio: float = POISSON_RATIO
 
         def strain_energy(self, i1, i2):
-            return -self.mu * self.limit / 2 * np.log(1 - (i1 - 3) / self.limit)
+            return -self.stiffness * self.locking / 2 * np.log(1 - (i1 - 3) / self.locking)
 
-No field may be named ``shear_modulus`` or ``compressibility``, which are derived.
+By its name it is a material of scenes, and its numbers are parameters of `deformable_pad`. A law without a name, and
+numbers without a range, will do for load paths. No field may be named ``shear_modulus`` or ``compressibility``, which
+are derived.
 """
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields, replace
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import MISSING, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -29,17 +31,19 @@ import numpy as np
 from mitsuba_taxel.base.arguments import is_number
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.kinds import Kind
 from mitsuba_taxel.mechanics.materials.invariants import IsochoricInvariants
 from mitsuba_taxel.mechanics.materials.jets import Jet
 from mitsuba_taxel.mechanics.materials.moduli import Moduli
-from mitsuba_taxel.parameters import REQUIRED, Checked, check, number
+from mitsuba_taxel.parameters import REQUIRED, Checked, Number, Parameter, check, number, parameters_of
 
-_POISSON_RATIO: Any = number(0.49, "", "Poisson's ratio; 0.5 is incompressible.", minimum=0, maximum=0.5)
-_COMMON = (0.0005, 20)
-_FALLS = ", below it the energy falls without bound in {} tension"
+POISSON_RATIO: Any = number(0.49, "", "Poisson's ratio; 0.5 is incompressible.", minimum=0, maximum=0.5)
+COMMON = (0.0005, 20)
+"""Constants of silicones in MPa: others are asked about."""
+FALLS = ", below it the energy falls without bound in {} tension"
 
 
-class Material(ABC, Checked, Displayed):
+class Material(Kind, Checked, Displayed, family="material"):
     """A rubber-like solid. Its laws are frozen dataclasses whose fields are numbers, ``poisson_ratio`` among them.
 
     Raises
@@ -48,7 +52,23 @@ class Material(ABC, Checked, Displayed):
         if a field is not a finite number, Poisson's ratio is not from 0 to 0.5, or the shear modulus is not above 0.
     """
 
+    meaning = "a law"
     poisson_ratio: float
+
+    @classmethod
+    def own_parameters(cls) -> Mapping[str, Parameter]:
+        """The constants of a law but Poisson's ratio; those that state no range may be any finite number."""
+        stated = parameters_of(cls)
+        law: Any = cls
+        plain = {
+            field.name: Number(
+                name=field.name,
+                doc=f"Constant of {cls.__name__}.",
+                default=REQUIRED if field.default is MISSING else field.default,
+            )
+            for field in fields(law)
+        }
+        return {name: stated.get(name, one) for name, one in plain.items() if name != "poisson_ratio"}
 
     @abstractmethod
     def strain_energy(self, i1: Any, i2: Any) -> Any:
@@ -156,65 +176,3 @@ def _combination(w1: Any, w2: Any, invariants: IsochoricInvariants) -> np.ndarra
     if w2 is not None:
         total += np.asarray(w2)[..., None, None] * invariants.second_derivative
     return total
-
-
-@dataclass(frozen=True)
-class NeoHookean(Material):
-    """W = mu/2 (I1 - 3) with mu = E / (2 (1 + nu)), from a network of Gaussian chains.
-
-    (L. R. G. Treloar, The Physics of Rubber Elasticity, 3rd ed., 1975, chapter 4; isochoric form: Holzapfel 2000,
-    section 6.5.)
-
-    """
-
-    youngs_modulus: float = number(4.16, "MPa", "Young's modulus at small strain.", above=0, common=(0.005, 100))
-    poisson_ratio: float = _POISSON_RATIO
-
-    def strain_energy(self, i1: Any, i2: Any) -> Any:
-        return self.youngs_modulus / (4 * (1 + self.poisson_ratio)) * (i1 - 3)
-
-
-@dataclass(frozen=True)
-class MooneyRivlin(Material):
-    """W = c10 (I1 - 3) + c01 (I2 - 3).
-
-    (M. Mooney, J. Appl. Phys. 11, 582, 1940; R. S. Rivlin, Phil. Trans. R. Soc. A 241, 379, 1948.) Neither constant
-    may be negative: the energy would be unbounded below, in uniaxial tension for c10 and in equibiaxial tension for
-    c01. Fits to uniaxial tests alone often give such a c01; for these, :class:`Yeoh` is safer.
-
-    The shear modulus is mu = 2 (c10 + c01), and must not be 0.
-    """
-
-    c10: float = number(REQUIRED, "MPa", "Constant of I1.", minimum=0, common=_COMMON, hint=_FALLS.format("uniaxial"))
-    c01: float = number(REQUIRED, "MPa", "Constant of I2.", minimum=0, hint=_FALLS.format("equibiaxial"))
-    poisson_ratio: float = _POISSON_RATIO
-
-    def strain_energy(self, i1: Any, i2: Any) -> Any:
-        return self.c10 * (i1 - 3) + self.c01 * (i2 - 3)
-
-
-@dataclass(frozen=True)
-class Yeoh(Material):
-    """W = c10 (I1 - 3) + c20 (I1 - 3)^2 + c30 (I1 - 3)^3.
-
-    (O. H. Yeoh, Rubber Chem. Technol. 66, 754, 1993.) The energy must rise with I1 at any strain, that is,
-    c10 + 2 c20 x + 3 c30 x^2 > 0 for all x >= 0; a slightly negative measured c20 is allowed if c30 compensates for
-    it.
-
-    The shear modulus is mu = 2 c10.
-    """
-
-    c10: float = number(REQUIRED, "MPa", "Constant of I1.", above=0, common=_COMMON)
-    c20: float = number(0.0, "MPa", "Constant of (I1 - 3)^2: 0 or more, or above -sqrt(3 c10 c30).")
-    c30: float = number(
-        0.0, "MPa", "Constant of (I1 - 3)^3.", minimum=0, hint=", below it the energy falls at large strain"
-    )
-    poisson_ratio: float = _POISSON_RATIO
-
-    def strain_energy(self, i1: Any, i2: Any) -> Any:
-        return self.c10 * (i1 - 3) + self.c20 * (i1 - 3) ** 2 + self.c30 * (i1 - 3) ** 3
-
-    def _check(self) -> None:
-        least = math.sqrt(3 * self.c10 * self.c30)
-        rises = f"0 or more, or above -sqrt(3 c10 c30) = {-least:.4g}, is needed for an energy that rises with strain"
-        self._require("c20", self.c20 >= 0 or self.c20 > -least, rises)
