@@ -20,6 +20,7 @@ extensions = [
     "short_references",
     "mathml",
     "plugin_reference",
+    "results_reference",
 ]
 # What docstrings refer to inside the package, and the reference leaves out.
 nitpick_ignore_regex = [

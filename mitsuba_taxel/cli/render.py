@@ -141,6 +141,10 @@ def readings_as_json(readings, volts=None) -> dict[str, object]:
         {
             "readings": [dict(zip(columns, row, strict=True)) for row in rows],
             "error_budget": {source: known(share) for source, share in readings.error_budget.items()},
+            "pads": {
+                name: dict(zip(("value", "error"), map(known, found), strict=True))
+                for name, found in readings.pads.items()
+            },
             "mesh_size_mm": readings.mesh_size,
             "seconds": {stage: float(seconds) for stage, seconds in readings.seconds.items()},
             "parameters": dict(readings.parameters),

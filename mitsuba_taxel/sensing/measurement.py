@@ -24,6 +24,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.protocols import traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
+from mitsuba_taxel.mechanics.results.pad_results import pad_results
 from mitsuba_taxel.sensing.darkness import dark_errors
 from mitsuba_taxel.sensing.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.prepared_scenes import (
@@ -50,7 +51,7 @@ from mitsuba_taxel.sensing.runs import (
     prepare,
 )
 from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.scene_pads import is_touched
+from mitsuba_taxel.sensing.scene_pads import deformed_pads, is_touched
 from mitsuba_taxel.sensing.targets import (
     NEGLIGIBLE,
     deviation_points,
@@ -167,6 +168,10 @@ def measured(
         exact = _result(prepared.alternative, Run(prepared.alternative.ready, seed), seconds, mechanics_error)
         if _rank(exact) <= _rank(result):
             result, prepared = exact, prepared.alternative
+    with stages.record() as taken, stages.stage("mechanics"):
+        states = [pad.state for pad in deformed_pads(prepared.ready.scene)]
+        result = replace(result, pads=pad_results(states, mechanics_error))
+    _add_seconds(result, taken)
     if changes:
         result = replace(result, derivatives=_derivatives(scene, changes, prepared, result, points is not None))
     bare = target_error is None and points is None and time_budget is None and not is_touched(prepared.ready.scene)
@@ -236,8 +241,12 @@ def _derivatives(
             result = derivatives_by(changes, prepared.ready.scene)
         except (NotDiffuse, NotFollowed):
             result = _derivatives_of_paths(scene, changes, prepared, readings, fixed)
-    readings.seconds.update({stage: readings.seconds.get(stage, 0.0) + more for stage, more in taken.items()})
+    _add_seconds(readings, taken)
     return result
+
+
+def _add_seconds(readings: Readings, taken: dict[str, float]) -> None:
+    readings.seconds.update({stage: readings.seconds.get(stage, 0.0) + more for stage, more in taken.items()})
 
 
 def _derivatives_of_paths(

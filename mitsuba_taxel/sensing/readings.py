@@ -16,6 +16,7 @@ from mitsuba_taxel.sensing.wording import crosstalk_text, readings_text
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError
+    from mitsuba_taxel.mechanics.results.pad_results import Estimate
     from mitsuba_taxel.sensing.contact_value import FirstContact
     from mitsuba_taxel.sensing.derivative_values import Derivatives
 
@@ -97,6 +98,8 @@ class Readings(Displayed):
         Where a pad loaded further first touches anything; None if not requested.
     roof_errors : list[RoofError | None]
         Error of the mechanics of each loaded pad, None if unknown; empty if not requested.
+    pads : dict[str, Estimate]
+        Results of deformed pads (`PAD_RESULTS`) and their errors, by name; empty without a pad.
     remarks : list of str
         Further notes for the reader.
     """
@@ -115,6 +118,7 @@ class Readings(Displayed):
     derivatives: Derivatives | None = None
     contact: FirstContact | None = None
     roof_errors: list[RoofError | None] = field(default_factory=list)
+    pads: dict[str, Estimate] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:

@@ -45,7 +45,7 @@ def test_without_a_command_help_is_shown(taxel_process):
     assert done.returncode == 2 and done.stdout == "" and "Usage: taxel" in done.stderr
 
 
-JSON_KEYS = ["readings", "error_budget", "mesh_size_mm", "seconds", "parameters", "notes"]
+JSON_KEYS = ["readings", "error_budget", "pads", "mesh_size_mm", "seconds", "parameters", "notes"]
 
 
 def test_render_table(taxel_process):

@@ -15,6 +15,7 @@ from mitsuba_taxel.base.arguments import as_numbers, table_of, word_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.text import read_text
 from mitsuba_taxel.base.units import FORCES
+from mitsuba_taxel.sensing.results import RESULTS
 
 MOST_CHECKED = 5
 """Number of places along a smooth curve where the effect of the mechanics' error is computed."""
@@ -23,12 +24,9 @@ MOST_JOBS = 100_000
 STEP = "step"
 """Dimension of values taken together, row by row."""
 TAKEN = frozenset(
-    "step taxel replicate stage parameter derivative_unit power standard_error total_error replicate_power seconds "
-    "responsivity deviation roof_error slope_error geometry_error smooth_power smooth_power_error derivative "
-    "derivative_error largest_strain largest_strain_derivative clearance clearance_derivative first_contact "
-    "first_contact_derivative touched ended mesh map "
+    "step taxel replicate stage parameter derivative_unit replicate_power seconds responsivity mesh map "
     "voltage voltage_error counts noise saturated".split()
-)
+).union(result.name for result in RESULTS)
 """Names of dimensions and variables of the results, which no varied parameter may have."""
 
 

@@ -16,6 +16,7 @@ from mitsuba_taxel.base.units import FORCES, HISTORY
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.readings import describe_mechanics, error_budget, geometry_share, mechanics_share, shares
+from mitsuba_taxel.sensing.results import RESULTS
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.store.folder import Kept
@@ -60,31 +61,29 @@ def assemble(
         seconds[place] = [result.seconds.get(stage, 0.0) for stage in stages]
     power = replicates.mean(axis=-2)
     deviation = _deviation(results, power, dims.index(curve))
+    mechanics = power * _shares(deviation, power, mechanics_share)
     geometry = power * _shares(_facets(results, power, dims.index(curve)), power, geometry_share)
-    total = np.hypot(np.hypot(error, power * _shares(deviation, power, mechanics_share)), geometry)
-    about_error = {"units": "W", "long_name": "1 sigma of power (light)"}
-    about_total = {"units": "W", "long_name": "error of power (light, mechanics and geometry)"}
+    total = np.hypot(np.hypot(error, mechanics), geometry)
+    along = {"power": power, "standard_error": error, "total_error": total}
+    if any(result.readings.roof_errors for result in results.values()):
+        along |= {"mechanics_error": mechanics, "deviation": deviation}
+    if np.nan_to_num(geometry).any():
+        along["geometry_error"] = geometry
+    variables = _variables([*dims], shape, results, along, curve)
     notes = _notes(results)
     if missing := math.prod(shape) - len(results) - len(failures):
         notes.insert(0, f"{missing} of {math.prod(shape)} scenes have no reading yet: the same command computes them")
     if about["target_error"] is not None and (missed := missed_target(about["target_error"], power, total)):
         notes.insert(0, missed)
-    rates = _of_derivatives(dims, results, shape, curve)
     if about["target_slope"] is not None and (
-        missed := missed_slope(about["target_slope"], rates, results, about.get("forces", FORCES))
+        missed := missed_slope(about["target_slope"], variables, results, about.get("forces", FORCES))
     ):
         notes.insert(0, missed)
     return xr.Dataset(
         {
-            "power": ([*dims, "taxel"], power, {"units": "W", "long_name": "optical power"}),
-            "standard_error": ([*dims, "taxel"], error, about_error),
-            "total_error": ([*dims, "taxel"], total, about_total),
+            **variables,
             "replicate_power": ([*dims, "replicate", "taxel"], replicates, {"units": "W"}),
             **_responsivity(first),
-            **_mechanics(dims, deviation, results),
-            **_geometry(dims, geometry),
-            **rates,
-            **_contacts(dims, results, shape),
             "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
             **_files("mesh", MESHES, "file of the deformed pad, lengths in mm", dims, shape, results),
             **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
@@ -213,75 +212,47 @@ def _shares(change: np.ndarray, power: np.ndarray, share: Callable[[np.ndarray, 
     return np.reshape(shares, (*power.shape[:-1], 1))
 
 
-def _mechanics(dims: list[str], deviation: np.ndarray, results: Mapping[Place, Kept]) -> dict[str, tuple]:
-    """Effect of the mechanics on the readings, and the worst error of the pads; NaN where unknown."""
-    if not any(result.readings.roof_errors for result in results.values()):
-        return {}
-    shape = deviation.shape[:-1]
-    displacement, slope = np.full(shape, math.nan), np.full(shape, math.nan)
-    for index, result in results.items():
-        errors = result.readings.roof_errors
-        displacement[index] = max((math.nan if error is None else error.displacement for error in errors), default=0.0)
-        slope[index] = max((math.nan if error is None else error.slope for error in errors), default=0.0)
-    about = "finite-element error of the roofs' {}, root mean square"
-    off = {"units": "W", "long_name": "change of power with the roofs of coarser finite elements"}
-    return {
-        "deviation": ([*dims, "taxel"], deviation, off),
-        "roof_error": (dims, displacement, {"units": "mm", "long_name": about.format("displacement")}),
-        "slope_error": (dims, slope, {"units": "degrees", "long_name": about.format("slope")}),
-    }
+def _variables(
+    dims: list[str],
+    shape: tuple[int, ...],
+    results: Mapping[Place, Kept],
+    along: Mapping[str, np.ndarray],
+    curve: str,
+) -> dict[str, xr.DataArray]:
+    """The listed results of all readings; those ``along`` the curves are given, and others are absent without a
+    value."""
+    variables = {}
+    for result in RESULTS:
+        if result.name in _ALONG:
+            values = along.get(result.name)
+        else:
+            values = _collected({place: result.of(kept.readings) for place, kept in results.items()}, shape)
+        if values is None:
+            continue
+        about = {"long_name": result.meaning} | ({"units": result.unit} if result.unit else {})
+        array = xr.DataArray(values, dims=[*dims, *result.per], attrs=about)
+        if result.along_curve:
+            array = array.interpolate_na(curve, use_coordinate=False)
+        variables[result.name] = array
+    return variables
 
 
-def _of_derivatives(
-    dims: list[str], results: Mapping[Place, Kept], shape: tuple[int, ...], curve: str
-) -> dict[str, Any]:
-    """Derivatives and the readings they belong to; errors are interpolated linearly along a curve where unknown."""
-    found = _derivatives(results)
-    if not found:
-        return {}
-    one = next(iter(found.values()))
-    power, power_errors = np.full((2, *shape, len(one.power)), math.nan)
-    values, errors = np.full((2, *shape, *one.values.shape), math.nan)
-    strain, clearance = np.full((2, *shape), math.nan)
-    strain_rates, clearance_rates = np.full((2, *shape, len(one.parameters)), math.nan)
-    for place, each in found.items():
-        power[place], values[place], errors[place] = each.power, each.values, each.standard_errors
-        power_errors[place] = each.power_errors
-        strain[place], strain_rates[place] = each.strain, each.strain_rates
-        clearance[place], clearance_rates[place] = each.clearance, each.clearance_rates
-    about = {"units": "W", "long_name": "optical power, without random numbers"}
-    error = xr.DataArray(errors, dims=[*dims, "taxel", "parameter"], attrs={"long_name": "1 sigma of derivative"})
-    about_error = {"units": "W", "long_name": "1 sigma of smooth_power"}
-    of_power = xr.DataArray(power_errors, dims=[*dims, "taxel"], attrs=about_error)
-    return {
-        "smooth_power": ([*dims, "taxel"], power, about),
-        "smooth_power_error": of_power.interpolate_na(curve, use_coordinate=False),
-        "derivative": ([*dims, "taxel", "parameter"], values, {"long_name": "derivative of smooth_power"}),
-        "derivative_error": error.interpolate_na(curve, use_coordinate=False),
-        "largest_strain": (dims, strain, {"units": "1", "long_name": "largest strain, mean over 1 % of the silicone"}),
-        "largest_strain_derivative": ([*dims, "parameter"], strain_rates, {"long_name": "derivative of strain"}),
-        "clearance": (dims, clearance, {"units": "mm", "long_name": "least distance between cells and packages"}),
-        "clearance_derivative": ([*dims, "parameter"], clearance_rates, {"long_name": "derivative of clearance"}),
-    }
+_ALONG = ("power", "standard_error", "mechanics_error", "geometry_error", "total_error", "deviation")
+"""Results whose errors are the same share of all readings of a scene, known at some scenes of a curve only."""
 
 
-def _contacts(dims: list[str], results: Mapping[Place, Kept], shape: tuple[int, ...]) -> dict[str, tuple]:
-    """First contacts, what is touched, and derivatives; empty if none were asked for."""
-    found = {place: each for place, result in results.items() if (each := result.readings.contact) is not None}
-    if not found:
-        return {}
-    count = max(len(each.rates) for each in found.values())
-    value, rates = np.full(shape, math.nan), np.full((*shape, count), math.nan)
-    touched, ended = np.full((2, *shape), "", dtype=object)
-    for place, each in found.items():
-        value[place], rates[place], touched[place], ended[place] = each.value, each.rates, each.touched, each.ended
-    by = {"first_contact_derivative": ([*dims, "parameter"], rates, {"long_name": "derivative of first_contact"})}
-    return {
-        "first_contact": (dims, value, {"long_name": "load at which the pad first touches anything"}),
-        "touched": (dims, touched.astype(str), {"long_name": "what it touches there"}),
-        "ended": (dims, ended.astype(str), {"long_name": "why its load path ends there without contact"}),
-        **(by if count else {}),
-    }
+def _collected(values: Mapping[Place, Any], shape: tuple[int, ...]) -> np.ndarray | None:
+    """Values of all places in one array, NaN or empty text where there is none; None if nowhere."""
+    known = {place: np.asarray(value) for place, value in values.items() if value is not None}
+    if not known:
+        return None
+    own = np.max([value.shape for value in known.values()], axis=0).astype(int)  # a contact may lack its derivatives
+    is_text = any(value.dtype.kind == "U" for value in known.values())
+    array = np.full((*shape, *own), "", dtype=object) if is_text else np.full((*shape, *own), math.nan)
+    for place, value in known.items():
+        if value.shape == tuple(own):
+            array[place] = value
+    return array.astype(str) if is_text else array
 
 
 def _parameters(results: Mapping[Place, Kept]) -> dict[str, tuple]:
@@ -318,9 +289,7 @@ def missed_slope(
     by_force = [number for number, name in enumerate(names) if name in forces]
     relative = []
     for place in results:
-        values, errors = (
-            np.asarray(each)[place][:, by_force] for each in (rates["derivative"][1], rates["derivative_error"].values)
-        )
+        values, errors = (rates[name].values[place][:, by_force] for name in ("derivative", "derivative_error"))
         steepest = np.abs(values).max(axis=0)
         relative.append(errors.max(axis=0) / np.where(steepest > 0, steepest, np.inf))
     worst = "unknown" if np.isnan(relative).any() else f"{np.max(relative):.2g}"
@@ -328,18 +297,14 @@ def missed_slope(
     return "" if reached else f"target slope {target:g} not reached: the worst error is {worst}"
 
 
-def _geometry(dims: list[str], geometry: np.ndarray) -> dict[str, tuple]:
-    """The error due to the facets of curved walls; empty without such walls."""
-    about = {"units": "W", "long_name": "1 sigma of power (flat triangles of curved walls)"}
-    return {"geometry_error": ([*dims, "taxel"], geometry, about)} if np.nan_to_num(geometry).any() else {}
-
-
 def study_error_budget(study: xr.Dataset) -> dict[str, float]:
     """The error budget of `Readings`, for the worst reading of a study; those that failed are left out."""
     read = np.isfinite(study.power.values)
-    power, light, total = (each.values[read] for each in (study.power, study.standard_error, study.total_error))
-    geometry = study.geometry_error.values[read] if "geometry_error" in study else np.zeros_like(light)
-    mechanics = np.sqrt(np.maximum(total**2 - light**2 - geometry**2, 0))
+    power, light = study.power.values[read], study.standard_error.values[read]
+    mechanics, geometry = (
+        study[name].values[read] if name in study else np.zeros_like(light)
+        for name in ("mechanics_error", "geometry_error")
+    )
     return error_budget(power, light, mechanics, geometry)
 
 

@@ -138,13 +138,11 @@ def sweep(
 
     Returns
     -------
-    Over the varied parameters and ``taxel``: ``power``, ``standard_error`` (light) and ``total_error`` in W, and
-    ``deviation`` as in `Readings`; ``replicate_power`` in W, also over ``replicate``; ``seconds`` by ``stage``;
-    ``mesh``, the file of the pad; with a circuit, ``voltage``, ``voltage_error`` and ``noise`` in V, and ``counts``;
-    ``derivative`` and ``derivative_error`` by ``parameter``, and ``smooth_power`` and ``smooth_power_error`` in W, the
-    readings without random numbers that they belong to, and with them ``largest_strain`` of the silicone, the mean of
-    stretch - 1 over the most strained 1 % of its volume, ``clearance``, the least distance in mm between cells and
-    packages, ``largest_strain_derivative`` and ``clearance_derivative``. Failed readings are NaN;
+    The results that `mitsuba_taxel.sensing.results` lists, each over the varied parameters and its own dimensions:
+    ``power``, its errors by light, mechanics and geometry and in total, numbers of the deformed pad, derivatives by
+    ``parameter``, and so on. Beside them ``replicate_power`` in W, also over ``replicate``; ``seconds`` by ``stage``;
+    ``mesh``, the file of the pad; with a circuit, ``voltage``, ``voltage_error`` and ``noise`` in V, and ``counts``.
+    Failed readings are NaN;
     the attribute ``failures`` gives the reasons, one per line. Other attributes are seed, points, mesh size, versions,
     the fixed parameters, and the seconds of the pilot runs that chose points and mesh.
 

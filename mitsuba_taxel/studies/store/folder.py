@@ -27,6 +27,7 @@ from mitsuba_taxel.base import archive, toml
 from mitsuba_taxel.base.atomic import PREFIX, WriteError, reason_of, remove_stale, replacing, write_text
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
+from mitsuba_taxel.mechanics.results.pad_results import Estimate
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.contact_value import FirstContact
 from mitsuba_taxel.sensing.derivative_values import Derivatives
@@ -296,6 +297,7 @@ def _arrays(kept: Kept) -> dict[str, np.ndarray]:
         "parameters": readings.parameters,
         "mesh_size": readings.mesh_size,
         "remarks": readings.remarks,
+        "pads": readings.pads,
         "roof_errors": [None if error is None else asdict(error) for error in readings.roof_errors],
         "seconds": kept.seconds,
         "files": kept.files,
@@ -340,6 +342,7 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
     words = json.loads(str(arrays["words"]))
     seconds, files = words.pop("seconds"), words.pop("files")
     errors = [None if error is None else RoofError(**error) for error in words.pop("roof_errors")]
+    pads = {name: Estimate(*estimate) for name, estimate in words.pop("pads", {}).items()}
     replicates = arrays["replicates"]
     _require(replicates.ndim == 2 and replicates.dtype == float and len(replicates) == REPLICATES)
     for name in set(_OPTIONAL) & arrays.keys():
@@ -355,6 +358,7 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
         derivatives=_derivatives(arrays, replicates.shape[1]),
         contact=_contact(arrays),
         roof_errors=errors,
+        pads=pads,
         **words,
     )
     return Kept(readings, seconds, files)

@@ -16,6 +16,7 @@ from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study, in_volts
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.maps import has_map, plane_of, plot_map, plot_resolution
+from mitsuba_taxel.sensing.results import PARAMETER, RESULTS
 from mitsuba_taxel.studies.store.netcdf import write_netcdf
 
 if TYPE_CHECKING:
@@ -94,11 +95,19 @@ def _head(study: xr.Dataset) -> list[str]:
 
 
 def _readings(study: xr.Dataset) -> pandas.DataFrame:
-    """One row per scene and taxel."""
-    names = ["power", "standard_error", "total_error", *(name for name in (*VOLTS, "mesh") if name in study)]
+    """One row per scene and taxel: all listed results, with those of volts and the files of pads."""
+    listed = [result for result in RESULTS if result.in_table and result.name in study]
+    by_parameter = {result.name for result in listed if PARAMETER in result.per}
+    names = [*(result.name for result in listed if result.name not in by_parameter), *VOLTS, "mesh"]
+    names = [name for name in names if name in study]
     dims = [str(dim) for dim in study.power.dims]
     together = [str(name) for name in study.power.coords if name not in dims]
-    table = study[names].to_dataframe().reset_index()[[*dims[:-1], *together, dims[-1], *names]]
+    table = study[names].to_dataframe(dim_order=dims).reset_index()[[*dims[:-1], *together, dims[-1], *names]]
     units = {name: study[name].attrs.get("units") for name in table.columns}
     table.columns = [f"{name}_{units[name]}" if units[name] not in (None, "1") else name for name in table.columns]
+    for result in listed if by_parameter else ():
+        if result.name in by_parameter:
+            for number, parameter in enumerate(study[PARAMETER].values):
+                values = study[result.name].isel({PARAMETER: number}).transpose(*dims).values.ravel()
+                table[f"{result.name}_{parameter}_{study.derivative_unit.values[number]}"] = values
     return table

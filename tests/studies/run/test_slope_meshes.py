@@ -72,7 +72,7 @@ def test_a_target_that_is_not_reached_is_told(pad, tmp_path):
 def test_slopes_that_are_not_known_do_not_reach_a_target(pad):
     how = {"fz": "0:-0.2:-0.2", "roof": "lambertian,mirror"}
     study = sweep(pad, how, points=16, derivatives=["fz"])
-    rates = {"derivative": (None, study.derivative.values), "derivative_error": study.derivative_error}
+    rates = {"derivative": study.derivative, "derivative_error": study.derivative_error}
     known = SimpleNamespace(readings=SimpleNamespace(derivatives=SimpleNamespace(parameters=("fz",))))
     results = {place: known for place in np.ndindex(2, 2)}
     assert missed_slope(0.9, rates, results).endswith("the worst error is unknown")
