@@ -28,7 +28,7 @@ nitpick_ignore_regex = [
     ("py:data", r"mitsuba_taxel\.mechanics\.path\.load_segment\.\w+|TET_EDGES|FACE_EDGES|ENDS"),
     ("py:meth", r"Location\.interpolate|PointLocator\.locate"),
     ("py:class", r"Relief|Load|RigidBodies|ndarray|DataFrame|\d+|[A-Z]|corners|width|height"),  # shapes of arrays, too
-    ("py:class", r"(mitsuba_taxel\.mechanics\.path\.state\.)?(Comparison|PathRate)|FirstContact"),
+    ("py:class", r"(mitsuba_taxel\.mechanics\.path\.state\.)?(Comparison|PathRate)|FirstContact|Estimate"),
 ]
 exclude_patterns = ["_build", "_extensions"]
 default_role = "code"
