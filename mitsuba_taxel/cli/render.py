@@ -104,18 +104,20 @@ def _print_json(readings, volts, matrix, book, lines) -> None:
 
 
 def _print_tables(readings, volts, matrix, book, lines) -> None:
-    from mitsuba_taxel.sensing import wording
+    from mitsuba_taxel.sensing.readings import crosstalk_text, readings_text
 
     from . import tables
 
     width = tables.terminal_width()
-    print(wording.readings_text(readings, width))
+    print(readings_text(readings, width))
     if volts is not None:
         tables.print_volts(readings.taxel, volts)
     if matrix is not None:
-        print(f"\n{wording.crosstalk_text(matrix, width)}")
+        print(f"\n{crosstalk_text(matrix, width)}")
     if book is not None:
-        print(f"\n{wording.audit_text(book, width)}")
+        from mitsuba_taxel.sensing.audit import audit_text
+
+        print(f"\n{audit_text(book, width)}")
     if lines is not None:
         tables.print_left_out(lines)
 

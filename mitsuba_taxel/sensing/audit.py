@@ -16,6 +16,7 @@ from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
 from mitsuba_taxel.base.arguments import check_progress, check_seed, check_whole, plain_number
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.base.text_table import text_table
 from mitsuba_taxel.kernels.protocols import is_package
 from mitsuba_taxel.kernels.ray_offsets import clearance_of
 from mitsuba_taxel.kernels.regions import ALL_REGIONS, CONTACT
@@ -26,7 +27,6 @@ from mitsuba_taxel.kernels.windows import transmittance
 from mitsuba_taxel.sensing.ray_paths import PathStep, emit, follow, landed
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, AnyScene, prepare
 from mitsuba_taxel.sensing.taxels import taxels_of
-from mitsuba_taxel.sensing.wording import audit_text
 from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 
 DEFAULT_POINTS = 4096
@@ -299,3 +299,14 @@ def _names(shapes: list[mi.Shape]) -> list[str]:
         used[name] += 1
         result.append(f"{name} {used[name]}" if alike[name] > 1 else name)
     return result
+
+
+def audit_text(audit: EnergyAudit, width: int | None = None) -> str:
+    """Shares of the emitted light by the place where it ends, with their standard errors."""
+    rows = [
+        *zip(audit.places, audit.share, audit.standard_error, strict=True),
+        ("total", audit.total, audit.total_error),
+    ]
+    cells = ((place, f"{share:.6f}", f"{error:.1e}") for place, share, error in rows)
+    table = text_table(("place", "share", "standard error"), cells, width)
+    return f"Energy audit: share of the power that all LEDs emit\n{table}"

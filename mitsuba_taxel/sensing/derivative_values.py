@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mitsuba_taxel.sensing.wording import derivatives_text
+from mitsuba_taxel.base.text_table import text_table
 
 if TYPE_CHECKING:
     import xarray
@@ -99,3 +100,25 @@ class Derivatives:
 def unit_of(parameter: str) -> str:
     """Unit of the derivative of a power by a parameter, from the unit of that."""
     return "W" if parameter == "1" else f"W/{parameter}"
+
+
+def derivatives_text(derivatives: Derivatives, width: int | None = None) -> str:
+    """Derivatives of each taxel's reading, each with its standard error."""
+    columns = derivative_columns(derivatives)
+    table = text_table(list(columns), zip(*columns.values(), strict=True), width)
+    return f"Derivatives of the readings ({derivatives.method}), +- standard error\n{table}"
+
+
+def derivative_columns(derivatives: Derivatives) -> dict[str, list[str]]:
+    """Columns of a table by heading, a row for each taxel: the derivative with respect to each parameter, and its
+    error."""
+    columns = {"taxel": [str(taxel) for taxel in derivatives.taxel]}
+    of_parameters = zip(
+        derivatives.parameters, derivatives.units, derivatives.values.T, derivatives.standard_errors.T, strict=True
+    )
+    for name, unit, values, errors in of_parameters:
+        pairs = zip(values, errors, strict=True)
+        columns[f"{name} [{unit}]"] = [
+            f"{value:.4e} +- {'unknown' if math.isnan(error) else f'{error:.0e}'}" for value, error in pairs
+        ]
+    return columns

@@ -12,13 +12,14 @@ import numpy as np
 from mitsuba_taxel.base.convergence import ERROR_SHARE, FACETS_SHARE
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.replicates import standard_error
-from mitsuba_taxel.sensing.wording import crosstalk_text, readings_text
+from mitsuba_taxel.base.text_table import text_table
+from mitsuba_taxel.sensing.derivative_values import Derivatives, derivatives_text
+from mitsuba_taxel.sensing.wording import budget_line, stage_line
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError
     from mitsuba_taxel.mechanics.results.pad_results import Estimate
     from mitsuba_taxel.sensing.contact_value import FirstContact
-    from mitsuba_taxel.sensing.derivative_values import Derivatives
 
 
 def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
@@ -245,3 +246,59 @@ def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
         f"mechanics: roofs right to {worst.displacement:.2g} mm (at worst {worst.largest:.2g} mm, {worst.relative:.1%} "
         f"of the largest displacement) and {worst.slope:.2g} degrees"
     ]
+
+
+def readings_text(readings: Readings, width: int | None = None) -> str:
+    """Power, error and photocurrent per taxel, explanations, the error budget, the time by stage, and derivatives.
+
+    ``width`` is that of a line in characters, as for `text_table`.
+    """
+    columns = readings_columns(readings)
+    lines = [
+        text_table(list(columns), zip(*columns.values(), strict=True), width),
+        light_error_line(readings),
+        *readings.notes,
+        budget_line(readings.error_budget),
+        stage_line(readings.seconds),
+    ]
+    if readings.derivatives is not None:
+        lines += ["", derivatives_text(readings.derivatives, width)]
+    return "\n".join(lines)
+
+
+def readings_columns(readings: Readings) -> dict[str, list[str]]:
+    """Columns of a table by heading, a row for each taxel: power, its errors and, if it is known, the photocurrent."""
+    columns = {
+        "taxel": [str(taxel) for taxel in readings.taxel],
+        "power [W]": [f"{power:.6e}" for power in readings.power],
+    }
+    if readings.points:
+        columns["light error [W]"] = [f"{error:.1e}" for error in readings.standard_error]
+    if readings.deviation is not None:
+        columns["mechanics error [W]"] = [f"{error:.1e}" for error in readings.mechanics_error]
+    if readings.geometry_error.any():
+        columns["geometry error [W]"] = [f"{error:.1e}" for error in readings.geometry_error]
+    pairs = zip(readings.power, readings.total_error, strict=True)
+    columns["total"] = [f"{error / power:.2%}" if power > 0 else "-" for power, error in pairs]
+    if readings.photocurrent is not None:
+        columns["photocurrent [A]"] = [f"{current:.6e}" for current in readings.photocurrent]
+    return columns
+
+
+def light_error_line(readings: Readings) -> str:
+    """The meaning and origin of the light error."""
+    if not readings.points:
+        return "Light: without random numbers, as all walls are diffuse; its error is part of the geometry's."
+    runs = f"{len(readings.replicates)} randomisations of {readings.points} points per taxel"
+    return f"Light error: 1 sigma, from {runs}, seed {readings.seed}."
+
+
+def crosstalk_text(crosstalk: Crosstalk, width: int | None = None) -> str:
+    """The power that each LED brings to each phototransistor, each with its standard error."""
+    taxels = [str(taxel) for taxel in range(1, len(crosstalk.power) + 1)]
+    rows = (
+        (led, *(f"{power:.3e} +- {error:.0e}" if error else f"{power:g}" for power, error in zip(*of, strict=True)))
+        for led, *of in zip(taxels, crosstalk.power, crosstalk.standard_error, strict=True)
+    )
+    title = "Crosstalk: power [W] from each LED (row) on each phototransistor (column), +- standard error"
+    return f"{title}\n{text_table(('LED', *taxels), rows, width)}"

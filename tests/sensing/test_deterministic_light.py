@@ -14,10 +14,10 @@ from mitsuba_taxel.pads.parametric.drawings import write_drawings
 from mitsuba_taxel.sensing import diffuse_cells
 from mitsuba_taxel.sensing.derivatives import derivatives_by
 from mitsuba_taxel.sensing.deterministic_light import deterministic_light
+from mitsuba_taxel.sensing.readings import light_error_line
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.scene_rates import rates
 from mitsuba_taxel.sensing.targets import CLEAR
-from mitsuba_taxel.sensing.wording import light_error_line
 from mitsuba_taxel.transport import emission
 
 CONE, POLAR = "uniform_solid_angle", "uniform_polar_angle"
