@@ -30,11 +30,12 @@ if TYPE_CHECKING:
     from mitsuba_taxel.sensing.contact_value import FirstContact
 
 MESHES, MAPS = "meshes", "maps"
+"""Folders of a study for the files of results."""
 ELSEWHERE = (
     " A study stores derivatives only without random numbers; taxel render --derivatives finds them by differences of "
     "random paths."
 )
-"""Folders of a study for the files of results."""
+"""Remark where a study has no derivatives."""
 
 
 @dataclass(frozen=True)
