@@ -14,8 +14,8 @@ import numpy as np
 from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.sphere_light import DOMES, SPACING
-from mitsuba_taxel.kernels import dome_elements
 from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads.cells.cell_shape import CellShape, LightSizes
 from mitsuba_taxel.sensing import Readings, Scene, measure
 
 Force = tuple[float, float, float]
@@ -192,17 +192,14 @@ def _on_small_elements(cell: str, name: str, cells: int, load: Force) -> tuple[f
 @contextmanager
 def _default_elements(cell: str, size: float) -> Iterator[None]:
     """While it lasts, loaded domes have elements of a ``size`` in mm by default."""
-    share = size / Pad(cell).default_mesh_size
-    tables = (dome_elements.MIRRORS, dome_elements.MIRRORS_SIDE_BY_SIDE, dome_elements.DIFFUSE)
-    before = [table.copy() for table in tables]
+    relative = size / Pad(cell).default_mesh_size
+    shape = CellShape.named(cell)
+    usual = shape.light_sizes
     try:
-        for table in tables:
-            table[cell] = share
+        shape.light_sizes = LightSizes(diffuse=relative, mirrors=relative, mirrors_side_by_side=relative)
         yield
     finally:
-        for table, usual in zip(tables, before, strict=True):
-            table.clear()
-            table.update(usual)
+        shape.light_sizes = usual
 
 
 def _on_pad(load: Force, cells: int) -> list[float]:

@@ -9,17 +9,10 @@ import mitsuba as mi
 
 from mitsuba_taxel.kernels.pad_limits import mirrors, regions_with
 from mitsuba_taxel.pads import Pad, PadFile
-from mitsuba_taxel.pads.pad import PROFILE
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.elements.loads import Load
 
-DIFFUSE = {"hemispheric": 0.6, "spherical": 0.5, PROFILE: 0.5}
-MIRRORS = {"hemispheric": 0.5, "spherical": 0.6, PROFILE: 0.5}
-"""Relative to the pad's default: diffuse walls are within 0.03 % then, mirrors and rough mirrors within 0.3 %
-(`taxel bench domes`). Light leaves a spherical cell after few reflections, of which each counts."""
-MIRRORS_SIDE_BY_SIDE = {"hemispheric": 0.55}
-"""Those that may be larger in pads of several cells: readings there are as accurate (the same command)."""
 MOST_CELLS = 16
 """Pads of more cells keep the pad's default: their elements would take too long and too much memory."""
 
@@ -31,14 +24,16 @@ def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> floa
     indented = isinstance(load, IndenterDisplacement | IndenterForce)
     if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or indented:
         return None
+    sizes = pad.shape.light_sizes
+    if sizes is None:
+        return None
     if any(map(mirrors, walls)):
-        side_by_side = MIRRORS_SIDE_BY_SIDE if pad.rows * pad.columns > 1 else {}
-        share = (MIRRORS | side_by_side).get(pad.cell)
+        relative = sizes.mirrors_side_by_side if pad.rows * pad.columns > 1 else sizes.mirrors
     elif any(regions_with(wall, mi.BSDFFlags.Diffuse) for wall in walls):
-        share = DIFFUSE.get(pad.cell)
+        relative = sizes.diffuse
     else:
         return None
-    return None if share is None else share * pad.default_mesh_size
+    return relative * pad.default_mesh_size
 
 
 def fewer_triangles(subdivision: int, share: float) -> int:

@@ -43,9 +43,7 @@ def check_mirrors(pad: Pad | PadFile, codes: list[int], subdivision: int) -> Non
     A surface file has flat walls; those of a solid may all be round.
     """
     if isinstance(pad, Pad):
-        from mitsuba_taxel.pads.parametric.round_walls import is_round  # a scene without a pad imports no scipy
-
-        round_walls = [name for name in ("roof", "side") if is_round(pad, name)]
+        round_walls = list(pad.shape.round_regions)
     else:
         round_walls = list(REGIONS) if pad.is_drawn else []
     names = [name for name in round_walls if REGIONS[name] in codes]

@@ -5,22 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from statistics import mode
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from mitsuba_taxel.base.activities import activity
 from mitsuba_taxel.base.arguments import as_numbers, check_whole
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.pads import profile as profiles
-from mitsuba_taxel.parameters import REQUIRED, Checked, Points, choice, number, stated, text, whole
+from mitsuba_taxel.pads.cells import CellShape
+from mitsuba_taxel.pads.cells.meridian import as_text
+from mitsuba_taxel.pads.cells.profile import MOST_POINTS, Profile
+from mitsuba_taxel.parameters import REQUIRED, Kinded, Points, choice, kind, number, stated, text, whole
 
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
 CELL_SHAPES = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 """The shapes of the paper."""
-PROFILE = "profile"
-"""Shape of a cell with any smooth roof, of a round or a square section."""
 LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height", "top_x", "top_y")
 """Names of the dimensions of all pads."""
 
@@ -38,8 +39,15 @@ LARGEST_LEAN = 0.5
 """Largest shift of a roof, relative to the wall: elements beside it that are squeezed further may fold."""
 
 
+def _default_heights() -> str:
+    """The default height of cells, in words: that of most shapes, and those of others."""
+    words = {name: shape.default_height_words for name, shape in CellShape.kinds().items()}
+    usual = mode(words.values())
+    return "; ".join([usual, *(f"{name} {height}" for name, height in words.items() if height != usual)])
+
+
 @dataclass(frozen=True)
-class Pad(Checked, Displayed):
+class Pad(Kinded, Displayed):
     """A block of silicone with a grid of hollow cells, open towards the board (all lengths in mm).
 
     The bottom is z = 0 and the centre x = y = 0. Columns run along +x, rows from +y to -y; cells are numbered
@@ -59,7 +67,7 @@ class Pad(Checked, Displayed):
     Optoelectronic-Based Tactile Sensor".
     """
 
-    cell: str = choice("parallelepiped", (*CELL_SHAPES, PROFILE), "Shape of the cells.")
+    cell: str = kind("parallelepiped", CellShape, "Shape of the cells.")
     rows: int = whole(3, 1, 100, "Rows of cells, from +y to -y.")
     columns: int = whole(3, 1, 100, "Columns of cells, along +x.")
     pitch: float = number(3.55, "mm", "Distance between the centres of neighbouring cells.", above=0, common=(0.2, 200))
@@ -76,7 +84,7 @@ class Pad(Checked, Displayed):
         "From the board to the highest point of a cell, or to z = 1 of a profile.",
         above=0,
         common=(0.05, 100),
-        default_words="1.55; spherical 1.6; hemispheric 0.5 + cell_size / 2",
+        default_words=_default_heights(),
     )
     profile: str | None = stated(
         Points(
@@ -84,14 +92,14 @@ class Pad(Checked, Displayed):
             doc="Points 'r z', separated by ';', of the B-spline that the roof follows, from its rim to the crown on "
             "the axis, where r = 0; r is relative to half of `cell_size`, z, from the board, to `cell_height`, such "
             "as 1 0.28; 1 0.64; 0 1, a hemisphere. The whole roof must be seen from the middle of the cell's opening.",
-            when=("cell", PROFILE),
+            when=("cell", Profile.name),
         )
     )
     section: str | None = choice(
         "round",
         {"round": "a solid of revolution", "square": "r is half its side, and walls are cylinders that meet at edges"},
         "Horizontal section of a cell with a profile.",
-        when=("cell", PROFILE),
+        when=("cell", Profile.name),
     )
     top_x: float = number(
         0.0,
@@ -114,10 +122,8 @@ class Pad(Checked, Displayed):
     def _check(self) -> None:
         if self.cell_height is None:
             object.__setattr__(self, "_height_follows", True)
-            default = {"spherical": 1.6, "hemispheric": 0.5 + 0.5 * self.cell_size}.get(self.cell, 1.55)
-            object.__setattr__(self, "cell_height", default)
-        if self.profile is not None:
-            profiles.check_profile(self.profile)
+            object.__setattr__(self, "cell_height", self.shape.default_height)
+        self.shape.check()
         self._check_fit()
         if self.meshed_as:
             self._read_origin()
@@ -147,38 +153,25 @@ class Pad(Checked, Displayed):
                 f"cell_height = {self.top_of_cell:g} is not allowed: at most {self.height - thinnest:g} mm is "
                 f"possible in a pad of height = {self.height:g}, or the cells break through the top."
             )
-        if self.profile is not None and self.cell_height is not None and self.side_height < thinnest:
-            raise profiles.refused(
-                self.profile, f"z of the first point must be at least {thinnest / self.cell_height:.3g}"
-            )
-        if self.side_height < thinnest:
-            raise InputError(
-                f"cell_height = {self.top_of_cell:g} is not allowed: at least "
-                f"{self.top_of_cell - self.side_height + thinnest:g} mm is needed, more than the {self.cell} roof "
-                "alone."
-            )
+        self.shape.check_side(thinnest)
 
     def changed(self, **dimensions: Any) -> Pad:
         """The pad with other dimensions, as named in `dimensions`; an unset `cell_height` takes its new default."""
         follows: dict[str, Any] = {"cell_height": None} if self._height_follows else {}
-        own = self._profile_values | {name: dimensions.pop(name) for name in self._profile_values if name in dimensions}
+        own = {name: dimensions.pop(name, value) for name, value in self.shape.dimensions.items()}
         if own:
-            *others, crown = own.values()
-            points = [*zip(others[::2], others[1::2], strict=True), (0.0, crown)]
-            dimensions = {"profile": points} | dimensions
+            dimensions = self.shape.parameters_at(own) | dimensions
         return replace(self, **follows | dimensions)
 
     def as_profile(self, points: int = 4) -> Pad:
         """The same pad with its cells given by a profile of some points, from 3 on; parallelepipeds have a square
         section."""
-        check_whole("points", points, 3, profiles.MOST_POINTS)
-        if self.cell == PROFILE:
+        check_whole("points", points, 3, MOST_POINTS)
+        if self.cell == Profile.name:
             return self
-        cap = self.top_of_cell - self.side_height
-        slope = 2 * self.dome_radius * cap / (0.5 * self.cell_size) ** 2 if cap else 1.0
-        found = profiles.of_quadric(self.side_height / self.top_of_cell, slope, points)
-        section = "square" if self.cell == "parallelepiped" else "round"
-        return replace(self, cell=PROFILE, profile=profiles.as_text(found), section=section, meshed_as="")
+        profile = as_text(self.shape.as_profile(points))
+        section = "square" if self.shape.is_square else "round"
+        return replace(self, cell=Profile.name, profile=profile, section=section, meshed_as="", kind_values=())
 
     @property
     def origin(self) -> Pad | None:
@@ -210,27 +203,17 @@ class Pad(Checked, Displayed):
     @property
     def dimensions(self) -> dict[str, float]:
         """Values that change continuously: lengths in mm, and r and z of each point of a profile, as ``profile_r1``."""
-        return {name: getattr(self, name) for name in LENGTHS} | self._profile_values
+        return {name: getattr(self, name) for name in LENGTHS} | dict(self.shape.dimensions)
 
     @property
-    def _profile_values(self) -> dict[str, float]:
-        points = [] if self.profile is None else profiles.control_points(self.profile).tolist()
-        values = {
-            f"profile_{of}{k}": value for k, row in enumerate(points, 1) for of, value in zip("rz", row, strict=True)
-        }
-        values.pop(f"profile_r{len(points)}", None)  # the crown is on the axis
-        return values
+    def shape(self) -> CellShape:
+        """The shape of the cells, with these dimensions."""
+        return CellShape.named(self.cell)(self)
 
     @property
     def top_of_cell(self) -> float:
         """Height of the highest point of a cell above the bottom, mm."""
-        assert self.cell_height is not None
-        return self.cell_height * (1.0 if self.profile is None else profiles.highest(self.profile))
-
-    @property
-    def is_square(self) -> bool:
-        """Whether cells have a square section."""
-        return self.cell == "parallelepiped" or self.section == "square"
+        return self.shape.top
 
     @property
     def slope(self) -> tuple[float, float]:
@@ -244,25 +227,9 @@ class Pad(Checked, Displayed):
         return self.wall - max(map(abs, self.slope)) * self.top_of_cell
 
     @property
-    def dome_radius(self) -> float:
-        """Radius of the sphere of a domed roof, mm; 0 for flat roofs."""
-        return {"spherical": self.cell_size, "hemispheric": 0.5 * self.cell_size}.get(self.cell, 0.0)
-
-    @property
     def side_height(self) -> float:
         """Height of the side wall of a cell, below its roof, mm."""
-        if self.profile is not None:
-            assert self.cell_height is not None
-            return self.cell_height * float(profiles.control_points(self.profile)[0, 1])
-        sphere, radius = self.dome_radius, 0.5 * self.cell_size
-        return self.top_of_cell - (sphere - math.sqrt(sphere**2 - radius**2) if sphere else 0.0)
-
-    @property
-    def has_sharp_rim(self) -> bool:
-        """Whether roof and side of a cell meet at an edge."""
-        if self.cell == PROFILE:
-            return profiles.rim_angle(self) > profiles.SMOOTH_RIM
-        return self.cell != "hemispheric"
+        return self.shape.side_height
 
     @property
     def default_mesh_size(self) -> float:
@@ -283,6 +250,7 @@ class Pad(Checked, Displayed):
     def identity(self) -> dict[str, object]:
         """Values that identify the pad and its meshes, fit for JSON, without those of upright and of round cells."""
         usual: dict[str, tuple] = {"top_x": (0.0,), "top_y": (0.0,), "section": (None, "round"), "meshed_as": ("",)}
+        usual |= {"kind_values": ((),)}
         return {name: value for name, value in asdict(self).items() if value not in usual.get(name, ())}
 
     def mesh(self, mesh_size: float, of_origin: Callable[[Pad, float], VolumeMesh] | None = None) -> VolumeMesh:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.pads.pad import PROFILE, Pad
-from mitsuba_taxel.pads.profile import outline
+from mitsuba_taxel.pads.pad import Pad
 
 ROUNDING = 1e-5
 """Relative error of lengths in single precision."""
@@ -26,18 +25,7 @@ def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
     """(N,) whether all of some points (N, M, 3), relative to the centre of a cell's opening, lie in the cell."""
     slack = ROUNDING * pad.cell_size
     points = points - points[..., 2:] * [*pad.slope, 0.0]
-    radius = 0.5 * pad.cell_size - slack
-    across = np.hypot(points[..., 0], points[..., 1])
-    if pad.is_square:
-        across = np.abs(points[..., :2]).max(axis=-1)
-    roof = np.full(across.shape, pad.top_of_cell)
-    if pad.cell == PROFILE:  # seen from the middle, directions and distances of its wall are unique
-        r, z = outline(pad).T
-        wall = np.interp(np.arctan2(across, points[..., 2]), np.arctan2(r, z), np.hypot(r, z))
-        return np.all(np.hypot(across, points[..., 2]) < wall - slack, axis=1)
-    if pad.dome_radius:
-        roof += np.sqrt(np.maximum(pad.dome_radius**2 - across**2, 0)) - pad.dome_radius
-    return np.all((across < radius) & (points[..., 2] < roof - slack), axis=1)
+    return np.all(pad.shape.holds(points, slack), axis=1)
 
 
 def room_needed(pad: Pad, corners: np.ndarray) -> str:

@@ -9,7 +9,6 @@ import numpy as np
 
 from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.profile import section
 from mitsuba_taxel.plots.figures import COLOURS, label_with_prefix, panel_axes
 
 if TYPE_CHECKING:
@@ -78,7 +77,7 @@ def plot_sections(before: Pad, best: Pad) -> Figure:
         (before, {"fill": False, "edgecolor": COLOURS[7], "linestyle": "--", "linewidth": 1.5, "label": "before"}),
     ]
     for pad, about in styles:
-        half, cell = 0.5 * pad.extent[0], section(pad)
+        half, cell = 0.5 * pad.extent[0], pad.shape.section()
         cells = [cell + [x, 0.0] for x in sorted({x for x, _ in pad.cell_centres})]
         around = [[half, 0.0], [half, pad.height], [-half, pad.height], [-half, 0.0]]
         ax.add_patch(Polygon(np.concatenate([*cells, around]), **about))

@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.atomic import write_text
-from mitsuba_taxel.pads.pad import PROFILE
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.scenes import centre_of, scene_text
@@ -25,6 +24,7 @@ LEAST_WALL = 0.8
 LEAST_RADIUS = 0.3
 """Least radius of curvature of the roof of a square profile, in mm: spikes take more patches for light without random
 numbers than are allowed."""
+PROFILE = "profile"
 NOISE = 1e-6
 """One standard deviation of a reading, in W."""
 HEIGHTS = {"parallelepiped": 1.55, "cylindrical": 1.55, "spherical": 1.6, "hemispheric": 1.775}

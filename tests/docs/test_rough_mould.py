@@ -12,7 +12,7 @@ import pytest
 from mitsuba_taxel import LayerSteps, Pad, PadSensor, measure
 
 PAD = Pad("spherical", rows=1, columns=1)
-CENTRE = np.array([0, 0, PAD.top_of_cell - PAD.dome_radius])
+CENTRE = np.array([0, 0, PAD.top_of_cell - PAD.shape.roof_radius])
 LED, PHOTOTRANSISTOR = (-0.45, 0.0, 0.5), (0.45, 0.0, 0.5)
 LED_SIDE, LED_HOLE, CONE = 0.25, 0.1, np.radians(88)
 SIDES = np.array([0.52, 0.30])
@@ -40,7 +40,7 @@ def met(origin, direction):
     """Where rays meet the cap, and whether they do."""
     from_centre = origin - CENTRE
     along = np.sum(from_centre * direction, axis=1)
-    root = along**2 - np.sum(from_centre**2, axis=1) + PAD.dome_radius**2
+    root = along**2 - np.sum(from_centre**2, axis=1) + PAD.shape.roof_radius**2
     place = origin + (np.sqrt(np.maximum(root, 0)) - along)[:, None] * direction
     return place, (root > 0) & (place[:, 2] > PAD.side_height)
 
@@ -71,7 +71,7 @@ def followed(u, z, column, rise, direction):
 
 def smooth_wall(rng, place, direction, seen):
     """How often each ray is scattered in sight of a direction, and where it leaves to."""
-    normal = (CENTRE - place) / PAD.dome_radius
+    normal = (CENTRE - place) / PAD.shape.roof_radius
     return (np.sum(seen * normal, axis=1) > 0).astype(float), scattered(rng, normal)
 
 
@@ -81,7 +81,7 @@ def stairs(rng, place, direction, seen):
     inward = np.stack([-place[:, 0], -place[:, 1], 0 * radius], axis=1) / radius[:, None]
     frame = np.stack([inward, np.cross([0, 0, 1], inward), np.tile([0, 0, 1], (len(place), 1))], axis=1)
     here, towards = (np.einsum("nij,nj->ni", frame, vectors) for vectors in (direction, seen))
-    rise = radius / np.sqrt(PAD.dome_radius**2 - radius**2)
+    rise = radius / np.sqrt(PAD.shape.roof_radius**2 - radius**2)
     u = rng.uniform(size=len(place))
     kind, u, z, column = followed(u, (u - 1) * rise, np.zeros(len(u), dtype=int), rise, here)
     times = np.zeros(len(u))

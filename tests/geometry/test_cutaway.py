@@ -40,8 +40,8 @@ def cell_section(pad: Pad, y: float) -> float:
         return pad.cell_size * pad.top_of_cell
     half = math.sqrt((0.5 * pad.cell_size) ** 2 - y**2)
     area = 2 * half * pad.side_height
-    if pad.dome_radius:
-        sphere = math.sqrt(pad.dome_radius**2 - y**2)
+    if "roof" in pad.shape.round_regions:
+        sphere = math.sqrt(pad.shape.roof_radius**2 - y**2)
         return area + sphere**2 * math.asin(half / sphere) - half * math.sqrt(sphere**2 - half**2)
     return area
 

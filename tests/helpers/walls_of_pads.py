@@ -11,7 +11,6 @@ import numpy as np
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.pad import CELL_SHAPES, REGIONS
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
-from mitsuba_taxel.pads.profile import roof_of, side_of
 
 PADS = {shape: Pad(shape, rows=1, columns=2) for shape in CELL_SHAPES}
 PADS["profile"] = Pad("profile", rows=1, columns=2, profile="0.95 0.4; 0.9 0.7; 0.7 1; 0.3 1; 0 0.8")
@@ -30,8 +29,8 @@ def off_the_walls(pad, mesh):
     within = points[..., :2] - np.array([(0.0, 0.0), *pad.cell_centres])[mesh.face_cell][:, None]
     size = np.abs(within).max(axis=2) if pad.cell == "parallelepiped" else np.linalg.norm(within, axis=2)
     to_roof = points[..., 2] - pad.top_of_cell
-    if pad.dome_radius:
-        to_roof = np.hypot(size, to_roof + pad.dome_radius) - pad.dome_radius
+    if "roof" in pad.shape.round_regions:
+        to_roof = np.hypot(size, to_roof + pad.shape.roof_radius) - pad.shape.roof_radius
     to_outer = np.min(np.abs(np.abs(points[..., :2]) - half[:2]).max(axis=1, keepdims=True), axis=2)
     distances = {
         "roof": to_roof,
@@ -44,12 +43,13 @@ def off_the_walls(pad, mesh):
 
 
 def volume(pad):
-    radius, sphere = 0.5 * pad.cell_size, pad.dome_radius
     if pad.cell == "profile":
         return math.prod(pad.extent) - pad.rows * pad.columns * hollow(pad)
     cap = pad.top_of_cell - pad.side_height
-    base = pad.cell_size**2 if pad.cell == "parallelepiped" else math.pi * radius**2
-    cell = base * pad.side_height + math.pi * cap**2 * (sphere - cap / 3)
+    base = pad.cell_size**2 if pad.cell == "parallelepiped" else math.pi * (0.5 * pad.cell_size) ** 2
+    cell = base * pad.side_height
+    if cap:
+        cell += math.pi * cap**2 * (pad.shape.roof_radius - cap / 3)
     return math.prod(pad.extent) - pad.rows * pad.columns * cell
 
 
@@ -57,7 +57,7 @@ def hollow(pad):
     """Volume of a cell with a profile, of whose meridian r^2 is polynomial: Gauss's rule is exact on each piece."""
     section = 4.0 if pad.section == "square" else math.pi
     total = 0.0
-    for curve in (roof_of(pad), side_of(pad)):
+    for curve in (pad.shape.roof, pad.shape.side):
         nodes, weights = np.polynomial.legendre.leggauss(6)
         for low, high in pairwise(curve.square.x):
             s = low + (high - low) * (nodes + 1) / 2

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.mould import FLAT, bend_radii, draft_angles, thicknesses, view_angles
+from mitsuba_taxel.pads.cells.meridian import FLAT
+from mitsuba_taxel.pads.mould import bend_radii, draft_angles, thicknesses, view_angles
 
 
 def test_thicknesses():

@@ -79,9 +79,9 @@ def test_planes_and_domes_are_met_by_every_node(both):
     np.testing.assert_allclose(along.max(axis=1), 1, atol=1e-7)
     rim = mesh.points[np.intersect1d(*(mesh.faces[mesh.face_region == REGIONS[name]] for name in ("roof", "side")))]
     np.testing.assert_allclose(rim[:, 2], pad.side_height, atol=1e-6)
-    if pad.dome_radius:
-        distance = np.linalg.norm(nodes["roof"] - (0, 0, pad.top_of_cell - pad.dome_radius), axis=1)
-        np.testing.assert_allclose(distance, pad.dome_radius, atol=0.005)  # the sag of the triangles of the file
+    if "roof" in pad.shape.round_regions:
+        distance = np.linalg.norm(nodes["roof"] - (0, 0, pad.top_of_cell - pad.shape.roof_radius), axis=1)
+        np.testing.assert_allclose(distance, pad.shape.roof_radius, atol=0.005)  # the sag of the triangles of the file
     else:
         np.testing.assert_allclose(nodes["roof"][:, 2], pad.top_of_cell, atol=1e-6)
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 from mitsuba_taxel.optimum.designs import pads_of
 from mitsuba_taxel.optimum.plan_file import read_plan
-from mitsuba_taxel.pads.profile import control_points
+from mitsuba_taxel.pads.cells.meridian import control_points
 from mitsuba_taxel.reproduce.optima import (
     EFFORT,
     LEANING,

@@ -259,7 +259,7 @@ def placed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (N, 3) of faces (N,), moved onto the walls of the pad if known, and the derivative by the points."""
     if isinstance(pad, Pad):
-        beside = mesh.points[mesh.faces[face, :3]].mean(axis=1) if pad.section == "square" else None
+        beside = mesh.points[mesh.faces[face, :3]].mean(axis=1) if pad.shape.is_square else None
         return onto_round_walls(pad, points, mesh.face_region[face], mesh.face_cell[face], beside)
     if knows_walls(pad):
         return round_faces.onto_round_walls(mesh, points, mesh.face_region[face], mesh.face_cell[face])

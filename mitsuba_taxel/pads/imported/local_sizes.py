@@ -11,11 +11,12 @@ from mitsuba_taxel.geometry.box_tree import TooManyPairs
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.triangles import closest_on_segments, closest_on_triangles, near, neighbours
+from mitsuba_taxel.pads.cells.cell_shape import ON_FLAT_WALLS, ON_ROUND_WALLS
 from mitsuba_taxel.pads.imported.curvature import radii
 from mitsuba_taxel.pads.imported.snapping import Patches
 from mitsuba_taxel.pads.imported.symmetric_part import PLANE
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, MIN_THICKNESS, REGIONS, TYPICAL_CELL, TYPICAL_THICKNESS
-from mitsuba_taxel.pads.parametric.meshing import BULK_COARSENING, CURVATURE_SAFETY, FACE_REFINEMENT, RIM_REFINEMENT
+from mitsuba_taxel.pads.parametric.meshing import BULK_COARSENING, CURVATURE_SAFETY, RIM_REFINEMENT
 
 GRADING = 0.4
 """Growth of the element size per length, away from singular edges."""
@@ -116,8 +117,8 @@ def patch_sizes(patches: Patches, region: np.ndarray, mesh_size: float) -> np.nd
     size = np.full(patches.count, BULK_COARSENING * mesh_size)
     in_cell = np.isin(region[first], (REGIONS["roof"], REGIONS["side"]))
     flat = np.isinf(radius)
-    size[in_cell & flat] = mesh_size / FACE_REFINEMENT["parallelepiped"]
-    size[in_cell & ~flat] = mesh_size / FACE_REFINEMENT["cylindrical"]
+    size[in_cell & flat] = mesh_size / ON_FLAT_WALLS
+    size[in_cell & ~flat] = mesh_size / ON_ROUND_WALLS
     # A dome that goes over into its wall would be distorted along its rim.
     dome = (region[first] == REGIONS["roof"]) & np.isin(patches.sheet[first], patches.sheets_with_borders)
     return np.minimum(size, radius / np.where(dome, CURVATURE_SAFETY, 1.0))

@@ -8,7 +8,6 @@ from typing import Any
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.parametric.lean import leans
-from mitsuba_taxel.pads.parametric.solid import cell_solid
 
 MOULD = 3.0
 """Thickness of the mould around the pad, mm."""
@@ -31,7 +30,7 @@ def solids(pad: Pad) -> dict[str, Any]:
     below = Box(Pnt(-x - MOULD, -y - MOULD, -MOULD - pad.cell_size), Pnt(x + MOULD, y + MOULD, 0))
     silicone, base = block, Box(Pnt(-x - MOULD, -y - MOULD, -MOULD), Pnt(x + MOULD, y + MOULD, 0))
     for centre in pad.cell_centres:
-        cell = _leaning(cell_solid(pad, *centre), pad)
+        cell = _leaning(pad.shape.solid(*centre), pad)
         silicone, base = silicone - cell, base + (cell - below)
     frame = Box(Pnt(-x - MOULD, -y - MOULD, 0), Pnt(x + MOULD, y + MOULD, height)) - block
     return {"pad": silicone, "mould_base": base, "mould_frame": frame}

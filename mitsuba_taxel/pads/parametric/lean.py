@@ -13,7 +13,6 @@ import numpy as np
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import REGIONS, Pad
-from mitsuba_taxel.pads.parametric.round_walls import is_round
 
 AXES = {"top_x": 0, "top_y": 1}
 """The coordinate along which each shifts the tops."""
@@ -67,7 +66,7 @@ def upright_nodes(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
 
 def on_round_walls(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
     """(N,) which nodes lie on round walls."""
-    codes = [REGIONS[name] for name in ("roof", "side") if is_round(pad, name)]
+    codes = [REGIONS[name] for name in pad.shape.round_regions]
     on_wall = np.zeros(len(mesh.points), dtype=bool)
     on_wall[mesh.faces[np.isin(mesh.face_region, codes)]] = True
     return on_wall

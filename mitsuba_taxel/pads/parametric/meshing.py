@@ -12,10 +12,9 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.element_maps import worst_element
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, mirrored
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.pad import PROFILE, REGIONS, Pad
+from mitsuba_taxel.pads.pad import REGIONS, Pad
 from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.lean import leaning, leans
-from mitsuba_taxel.pads.parametric.round_walls import is_round
 from mitsuba_taxel.pads.parametric.solid import (
     SYMMETRY,
     is_square,
@@ -31,15 +30,9 @@ GRADING = 0.4
 """Netgen's measure of how fast elements grow from the walls to the inside."""
 RIM_REFINEMENT = 2.0
 """Divisor of the size along the edges where the stress is singular."""
-FACE_REFINEMENT = {"parallelepiped": 1.6, "cylindrical": 2.0, "spherical": 2.0, "hemispheric": 2.25, PROFILE: 2.25}
-"""Divisor of the size on roofs and side walls: on curved ones the error of shape matters as well."""
 FINER_DOMES = 0.5
 """Domes and their sides have relatively smaller elements on finer meshes, in proportion to the size, down to this
 share: what is left of the error of mirrors is that of normals, which only the elements there reduce."""
-CAP, CAP_EXPONENT = "spherical", 0.7
-"""Caps of spheres are flatter: elements on them are smaller by this power of the share only. Those inside stay as large
-as they are on the default mesh, and are reached the faster, so that there are far fewer. Whether readings are accurate
-enough is shown by `taxel bench domes`, for other hemispheric mirrors too, which need small elements inside."""
 FINER_EDGES, EDGE_EXPONENT = 0.5, 3.0
 """Where roofs are flat, finer meshes have relatively smaller elements along those edges, by this power of the size
 relative to the default one, down to this share: there the error of slopes under tangential forces comes from."""
@@ -63,8 +56,6 @@ LEAST_QUALITY = 0.2
 UNITS_OF_HEIGHT = 4.0
 """Height of every pad during meshing: Netgen has absolute tolerances."""
 MOST_ELEMENTS = 1_000_000
-LEAST_ELEMENTS = {"parallelepiped": 150, "cylindrical": 400, "spherical": 400, "hemispheric": 400, PROFILE: 400}
-"""Least number of elements of each cell."""
 
 _NETGEN_TET = [0, 1, 2, 3, 4, 7, 5, 6, 8, 9]
 _NETGEN_FACE = [0, 1, 2, 5, 3, 4]
@@ -114,7 +105,7 @@ def check_room(pad: Pad, mesh_size: float) -> None:
     """Refuse an invalid mesh size, or one that asks for more elements than fit in memory; raises `InputError`."""
     if not (math.isfinite(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
-    most_cells = MOST_ELEMENTS // LEAST_ELEMENTS[pad.cell]
+    most_cells = MOST_ELEMENTS // pad.shape.least_elements
     if pad.rows * pad.columns > most_cells:
         raise InputError(
             f"rows = {pad.rows}, columns = {pad.columns} are not allowed: at most {most_cells} {pad.cell} cells can be "
@@ -130,7 +121,7 @@ def check_room(pad: Pad, mesh_size: float) -> None:
     if mesh_size < smallest:
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")
     wall, largest = _slender_wall(pad)
-    if FACE_REFINEMENT[pad.cell] * largest < smallest:
+    if pad.shape.face_refinement * largest < smallest:
         raise InputError(
             f"rows = {pad.rows}, columns = {pad.columns} are not allowed with walls of {wall:g} mm, which need "
             f"elements of {largest:.2g} mm: fewer cells or thicker walls are needed."
@@ -146,20 +137,20 @@ def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
         SetMessageImportance(0)
         unit = pad.height / UNITS_OF_HEIGHT
         face_size, edge_size = (size / refinement for size in _local_sizes(pad, mesh_size))
-        curvature_safety = CURVATURE_SAFETY * refinement
+        shape, curvature_safety = pad.shape, CURVATURE_SAFETY * refinement
         slender = pad.side_height > SLENDER * pad.cell_size
-        if pad.cell not in ("hemispheric", PROFILE) or slender:
+        if slender or not shape.has_curved_rim:
             curvature_safety = min(curvature_safety, 0.5 * pad.cell_size / face_size)
         try:
             solid = symmetric_part(pad).Scale(Pnt(0, 0, 0), 1 / unit)
             for face in solid.faces:
                 if face.name in ("roof", "side"):
                     face.maxh = face_size / unit
-                if slender and face.name == "roof" and pad.dome_radius:
-                    face.maxh = min(face_size, pad.dome_radius / CURVATURE_SAFETY / refinement) / unit
+                if slender and face.name == "roof" and shape.roof_radius:
+                    face.maxh = min(face_size, shape.roof_radius / CURVATURE_SAFETY / refinement) / unit
             for edge in singular_edges(solid, pad):
                 edge.maxh = edge_size / unit
-            inside = _finer(pad, mesh_size) if pad.cell == CAP else 1.0
+            inside = _finer(pad, mesh_size) if shape.finer_inside else 1.0
             parameters = MeshingParameters(
                 maxh=BULK_COARSENING * mesh_size / inside / unit,
                 grading=GRADING / math.sqrt(inside),
@@ -178,13 +169,14 @@ def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
 
     Where silicone is thin beside a round wall, the sagitta of the elements' curved edges is at most a quarter of it.
     """
-    finer = _finer(pad, mesh_size) ** (CAP_EXPONENT if pad.cell == CAP else 1.0)
+    shape = pad.shape
+    finer = _finer(pad, mesh_size) ** shape.finer_power
     wall, largest = _slender_wall(pad)
-    if pad.cell != "parallelepiped":
+    if shape.round_regions:
         thinnest = min(wall, pad.height - pad.top_of_cell)
         largest = min(largest, math.sqrt(pad.cell_size * thinnest))  # a chord s of a circle has a sagitta s^2 / (4 d)
     along_edges = _finer_edges(pad, mesh_size) * mesh_size / RIM_REFINEMENT
-    return min(finer * mesh_size / FACE_REFINEMENT[pad.cell], largest), min(along_edges, largest)
+    return min(finer * mesh_size / shape.face_refinement, largest), min(along_edges, largest)
 
 
 def _slender_wall(pad: Pad) -> tuple[float, float]:
@@ -198,13 +190,13 @@ def _slender_wall(pad: Pad) -> tuple[float, float]:
 
 def _finer(pad: Pad, mesh_size: float) -> float:
     """The size relative to the default one, as far as `FINER_DOMES` goes; 1 for larger ones, and other roofs."""
-    return min(max(mesh_size / pad.default_mesh_size, FINER_DOMES), 1.0) if is_round(pad, "roof") else 1.0
+    return min(max(mesh_size / pad.default_mesh_size, FINER_DOMES), 1.0) if "roof" in pad.shape.round_regions else 1.0
 
 
 def _finer_edges(pad: Pad, mesh_size: float) -> float:
     """The share of `FINER_EDGES` for a size; 1 for larger ones than the default, and for round roofs."""
     relative = (mesh_size / pad.default_mesh_size) ** EDGE_EXPONENT
-    return 1.0 if is_round(pad, "roof") else min(max(relative, FINER_EDGES), 1.0)
+    return 1.0 if "roof" in pad.shape.round_regions else min(max(relative, FINER_EDGES), 1.0)
 
 
 def _graded(mesh: VolumeMesh, pad: Pad) -> VolumeMesh:

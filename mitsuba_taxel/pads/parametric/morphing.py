@@ -15,7 +15,6 @@ from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.parametric.lean import leaning, leans, on_round_walls, upright_nodes
 from mitsuba_taxel.pads.parametric.meshing import snapped
 from mitsuba_taxel.pads.parametric.solid import is_square
-from mitsuba_taxel.pads.parametric.velocities import MeridianOf, Shifts
 
 LEAST_QUALITY = 0.1
 """Least determinant of an element's map, relative to that of the straight element: half of what meshes begin with."""
@@ -55,10 +54,9 @@ def _moved(origin: Pad, pad: Pad, upright: np.ndarray) -> np.ndarray:
     folded[swapped, :2] = folded[swapped, 1::-1]
     places, image = np.unique(folded, axis=0, return_inverse=True)
 
-    def meridian_shift(of: MeridianOf, u: np.ndarray) -> np.ndarray:
-        return of(pad).at(u)[0] - of(origin).at(u)[0]
-
-    moved = snapped(places + Shifts(origin, pad, meridian_shift).at(places), pad)[image.ravel()]
+    before, after = origin.shape, pad.shape
+    shifts = before.shifts(after, places, lambda of: of(after) - of(before))
+    moved = snapped(places + shifts, pad)[image.ravel()]
     moved[swapped, :2] = moved[swapped, 1::-1]
     return sign * moved
 

@@ -1,4 +1,4 @@
-"""Exact round walls of a pad's cells: spheres, cylinders and profiles, which elements only approximate by parabolas."""
+"""Exact round walls of a pad's cells, which elements only approximate by parabolas."""
 
 from __future__ import annotations
 
@@ -6,20 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from mitsuba_taxel.geometry.radial import put_radially
-from mitsuba_taxel.pads.pad import PROFILE, REGIONS, Pad
-from mitsuba_taxel.pads.profile import onto_meridian, roof_of, side_of
-
-
-def is_round(pad: Pad, region: str) -> bool:
-    """Whether the ``roof`` or ``side`` of cells is a sphere, a cylinder or given by a profile."""
-    return (pad.dome_radius > 0 or pad.cell == PROFILE) if region == "roof" else pad.cell != "parallelepiped"
+from mitsuba_taxel.pads.pad import REGIONS, Pad
 
 
 def onto_round_walls(
     pad: Pad, points: np.ndarray, region: np.ndarray, cell: np.ndarray, beside: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Project points of roofs and sides onto the nearest point of the sphere, cylinder or profile that they belong to.
+    """Project points of roofs and sides onto the nearest point of the round wall that they belong to.
 
     Those of leaning cells are projected as if these were upright.
 
@@ -48,20 +41,11 @@ def onto_round_walls(
         places, gradient = onto_round_walls(upright, points @ back.T, region, cell, near)
         return places @ shear.T, shear @ gradient @ back
     places, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
-    centre = np.zeros_like(points)
-    centre[:, :2] = np.array([(0.0, 0.0), *pad.cell_centres])[cell]
-    if pad.cell == PROFILE:
-        for name, curve in (("roof", roof_of(pad)), ("side", side_of(pad))):
-            here = (region == REGIONS[name]) & (cell > 0)
-            near = None if beside is None else (beside - centre)[here]
-            found, gradient[here] = onto_meridian(curve, points[here] - centre[here], pad.is_square, near)
-            places[here] = centre[here] + found
-        return places, gradient
-    centre[:, 2] = pad.top_of_cell - pad.dome_radius
-    walls = [("roof", pad.dome_radius, np.eye(3)), ("side", 0.5 * pad.cell_size, np.diag([1.0, 1.0, 0.0]))]
-    for name, radius, across in walls:
-        if not is_round(pad, name):
-            continue
+    axis = np.zeros_like(points)
+    axis[:, :2] = np.array([(0.0, 0.0), *pad.cell_centres])[cell]
+    shape = pad.shape
+    for name in shape.round_regions:
         here = (region == REGIONS[name]) & (cell > 0)
-        places[here], gradient[here] = put_radially(points[here], centre[here], radius, across)
+        near = None if beside is None else beside[here]
+        places[here], gradient[here] = shape.onto_wall(name, points[here], axis[here], near)
     return places, gradient

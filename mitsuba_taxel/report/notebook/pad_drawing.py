@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from html import escape
 
 import numpy as np
 
-from mitsuba_taxel.pads.pad import PROFILE, Pad
-from mitsuba_taxel.pads.profile import section
+from mitsuba_taxel.pads.pad import Pad
 
 WIDTH, GAP, TOP, TEXT = 300.0, 70.0, 12.0, 11
 """Width of a view, margins beside and above it, and height of text, in pixels."""
@@ -113,13 +113,14 @@ class _View:
 
 def _section_path(pad: Pad, centres: Iterable[float], view: _View) -> str:
     """The outline of a section, along the bottom into each cell, and back over the top."""
-    half, radius, sphere = 0.5 * pad.extent[0], 0.5 * pad.cell_size, view.scale * pad.dome_radius
-    roof = f"A{sphere:.2f} {sphere:.2f} 0 0 1 " if sphere else "L"
+    half, radius, sphere = 0.5 * pad.extent[0], 0.5 * pad.cell_size, pad.shape.roof_radius
     path = f"M{_pair(view.at(-half, 0))}"
     for x in centres:
-        if pad.cell == PROFILE or pad.top_x:
-            path += "".join(f"L{_pair(view.at(x + place, z))}" for place, z in section(pad).tolist())
+        if sphere is None or pad.top_x:
+            path += "".join(f"L{_pair(view.at(x + place, z))}" for place, z in pad.shape.section().tolist())
             continue
+        arc = f"{view.scale * sphere:.2f}"
+        roof = f"A{arc} {arc} 0 0 1 " if math.isfinite(sphere) else "L"
         path += f"L{_pair(view.at(x - radius, 0))}L{_pair(view.at(x - radius, pad.side_height))}"
         path += f"{roof}{_pair(view.at(x + radius, pad.side_height))}L{_pair(view.at(x + radius, 0))}"
     corners = [(half, 0.0), (half, pad.height), (-half, pad.height)]
@@ -133,7 +134,7 @@ def _plan_path(pad: Pad, view: _View) -> str:
     size, radius = view.scale * pad.cell_size, 0.5 * view.scale * pad.cell_size
     for x, y in pad.cell_centres:
         left, middle = view.at(x - 0.5 * pad.cell_size, y)
-        if pad.is_square:
+        if pad.shape.is_square:
             path += f"M{_pair((left, middle - radius))}h{size:.2f}v{size:.2f}h{-size:.2f}Z"
         else:
             half = f"a{radius:.2f} {radius:.2f} 0 0 1 "

@@ -15,7 +15,8 @@ from mitsuba_taxel.mechanics.elements.solvers import make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.solution import Rejected
-from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
+from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
+from mitsuba_taxel.pads.cells import CellShape
 from mitsuba_taxel.pads.parametric import meshing
 
 SMALL = Pad("hemispheric", rows=1, columns=1)
@@ -237,7 +238,7 @@ def uniform_meshes(monkeypatch):
     """Meshes without any grading, as the independent code's."""
     for name in ("BULK_COARSENING", "RIM_REFINEMENT", "FINER_EDGES"):
         monkeypatch.setattr(meshing, name, 1.0)
-    monkeypatch.setattr(meshing, "FACE_REFINEMENT", dict.fromkeys(CELL_SHAPES, 1.0))
+    monkeypatch.setattr(CellShape.named("parallelepiped"), "face_refinement", 1.0)
     monkeypatch.setattr(meshing, "cut_towards", lambda mesh, singular, fraction: mesh)
 
 

@@ -204,11 +204,11 @@ def test_the_distance_to_a_dome_is_that_of_its_sphere(fraction):
     direction = np.random.default_rng(13).normal(size=(100, 3)) * (1, 1, 0.5)
     direction[:, 2] = np.abs(direction[:, 2]) + 0.5
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    points = (0, 0, pad.top_of_cell - pad.dome_radius) + fraction * pad.dome_radius * direction
+    points = (0, 0, pad.top_of_cell - pad.shape.roof_radius) + fraction * pad.shape.roof_radius * direction
     found = PointLocator(meshed("hemispheric", 0.8)).locate(points, 2)
-    expected = (fraction - 1) * pad.dome_radius * direction
+    expected = (fraction - 1) * pad.shape.roof_radius * direction
     distance = np.linalg.norm(found.offset, axis=1)
-    np.testing.assert_allclose(distance, (1 - fraction) * pad.dome_radius, atol=1e-3)
+    np.testing.assert_allclose(distance, (1 - fraction) * pad.shape.roof_radius, atol=1e-3)
     np.testing.assert_allclose(found.offset, expected, atol=0.03)
 
 

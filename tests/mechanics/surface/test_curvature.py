@@ -27,9 +27,9 @@ def test_round_roofs_are_on_the_sphere(cell):
     surface = tessellate(state, 6, pad=pad)
     roof = surface.triangles[surface.region == REGIONS["roof"]]
     from_centre = surface.vertices[roof] - (0, 0, CENTRE[cell])
-    np.testing.assert_allclose(np.linalg.norm(from_centre, axis=2), pad.dome_radius, rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(from_centre, axis=2), pad.shape.roof_radius, rtol=1e-12)
     normals = surface.normals[surface.region == REGIONS["roof"]]
-    np.testing.assert_allclose(normals, -from_centre / pad.dome_radius, atol=3e-5)  # on the rim, those of nearby
+    np.testing.assert_allclose(normals, -from_centre / pad.shape.roof_radius, atol=3e-5)  # on the rim, those of nearby
     side = np.unique(surface.triangles[surface.region == REGIONS["side"]])
     np.testing.assert_allclose(np.linalg.norm(surface.vertices[side, :2], axis=1), 1.275, rtol=1e-12)
     rim = np.intersect1d(roof, side)
@@ -53,7 +53,7 @@ def test_triangles_have_the_mean_of_the_sphere(cell, subdivision):
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         total = corners.sum(axis=1)
         square = (np.einsum("tki,tki->t", corners, corners) + np.einsum("ti,ti->t", total, total)) / 12
-        return 1 - np.sqrt(area @ square / area.sum()) / pad.dome_radius
+        return 1 - np.sqrt(area @ square / area.sum()) / pad.shape.roof_radius
 
     assert short(surface.vertices) > 2e-2 / subdivision**2 / (1 if cell == "hemispheric" else 4)
     assert abs(short(surface.facing)) < 0.03 * short(surface.vertices)

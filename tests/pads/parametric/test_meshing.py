@@ -120,9 +120,9 @@ def test_curved_roofs_lie_on_their_spheres(cell):
     mesh = mesh_pad(pad, 0.8)
     for number, (x, y) in enumerate(pad.cell_centres, start=1):
         roof = mesh.faces[(mesh.face_cell == number) & (mesh.face_region == REGIONS["roof"])]
-        centre = (x, y, pad.top_of_cell - pad.dome_radius)
+        centre = (x, y, pad.top_of_cell - pad.shape.roof_radius)
         radius = np.linalg.norm(mesh.points[np.unique(roof)] - centre, axis=1)
-        np.testing.assert_allclose(radius, pad.dome_radius, rtol=1e-6)
+        np.testing.assert_allclose(radius, pad.shape.roof_radius, rtol=1e-6)
 
 
 def test_elements_are_conforming_and_upright(meshed):

@@ -15,7 +15,6 @@ from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.pad import LENGTHS, REGIONS
 from mitsuba_taxel.pads.parametric.lean import leaning
-from mitsuba_taxel.pads.parametric.round_walls import is_round
 from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 
 every_case = pytest.mark.parametrize(("shape", "dimension"), [(s, d) for s in PADS for d in LENGTHS])
@@ -97,7 +96,7 @@ def test_a_mesh_of_leaning_cells_follows(shape, name):
 @pytest.mark.parametrize("shape", PADS)
 def test_middles_of_straight_edges_stay_there(shape):
     pad, mesh = PADS[shape], mesh_of(shape)
-    curved = np.isin(mesh.face_region, [REGIONS[name] for name in ("roof", "side") if is_round(pad, name)])
+    curved = np.isin(mesh.face_region, [REGIONS[name] for name in pad.shape.round_regions])
     free = np.setdiff1d(np.arange(mesh.corner_count, len(mesh.points)), mesh.faces[curved])
     ends = edge_ends(mesh.tets)[free - mesh.corner_count]
     velocity = mesh_velocity(pad, mesh, "cell_size")

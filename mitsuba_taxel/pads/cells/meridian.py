@@ -1,8 +1,8 @@
-"""Cells whose roof is a spline: of revolution, or of a square section.
+"""Meridians of cells: curves (r, z), of which roofs are splines and sides straight, and surfaces that have them.
 
-The roof's meridian (r, z) is a B-spline in (r^2, z): every such curve that ends on the axis is smooth there, and
-planes, spheres, ellipsoids and paraboloids are splines exactly. It is clamped, of degree 3 (or less, with fewer
-points), with evenly spaced knots. The side is straight, from the board to the roof's rim.
+The roof's meridian is a B-spline in (r^2, z): every such curve that ends on the axis is smooth there, and planes,
+spheres, ellipsoids and paraboloids are splines exactly. It is clamped, of degree 3 (or less, with fewer points), with
+evenly spaced knots.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.point_tree import PointTree
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-    from mitsuba_taxel.pads.pad import Pad
-
-MOST_POINTS = 20
 DEGREE = 3
 SAMPLES = 257
 """Points of a meridian at which its shape is checked, and near which projections are searched."""
 TINY = 1e-9
 """Distance from the axis, relative to the radius, that counts as none."""
-SMOOTH_RIM = 10.0
-"""Degrees between side and roof up to which their rim is not sharp."""
+PLACES = 33
+"""Points of a roof at which its tangents and bends are looked at."""
+SIDES = (1, -1)
+"""Of a cell, that to which it leans first."""
+FLAT = 50.0
+"""Radius of curvature, relative to the size of a cell, that stands for flat."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,42 +103,57 @@ def as_text(points: np.ndarray) -> str:
     return "; ".join(f"{r:.16g} {z:.16g}" for r, z in points.tolist())
 
 
-def roof_of(pad: Pad) -> Meridian:
-    """The meridian of the roof of a profile cell, in mm, from the crown to the rim."""
-    assert pad.profile is not None and pad.cell_height is not None
-    return _roof(pad.profile, 0.5 * pad.cell_size, pad.cell_height)
+@lru_cache(maxsize=64)
+def roof_meridian(text: str, radius: float, height: float) -> Meridian:
+    """The spline of a roof, from the crown to the rim, in mm.
 
-
-def side_of(pad: Pad) -> Meridian:
-    """The meridian of its side, from the rim to the board."""
+    Parameters
+    ----------
+    text : str
+        Control points, from the rim to the crown, see :func:`control_points`.
+    radius, height : float
+        By which r and z are multiplied, mm.
+    """
     from scipy.interpolate import PPoly
 
-    r, z = roof_of(pad).at(np.ones(1))[0][0]
-    radius = 0.5 * pad.cell_size
+    r, z = control_points(text)[::-1].T
+    degree, knots = _knots(len(r))
+    square, heights = (PPoly.from_spline((knots, c, degree)) for c in ((radius * r) ** 2, height * z))
+    first = degree  # of the polynomials of `from_spline`, those before the first knot are empty
+    square, heights = (PPoly(part.c[:, first:-first], part.x[first:-first]) for part in (square, heights))
+    square.c[-1, 0] = 0.0
+    return Meridian(square, heights, 2)
+
+
+def side_meridian(rim: np.ndarray, radius: float) -> Meridian:
+    """The straight side from the ``rim`` (2,) of a roof to the board, where it is ``radius`` mm from the axis."""
+    from scipy.interpolate import PPoly
+
+    r, z = rim
     wider = radius - r
     return Meridian(PPoly([[wider**2], [2 * r * wider], [r**2]], [0, 1]), PPoly([[-z], [z]], [0, 1]), 1)
 
 
-def outline(pad: Pad) -> np.ndarray:
-    """(M, 2) places (r, z) in mm of the wall of an upright cell, from the middle of its roof to the board."""
-    pad = pad.as_profile()
-    return np.concatenate([roof_of(pad).at(np.linspace(0, 1, SAMPLES))[0], [[0.5 * pad.cell_size, 0.0]]])
+def rim_angle(side: Meridian, roof: Meridian) -> float:
+    """Degrees by which the meridian turns inwards from the side to the roof."""
+    (a, b), (c, d) = (-curve.at(end)[1][0] for curve, end in ((side, np.zeros(1)), (roof, np.ones(1))))
+    return math.degrees(math.atan2(a * d - b * c, a * c + b * d))
 
 
-def section(pad: Pad) -> np.ndarray:
-    """(M, 2) places (x, z) in mm of the wall of a cell, from the board to the board, in the plane along x in which it
-    leans, relative to the middle of its opening."""
-    right = outline(pad)
-    both = np.concatenate([right[::-1] * [-1, 1], right])
-    return both + both[:, 1:] * [pad.slope[0], 0.0]
+def leaning(along: np.ndarray, slope: float) -> np.ndarray:
+    """Tangents (N, 2) of a meridian in a plane in which its cell leans outwards by ``slope`` mm per mm of height."""
+    return along + along[:, 1:] * [slope, 0.0]
 
 
-@lru_cache(maxsize=64)
-def highest(text: str) -> float:
-    """The highest point of a profile, relative to the height of the cell."""
-    heights = _roof(text, 1.0, 1.0).height
-    turns = heights.derivative().roots(extrapolate=False)
-    return float(heights(np.array([0.0, 1.0, *turns[np.isfinite(turns)]])).max())
+def least_radii(curve: Meridian, slope: float, size: float) -> np.ndarray:
+    """(`PLACES`,) radii of curvature along a meridian of a cell of some size, in mm.
+
+    Of leaning cells, the least of those across and along the plane in which they lean by ``slope`` mm per mm of height.
+    """
+    _, along, bend = curve.at(np.linspace(0, 1, PLACES))
+    turn = along[:, 0] * bend[:, 1] - along[:, 1] * bend[:, 0]  # the same on all sides, as a shear keeps areas
+    length = np.min([np.linalg.norm(leaning(along, side * slope), axis=1) for side in (0, *SIDES)], axis=0)
+    return 1 / np.hypot(turn / length**3, 1 / (FLAT * size))
 
 
 def from_axis(square: bool, points: np.ndarray, beside: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -175,25 +190,6 @@ def onto_meridian(
     return np.column_stack([stretch * points[:, :2], place[:, 1]]), gradient
 
 
-def rim_angle(pad: Pad) -> float:
-    """Degrees by which the meridian turns inwards from the side to the roof."""
-    (a, b), (c, d) = (-curve(pad).at(end)[1][0] for curve, end in ((side_of, np.zeros(1)), (roof_of, np.ones(1))))
-    return math.degrees(math.atan2(a * d - b * c, a * c + b * d))
-
-
-@lru_cache(maxsize=64)
-def _roof(text: str, radius: float, height: float) -> Meridian:
-    from scipy.interpolate import PPoly
-
-    r, z = control_points(text)[::-1].T
-    degree, knots = _knots(len(r))
-    square, heights = (PPoly.from_spline((knots, c, degree)) for c in ((radius * r) ** 2, height * z))
-    first = degree  # of the polynomials of `from_spline`, those before the first knot are empty
-    square, heights = (PPoly(part.c[:, first:-first], part.x[first:-first]) for part in (square, heights))
-    square.c[-1, 0] = 0.0
-    return Meridian(square, heights, 2)
-
-
 def _knots(count: int) -> tuple[int, np.ndarray]:
     degree = min(DEGREE, count - 1)
     return degree, np.concatenate([np.zeros(degree), np.linspace(0, 1, count - degree + 1), np.ones(degree)])
@@ -209,21 +205,3 @@ def of_quadric(rim: float, slope: float, count: int) -> np.ndarray:
     square = slope * greville + (1 - slope) * greville**2
     control = np.linalg.solve(BSpline.design_matrix(greville, knots, degree).toarray(), square)
     return np.stack([np.sqrt(np.clip(control, 0.0, 1.0)), 1 - (1 - rim) * greville], axis=1)[::-1]
-
-
-def check_profile(text: str) -> None:
-    """Refuse a profile that is out of range, or whose meridian turns back; raises `InputError`."""
-    points = control_points(text)
-    r, z = points.T
-    if not 2 <= len(points) <= MOST_POINTS:
-        raise refused(text, f"2 to {MOST_POINTS} points 'r z', separated by ';', are needed")
-    if not (r[-1] == 0 and np.all((r[:-1] > 0) & (r[:-1] <= 1)) and np.all((z > 0) & (z <= 1))):
-        raise refused(text, "r above 0 and up to 1, 0 for the last point alone, and z above 0 and up to 1 are needed")
-    place, along, _ = _roof(text, 1.0, 1.0).at(np.linspace(0, 1, SAMPLES)[1:])
-    if np.any(along[:, 0] * place[:, 1] - along[:, 1] * place[:, 0] <= 0):
-        raise refused(text, "every point of the roof must be seen from the middle of the cell's opening")
-
-
-def refused(text: str, needed: str) -> InputError:
-    """The error for a profile."""
-    return InputError(f"profile = {text!r} is not allowed: {needed}.")

@@ -12,9 +12,9 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.element_maps import curved_volume
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads.cells.meridian import rim_angle
 from mitsuba_taxel.pads.pad import CELL_SHAPES, LENGTHS, REGIONS
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
-from mitsuba_taxel.pads.profile import outline, rim_angle, roof_of
 
 ROUND = CELL_SHAPES[1:]
 DIPPED = Pad("profile", 1, 1, profile="0.95 0.4; 0.9 0.7; 0.7 1; 0.3 1; 0 0.8")
@@ -26,16 +26,15 @@ DIPPED = Pad("profile", 1, 1, profile="0.95 0.4; 0.9 0.7; 0.7 1; 0.3 1; 0 0.8")
 def test_round_cells_have_a_profile_exactly(cell, points):
     pad = Pad(cell)
     same = pad.as_profile(points)
-    r, z = outline(same)[:-1].T
-    off = (
-        np.hypot(r, z - pad.top_of_cell + pad.dome_radius) - pad.dome_radius if pad.dome_radius else z - pad.height + 3
-    )
+    r, z = same.shape.outline()[:-1].T
+    sphere = pad.shape.roof_radius
+    off = np.hypot(r, z - pad.top_of_cell + sphere) - sphere if math.isfinite(sphere) else z - pad.height + 3
     np.testing.assert_allclose(off, 0.0, atol=1e-14)
     np.testing.assert_allclose((same.top_of_cell, same.side_height), (pad.top_of_cell, pad.side_height), rtol=1e-15)
-    assert rim_angle(same) == pytest.approx(
+    assert rim_angle(same.shape.side, same.shape.roof) == pytest.approx(
         {"cylindrical": 90.0, "spherical": 60.0, "hemispheric": 0.0}[cell], abs=1e-6
     )
-    assert (same.has_sharp_rim, same.default_mesh_size) == (pad.has_sharp_rim, pad.default_mesh_size)
+    assert (same.shape.has_sharp_rim, same.default_mesh_size) == (pad.shape.has_sharp_rim, pad.default_mesh_size)
     assert len(same.profile.split(";")) == points
 
 
@@ -44,9 +43,9 @@ def test_box_shaped_cells_have_a_profile_of_a_square_section(points):
     pad = Pad(height=4.0)
     same = pad.as_profile(points)
     assert (same.cell, same.section, len(same.profile.split(";"))) == ("profile", "square", points)
-    np.testing.assert_allclose(outline(pad)[:-1, 1], 1.55, rtol=1e-15)
-    assert outline(pad)[-2:].tolist() == [[1.275, 1.55], [1.275, 0.0]]
-    assert (same.has_sharp_rim, same.default_mesh_size) == (pad.has_sharp_rim, pad.default_mesh_size)
+    np.testing.assert_allclose(pad.shape.outline()[:-1, 1], 1.55, rtol=1e-15)
+    assert pad.shape.outline()[-2:].tolist() == [[1.275, 1.55], [1.275, 0.0]]
+    assert (same.shape.has_sharp_rim, same.default_mesh_size) == (pad.shape.has_sharp_rim, pad.default_mesh_size)
     np.testing.assert_allclose(curved_volume(same.mesh(2.0)), curved_volume(pad.mesh(2.0)), rtol=1e-12)
 
 
@@ -81,7 +80,7 @@ def test_a_pyramid_has_the_volume_and_the_normals_of_one():
 @pytest.mark.parametrize("cell", ["spherical", "hemispheric"])
 def test_points_go_to_the_same_places_on_its_walls(cell):
     pad, rng = Pad(cell, 1, 1), np.random.default_rng(0)
-    places = outline(pad.as_profile())[:-1]
+    places = pad.as_profile().shape.outline()[:-1]
     turn = rng.uniform(0, 2 * np.pi, len(places))
     points = np.column_stack([places[:, :1] * np.column_stack([np.cos(turn), np.sin(turn)]), places[:, 1]])
     points += rng.normal(0, 1e-2, points.shape)
@@ -93,13 +92,13 @@ def test_points_go_to_the_same_places_on_its_walls(cell):
 
 def test_a_profile_is_that_of_its_spline():
     """Its ends are its first and last points, and its tangents there those of the control polygon in (r^2, z)."""
-    roof = roof_of(DIPPED)
+    roof = DIPPED.shape.roof
     (crown, rim), (_, along), _ = roof.at(np.array([0.0, 1.0]))
     np.testing.assert_allclose(crown, (0.0, 0.8 * 1.55), atol=1e-8)
     np.testing.assert_allclose(rim, (0.95 * 1.275, 0.4 * 1.55), rtol=1e-12)
     expected = np.array([1.275**2 * (0.9**2 - 0.95**2) / (2 * rim[0]), 0.3 * 1.55])
     assert along[0] / along[1] == pytest.approx(expected[0] / expected[1], rel=1e-12)
-    assert DIPPED.top_of_cell == pytest.approx(outline(DIPPED)[:, 1].max(), rel=1e-4)
+    assert DIPPED.top_of_cell == pytest.approx(DIPPED.shape.outline()[:, 1].max(), rel=1e-4)
     assert DIPPED.top_of_cell < DIPPED.cell_height
     assert DIPPED.side_height == pytest.approx(0.4 * 1.55)
 

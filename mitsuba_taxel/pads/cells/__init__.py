@@ -1,0 +1,14 @@
+"""Shapes of cells: a class each, in a file of its own, bound to the dimensions of a pad.
+
+A new shape is one file in this folder, with a subclass of `CellShape` or, with less to write, of `Shaft` (a vertical
+side) or of `MeridianCell` (a roof and a side given by curves). All that depends on the shape is asked of the class.
+"""
+
+from mitsuba_taxel.base.kinds import import_all
+from mitsuba_taxel.pads.cells.cell_shape import CellShape
+from mitsuba_taxel.pads.cells.meridian_cell import MeridianCell
+from mitsuba_taxel.pads.cells.shaft import Shaft
+
+import_all(__name__, __path__)
+
+__all__ = ["CellShape", "MeridianCell", "Shaft"]

@@ -1,0 +1,181 @@
+"""Cells whose roof and side are given by meridians: of revolution, or of a square section."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping
+from functools import lru_cache, partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.pads.cells.cell_shape import CellShape, Difference
+from mitsuba_taxel.pads.cells.meridian import (
+    PLACES,
+    SAMPLES,
+    Meridian,
+    from_axis,
+    least_radii,
+    onto_meridian,
+    rim_angle,
+    side_meridian,
+)
+from mitsuba_taxel.pads.cells.shares import Rays, along_rays, shares
+
+SMOOTH_RIM = 10.0
+"""Degrees between side and roof up to which their rim is not sharp."""
+SPLINE_POINTS = 49
+"""Points of the interpolated roof."""
+BELOW = 1.5
+"""How far the side goes on below the board, over its height."""
+
+
+class MeridianCell(CellShape):
+    """A cell with a straight side and any smooth roof, all of which is seen from the middle of the mouth.
+
+    A subclass tells its `roof`, and whether its section is square: then walls on its four sides are cylinders that have
+    the meridian and meet at edges.
+    """
+
+    round_regions: tuple[str, ...] = ("roof", "side")
+    roof_radius: float | None = None
+
+    @property
+    @abstractmethod
+    def roof(self) -> Meridian:
+        """From the crown, where r = 0, to the rim."""
+
+    @property
+    def side(self) -> Meridian:
+        """From the rim to the board."""
+        return side_meridian(self.rim, self.radius)
+
+    @property
+    def rim(self) -> np.ndarray:
+        """(2,) r and z of the rim, mm."""
+        return self.roof.at(np.ones(1))[0][0]
+
+    @property
+    def side_height(self) -> float:
+        return float(self.rim[1])
+
+    @property
+    def has_sharp_rim(self) -> bool:
+        return rim_angle(self.side, self.roof) > SMOOTH_RIM
+
+    @property
+    def has_ridges(self) -> bool:
+        return self.is_square and float(np.ptp(self.outline()[:-1, 1])) > 0
+
+    def curve(self, region: str) -> Meridian:
+        """The meridian of the ``roof`` or ``side``."""
+        return self.roof if region == "roof" else self.side
+
+    def onto_wall(
+        self, region: str, points: np.ndarray, axis: np.ndarray, beside: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        near = None if beside is None else beside - axis
+        places, gradient = onto_meridian(self.curve(region), points - axis, self.is_square, near)
+        return axis + places, gradient
+
+    def rounded(self, points: np.ndarray, axis: np.ndarray, on: Mapping[str, np.ndarray]) -> np.ndarray:
+        points = super().rounded(points, axis, on)
+        rim, bottom = on["roof"] & on["side"], on["side"] & on["bottom"]
+        for here, (r, z) in ((rim, self.rim), (bottom, (self.radius, 0.0))):
+            across = points[here, :2] - axis[here, :2]
+            points[here, :2] = axis[here, :2] + r * across / from_axis(self.is_square, across)[0][:, None]
+            points[here, 2] = z
+        return points
+
+    def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
+        # Seen from the middle, directions and distances of the wall are unique.
+        across = np.hypot(points[..., 0], points[..., 1])
+        if self.is_square:
+            across = np.abs(points[..., :2]).max(axis=-1)
+        r, z = self.outline().T
+        wall = np.interp(np.arctan2(across, points[..., 2]), np.arctan2(r, z), np.hypot(r, z))
+        return np.hypot(across, points[..., 2]) < wall - slack
+
+    def solid(self, x: float, y: float) -> Any:
+        from netgen.occ import Vec
+
+        return _upright(self).Move(Vec(x, y, 0))
+
+    def shifts(self, other: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
+        def at_wall(rays: Rays) -> tuple[np.ndarray, np.ndarray]:
+            ray = rays.direction
+            across = from_axis(self.is_square, ray)[0]
+            wall, shift = np.empty(len(ray)), np.empty_like(ray)
+            rim = math.atan2(self.rim[1], self.rim[0])
+            up = np.arctan2(ray[:, 2], across)
+            for region, here in (("roof", up > rim), ("side", up <= rim)):
+                u = self.curve(region).along(np.column_stack([across, ray[:, 2]])[here])
+                out = ray[here, :2] / across[here, None]
+                r, z = self.curve(region).at(u)[0].T
+                wall[here] = np.hypot(r * np.linalg.norm(out, axis=1), z)
+                along = difference(partial(_places, region, u))
+                shift[here] = np.column_stack([along[:, :1] * out, along[:, 1]])
+            return wall, shift
+
+        planes = shares(self.pad, [0.0, self.pad.height]), shares(other.pad, [0.0, other.pad.height])
+        return along_rays(self.pad, other.pad, planes, points, np.zeros(len(points)), at_wall)
+
+    def outline(self) -> np.ndarray:
+        return np.concatenate([self.roof.at(np.linspace(0, 1, SAMPLES))[0], [[self.radius, 0.0]]])
+
+    def wall_tangents(self) -> np.ndarray:
+        return np.concatenate([self.side.at(np.zeros(1))[1], self.roof.at(np.linspace(0, 1, PLACES))[1]])
+
+    def bend_radii(self) -> np.ndarray:
+        return least_radii(self.roof, math.hypot(*self.pad.slope), self.pad.cell_size)
+
+    def view_angles(self) -> np.ndarray:
+        place, along, _ = self.roof.at(np.linspace(0, 1, PLACES)[1:])
+        turned = along[:, 0] * place[:, 1] - along[:, 1] * place[:, 0]
+        return np.degrees(np.arctan2(turned, np.abs((along * place).sum(axis=1))))
+
+
+def _places(region: str, u: np.ndarray, shape: MeridianCell) -> np.ndarray:
+    return shape.curve(region).at(u)[0]
+
+
+@lru_cache(maxsize=1)  # all cells of a pad are alike
+def _upright(shape: MeridianCell) -> Any:
+    """A cell about the axis z; its roof is interpolated, to some 1e-7 of its size."""
+    from netgen.occ import Axis, Face, Pnt, Segment, SplineInterpolation, Wire, Z
+
+    def at(r: float, z: float) -> Any:
+        return Pnt(r, 0, z)
+
+    roof = shape.roof.at(np.linspace(0.0, 1.0, SPLINE_POINTS))[0]
+    roof[0, 0] = 0.0
+    crown, rim, below = (0.0, roof[0, 1]), roof[-1], shape.side.at(np.array([BELOW]))[0][0]
+    corners = [at(*rim), at(*below), at(0.0, below[1]), at(*crown)]
+    sides = [Segment(start, end) for start, end in pairwise(corners)]
+    half, axis = (
+        Face(Wire([SplineInterpolation([at(*place) for place in roof.tolist()]), *sides])),
+        Axis(Pnt(0, 0, 0), Z),
+    )
+    solid = _of_quarters(half, axis, float(below[0])) if shape.is_square else half.Revolve(axis, 360)
+    for face in solid.faces:
+        face.name = "roof" if face.bounding_box[0].z > 0 else "side"
+    return solid
+
+
+def _of_quarters(half: Any, axis: Any, widest: float) -> Any:
+    """The solid of a square section whose walls have the outline of a planar face on one side of the axis."""
+    from netgen.occ import Face, Pnt, Segment, Vec, Wire
+
+    low, high = (corner.z for corner in half.bounding_box)
+    reach = 2 * widest
+    corners = [Pnt(0, 0, low - reach), Pnt(reach, -reach, low - reach), Pnt(reach, reach, low - reach)]
+    wedge = Face(Wire([Segment(*ends) for ends in pairwise([*corners, corners[0]])])).Extrude(
+        Vec(0, 0, high - low + 2 * reach)
+    )
+    quarter = half.Move(Vec(0, -reach, 0)).Extrude(Vec(0, 2 * reach, 0)) * wedge
+    solid = quarter
+    for angle in (90, 180, 270):
+        solid = solid + quarter.Rotate(axis, angle)
+    return solid

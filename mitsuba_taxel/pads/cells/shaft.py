@@ -1,0 +1,128 @@
+"""Cells with a vertical side: what those with a flat roof, and those with a cap, have in common."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mitsuba_taxel.pads.cells.cell_shape import ON_ROUND_WALLS, CellShape, Difference, LightSizes
+from mitsuba_taxel.pads.cells.meridian import SAMPLES, as_text, of_quadric, roof_meridian
+from mitsuba_taxel.pads.cells.shares import Rays, along_rays, shares
+
+
+class Shaft(CellShape):
+    """A cell with a vertical side and, unless a subclass has another one, a flat roof."""
+
+    default_height_words = "1.55"
+    has_curved_rim = False
+    has_sharp_rim = True
+    has_ridges = False
+    light_sizes: ClassVar[LightSizes | None] = None
+
+    @property
+    def default_height(self) -> float:
+        return 1.55
+
+    @property
+    def side_height(self) -> float:
+        return self.top
+
+    @property
+    def roof_radius(self) -> float:
+        return math.inf
+
+    @property
+    def levels(self) -> list[float]:
+        """Heights between which shifts are linear outside the cells, mm."""
+        return [0.0, self.side_height, self.pad.height]
+
+    @abstractmethod
+    def across(self, points: np.ndarray) -> np.ndarray:
+        """(N, M) distance from the axis, as that of the side, of points (N, M, 3) relative to the middle of the
+        mouth."""
+
+    def roof_height(self, across: np.ndarray) -> np.ndarray:
+        """(N, M) height of the roof at distances from the axis."""
+        return np.full(across.shape, self.top)
+
+    def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
+        across = self.across(points)
+        return (across < self.radius - slack) & (points[..., 2] < self.roof_height(across) - slack)
+
+    @abstractmethod
+    def shaft(self, x: float, y: float, below: float) -> Any:
+        """The cell up to its side's height, and down to z = ``below``, as a ``netgen.occ`` shape."""
+
+    def solid(self, x: float, y: float) -> Any:
+        from netgen.occ import Z
+
+        shaft = self.shaft(x, y, -self.pad.cell_size)
+        shaft.faces.name = "side"
+        shaft.faces.Max(Z).name = "roof"
+        return shaft
+
+    def as_profile(self, points: int) -> np.ndarray:
+        return of_quadric(1.0, 1.0, points)
+
+    def outline(self) -> np.ndarray:
+        roof = roof_meridian(as_text(self.as_profile(4)), self.radius, self.cell_height)
+        return np.concatenate([roof.at(np.linspace(0, 1, SAMPLES))[0], [[self.radius, 0.0]]])
+
+    def wall_tangents(self) -> np.ndarray:
+        return np.array([[0.0, -1.0]])
+
+    def bend_radii(self) -> np.ndarray:
+        return np.zeros(0)
+
+    def view_angles(self) -> np.ndarray:
+        return np.zeros(0)
+
+
+class RoundShaft(Shaft):
+    """A cylinder and, unless a subclass has another one, a flat roof."""
+
+    is_square = False
+    round_regions: tuple[str, ...] = ("side",)
+    face_refinement: ClassVar[float] = ON_ROUND_WALLS
+    least_elements = 400
+
+    def across(self, points: np.ndarray) -> np.ndarray:
+        return np.hypot(points[..., 0], points[..., 1])
+
+    def onto_wall(
+        self, region: str, points: np.ndarray, axis: np.ndarray, beside: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        from mitsuba_taxel.geometry.radial import put_radially  # a scene without a pad imports no scipy
+
+        return put_radially(points, axis, self.radius, np.diag([1.0, 1.0, 0.0]))
+
+    def rounded(self, points: np.ndarray, axis: np.ndarray, on: Any) -> np.ndarray:
+        points, side = points.copy(), on["side"]
+        points[side, :2] = at_distance(points[side, :2], axis[side, :2], self.radius)
+        return points
+
+    def shaft(self, x: float, y: float, below: float) -> Any:
+        from netgen.occ import Cylinder, Pnt, Z
+
+        return Cylinder(Pnt(x, y, below), Z, self.radius, self.side_height - below)
+
+    def shifts(self, other: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
+        growth = (other.pad.cell_size - self.pad.cell_size) / self.pad.cell_size
+
+        def at_wall(rays: Rays) -> tuple[np.ndarray, np.ndarray]:
+            wall = np.full(len(points), self.radius)
+            shift = growth * (rays.at(np.minimum(rays.length, wall)) - rays.origin)
+            shift[:, 2] = rays.outside[:, 2]
+            return wall, shift
+
+        planes = shares(self.pad, self.levels), shares(other.pad, other.levels)
+        return along_rays(self.pad, other.pad, planes, points, points[:, 2], at_wall)
+
+
+def at_distance(points: np.ndarray, centre: np.ndarray, distance: float) -> np.ndarray:
+    """Points (N, 2 or 3) moved radially to a distance from centres."""
+    from_centre = points - centre
+    return centre + distance * from_centre / np.linalg.norm(from_centre, axis=1, keepdims=True)
