@@ -52,9 +52,9 @@ class Pad(Kinded, Displayed):
 
     The bottom is z = 0 and the centre x = y = 0. Columns run along +x, rows from +y to -y; cells are numbered
     from 1, row by row, beginning at (-x, +y). A spherical cell is a cylinder closed by the cap of a sphere of radius
-    `cell_size`, a hemispheric one a cylinder closed by half a sphere. A cell with a profile is a solid of revolution,
-    of a straight side wall and any smooth roof, or has such walls on the four sides of a square section. All may lean,
-    with their roofs off the axes.
+    `cell_size`, a hemispheric one a cylinder closed by half a sphere; a frustum is a cone with a flat roof. A cell with
+    a profile is a solid of revolution, of a straight side wall and any smooth roof, or has such walls on the four sides
+    of a square section. All may lean, with their roofs off the axes.
 
     Raises
     ------
@@ -250,8 +250,9 @@ class Pad(Kinded, Displayed):
     def identity(self) -> dict[str, object]:
         """Values that identify the pad and its meshes, fit for JSON, without those of upright and of round cells."""
         usual: dict[str, tuple] = {"top_x": (0.0,), "top_y": (0.0,), "section": (None, "round"), "meshed_as": ("",)}
-        usual |= {"kind_values": ((),)}
-        return {name: value for name, value in asdict(self).items() if value not in usual.get(name, ())}
+        values = asdict(self)
+        values |= dict(values.pop("kind_values"))
+        return {name: value for name, value in values.items() if value not in usual.get(name, ())}
 
     def mesh(self, mesh_size: float, of_origin: Callable[[Pad, float], VolumeMesh] | None = None) -> VolumeMesh:
         """The pad's volume mesh; see `mesh_pad` and, for one that is moved, `moved_onto`.

@@ -5,10 +5,21 @@ side) or of `MeridianCell` (a roof and a side given by curves). All that depends
 """
 
 from mitsuba_taxel.base.kinds import import_all
-from mitsuba_taxel.pads.cells.cell_shape import CellShape
+from mitsuba_taxel.pads.cells.cell_shape import ON_FLAT_WALLS, ON_ROUND_WALLS, CellShape, LightSizes
+from mitsuba_taxel.pads.cells.meridian import Meridian, flat_meridian, roof_meridian
 from mitsuba_taxel.pads.cells.meridian_cell import MeridianCell
 from mitsuba_taxel.pads.cells.shaft import Shaft
 
 import_all(__name__, __path__)
 
-__all__ = ["CellShape", "MeridianCell", "Shaft"]
+__all__ = [
+    "ON_FLAT_WALLS",
+    "ON_ROUND_WALLS",
+    "CellShape",
+    "LightSizes",
+    "Meridian",
+    "MeridianCell",
+    "Shaft",
+    "flat_meridian",
+    "roof_meridian",
+]

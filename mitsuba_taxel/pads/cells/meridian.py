@@ -38,8 +38,8 @@ class Meridian:
 
     Attributes
     ----------
-    square, height : PPoly
-        r^2 and z as piecewise polynomials of s.
+    square, height : Callable
+        r^2 and z as scipy's piecewise polynomials of s.
     power : int
         s is u to the power of 2 from the axis, where r is then smooth in u, else of 1.
     """
@@ -110,7 +110,7 @@ def roof_meridian(text: str, radius: float, height: float) -> Meridian:
     Parameters
     ----------
     text : str
-        Control points, from the rim to the crown, see :func:`control_points`.
+        Control points 'r z', separated by ';', from the rim to the crown.
     radius, height : float
         By which r and z are multiplied, mm.
     """
@@ -123,6 +123,13 @@ def roof_meridian(text: str, radius: float, height: float) -> Meridian:
     square, heights = (PPoly(part.c[:, first:-first], part.x[first:-first]) for part in (square, heights))
     square.c[-1, 0] = 0.0
     return Meridian(square, heights, 2)
+
+
+def flat_meridian(radius: float, height: float) -> Meridian:
+    """A flat roof, from the crown to its rim, mm."""
+    from scipy.interpolate import PPoly
+
+    return Meridian(PPoly([[radius**2], [0.0]], [0, 1]), PPoly([[0.0], [height]], [0, 1]), 2)
 
 
 def side_meridian(rim: np.ndarray, radius: float) -> Meridian:

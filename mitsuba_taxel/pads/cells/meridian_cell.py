@@ -33,7 +33,7 @@ BELOW = 1.5
 
 
 class MeridianCell(CellShape):
-    """A cell with a straight side and any smooth roof, all of which is seen from the middle of the mouth.
+    """A cell with a straight side and a flat or any smooth roof, all of which is seen from the middle of the mouth.
 
     A subclass tells its `roof`, and whether its section is square: then walls on its four sides are cylinders that have
     the meridian and meet at edges.
@@ -81,7 +81,9 @@ class MeridianCell(CellShape):
         return axis + places, gradient
 
     def rounded(self, points: np.ndarray, axis: np.ndarray, on: Mapping[str, np.ndarray]) -> np.ndarray:
-        points = super().rounded(points, axis, on)
+        points = points.copy()
+        for name in ("roof", "side"):  # flat ones as well
+            points[on[name]] = self.onto_wall(name, points[on[name]], axis[on[name]], None)[0]
         rim, bottom = on["roof"] & on["side"], on["side"] & on["bottom"]
         for here, (r, z) in ((rim, self.rim), (bottom, (self.radius, 0.0))):
             across = points[here, :2] - axis[here, :2]
@@ -90,12 +92,15 @@ class MeridianCell(CellShape):
         return points
 
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
-        # Seen from the middle, directions and distances of the wall are unique.
         across = np.hypot(points[..., 0], points[..., 1])
         if self.is_square:
             across = np.abs(points[..., :2]).max(axis=-1)
-        r, z = self.outline().T
-        wall = np.interp(np.arctan2(across, points[..., 2]), np.arctan2(r, z), np.hypot(r, z))
+        angle = np.arctan2(across, points[..., 2])
+        # Seen from the middle of the mouth, each direction meets one chord of the outline, at one distance.
+        outline = self.outline()
+        chord = np.clip(np.searchsorted(np.arctan2(*outline.T), angle) - 1, 0, len(outline) - 2)
+        (r, z), (along_r, along_z) = outline[chord].T, np.diff(outline, axis=0)[chord].T
+        wall = (r * along_z - z * along_r).T / (np.sin(angle) * along_z.T - np.cos(angle) * along_r.T)
         return np.hypot(across, points[..., 2]) < wall - slack
 
     def solid(self, x: float, y: float) -> Any:
@@ -129,6 +134,8 @@ class MeridianCell(CellShape):
         return np.concatenate([self.side.at(np.zeros(1))[1], self.roof.at(np.linspace(0, 1, PLACES))[1]])
 
     def bend_radii(self) -> np.ndarray:
+        if "roof" not in self.round_regions:
+            return np.zeros(0)
         return least_radii(self.roof, math.hypot(*self.pad.slope), self.pad.cell_size)
 
     def view_angles(self) -> np.ndarray:
@@ -143,7 +150,7 @@ def _places(region: str, u: np.ndarray, shape: MeridianCell) -> np.ndarray:
 
 @lru_cache(maxsize=1)  # all cells of a pad are alike
 def _upright(shape: MeridianCell) -> Any:
-    """A cell about the axis z; its roof is interpolated, to some 1e-7 of its size."""
+    """A cell about the axis z; a curved roof is interpolated, to some 1e-7 of its size."""
     from netgen.occ import Axis, Face, Pnt, Segment, SplineInterpolation, Wire, Z
 
     def at(r: float, z: float) -> Any:
@@ -154,10 +161,10 @@ def _upright(shape: MeridianCell) -> Any:
     crown, rim, below = (0.0, roof[0, 1]), roof[-1], shape.side.at(np.array([BELOW]))[0][0]
     corners = [at(*rim), at(*below), at(0.0, below[1]), at(*crown)]
     sides = [Segment(start, end) for start, end in pairwise(corners)]
-    half, axis = (
-        Face(Wire([SplineInterpolation([at(*place) for place in roof.tolist()]), *sides])),
-        Axis(Pnt(0, 0, 0), Z),
-    )
+    top = Segment(at(*crown), at(*rim))
+    if "roof" in shape.round_regions:
+        top = SplineInterpolation([at(*place) for place in roof.tolist()])
+    half, axis = Face(Wire([top, *sides])), Axis(Pnt(0, 0, 0), Z)
     solid = _of_quarters(half, axis, float(below[0])) if shape.is_square else half.Revolve(axis, 360)
     for face in solid.faces:
         face.name = "roof" if face.bounding_box[0].z > 0 else "side"
