@@ -55,7 +55,7 @@ class DeformablePad(mi.Mesh):
     The roof of a cell with a profile is the surface of revolution of a clamped B-spline with evenly spaced knots, of
     degree 3, or one less than its points, in r^2 and z: so it is smooth on the axis, and flat, spherical and
     hemispheric roofs are profiles exactly (:monosp:`Pad.as_profile` of Python gives their points). The side below it
-    is straight.
+    is straight. A frustum is a cone with a flat roof, of the diameter :monosp:`roof_size`.
 
     A finish is applied to the undeformed cells and moves with the deformation. Layer steps are treads at the multiples
     of the layer height along the print direction, from the centre of the pad's bottom, and risers midway between; walls

@@ -15,6 +15,7 @@ from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
 PADS = {shape: Pad(shape, rows=1, columns=2) for shape in CELL_SHAPES}
 PADS["profile"] = Pad("profile", rows=1, columns=2, profile="0.95 0.4; 0.9 0.7; 0.7 1; 0.3 1; 0 0.8")
 PADS["square"] = replace(PADS["profile"], section="square")
+PADS["frustum"] = Pad("frustum", rows=1, columns=2)
 
 
 def off_the_walls(pad, mesh):
@@ -31,10 +32,14 @@ def off_the_walls(pad, mesh):
     to_roof = points[..., 2] - pad.top_of_cell
     if "roof" in pad.shape.round_regions:
         to_roof = np.hypot(size, to_roof + pad.shape.roof_radius) - pad.shape.roof_radius
+    to_side = size - 0.5 * pad.cell_size
+    if pad.cell == "frustum":
+        slope = 0.5 * (pad.cell_size - pad.roof_size) / pad.cell_height
+        to_side = (to_side + slope * points[..., 2]) / math.hypot(1.0, slope)
     to_outer = np.min(np.abs(np.abs(points[..., :2]) - half[:2]).max(axis=1, keepdims=True), axis=2)
     distances = {
         "roof": to_roof,
-        "side": size - 0.5 * pad.cell_size,
+        "side": to_side,
         "bottom": points[..., 2],
         "top": points[..., 2] - pad.height,
         "outer": to_outer,
@@ -45,6 +50,10 @@ def off_the_walls(pad, mesh):
 def volume(pad):
     if pad.cell == "profile":
         return math.prod(pad.extent) - pad.rows * pad.columns * hollow(pad)
+    if pad.cell == "frustum":
+        bottom, roof = 0.5 * pad.cell_size, 0.5 * pad.roof_size
+        cone = math.pi / 3 * pad.cell_height * (bottom**2 + bottom * roof + roof**2)
+        return math.prod(pad.extent) - pad.rows * pad.columns * cone
     cap = pad.top_of_cell - pad.side_height
     base = pad.cell_size**2 if pad.cell == "parallelepiped" else math.pi * (0.5 * pad.cell_size) ** 2
     cell = base * pad.side_height

@@ -75,7 +75,7 @@ def test_a_mesh_follows_the_points_of_a_profile(shape, name):
     ("shape", "name"),
     [
         (shape, name)
-        for shape in ("parallelepiped", "hemispheric", "profile", "square")
+        for shape in ("parallelepiped", "hemispheric", "profile", "square", "frustum")
         for name in PADS[shape].dimensions
     ],
 )
