@@ -266,10 +266,10 @@ class CellShape(Kind, family="cell"):
 
     # Drawings and moulds.
 
-    @abstractmethod
     def as_profile(self, points: int) -> np.ndarray:
         """(points, 2) r and z of the points of the equivalent profile (see `Pad.as_profile`), relative to `radius` and
         `top`; raises `InputError` if there is none."""
+        raise InputError(f"cell = {self.name!r} is not allowed here: it has no equivalent profile.")
 
     @abstractmethod
     def outline(self) -> np.ndarray:

@@ -82,10 +82,6 @@ class Profile(MeridianCell, name="profile", rank=5):
         if self.side_height < least:
             raise _refused(self.text, f"z of the first point must be at least {least / self.cell_height:.3g}")
 
-    def as_profile(self, points: int) -> np.ndarray:
-        """Its own control points, however many."""
-        return control_points(self.text)
-
 
 @lru_cache(maxsize=64)
 def highest(text: str) -> float:

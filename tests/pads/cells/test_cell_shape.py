@@ -9,6 +9,7 @@ import pytest
 from matplotlib.path import Path
 
 from mitsuba_taxel import Pad
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.element_maps import curved_volume
 from mitsuba_taxel.pads import mesh_velocity
 from mitsuba_taxel.pads.cells import CellShape, MeridianCell, roof_meridian
@@ -29,7 +30,7 @@ def pad_of(cell, **given):
 
 
 def test_a_shape_that_lacks_a_member_fails_when_its_class_is_made():
-    with pytest.raises(TypeError, match="cell 'bare': .*Bare lacks as_profile, .*least_elements, .*onto_wall, .*solid"):
+    with pytest.raises(TypeError, match="cell 'bare': .*Bare lacks bend_radii, .*least_elements, .*onto_wall, .*solid"):
 
         class Bare(CellShape, name="bare"):
             face_refinement = 2.0
@@ -102,9 +103,6 @@ def paraboloid():
         def roof(self):
             return roof_meridian(f"1 {0.1 * self.cell_height / self.top!r}; 0 1", self.radius, self.top)
 
-        def as_profile(self, points):
-            raise NotImplementedError
-
     yield Paraboloid
     del CellShape._registry["test_paraboloid"]
 
@@ -117,4 +115,6 @@ def test_a_shape_of_the_user_meshes_and_is_a_cell_of_scenes(paraboloid):
     velocity, other = mesh_velocity(pad, mesh, "crown"), pad.changed(crown=1.81)
     rate = (curved_volume(replace(mesh, points=mesh.points + 0.01 * velocity)) - curved_volume(mesh)) / 0.01
     assert rate == pytest.approx(-0.5 * np.pi * 1.275**2, rel=0.01) and other.top_of_cell == 1.81
+    with pytest.raises(InputError, match="cell = 'test_paraboloid' is not allowed here: it has no equivalent profile"):
+        pad.as_profile()
     assert DeformablePad(cell="test_paraboloid", rows=1, columns=1, crown=1.8).build_pad() == pad
