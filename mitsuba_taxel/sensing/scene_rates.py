@@ -7,7 +7,7 @@ A parameter may thus occur several times, such as the pitch of a pad and of its 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -136,17 +136,21 @@ def _found(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Paramete
             raise InputError(f"{name} = {text!r} has no derivative: it is not a number.") from None
         return _Parameter(name, unit, value, lambda other: _parsed(scene, config, {name: repr(other)}))
     plugin, _, own = name.rpartition(".")
-    found: tuple[str, int | str | None] = COMPONENTS.get(own, (own, None))
-    quantity, index = ("profile", own) if own.startswith("profile_") else found
+    quantity, index = COMPONENTS.get(own, (own, None))
     nodes = []
     for number, node in enumerate(_parsed(scene, config, {}).nodes):
         stated = specifications().get(node.props.plugin_name())
-        parameter = stated.values().get(quantity) if stated and plugin in ("", stated.plugin) else None
-        if stated is None or not isinstance(parameter, Number if index is None else Parameter):
+        if stated is None or plugin not in ("", stated.plugin):
             continue
-        present = _present(stated.read(node.props), quantity)
-        if present is not None and not (isinstance(index, str) and index not in present):
-            nodes.append((number, stated.plugin, parameter, present if index is None else present[index]))
+        parameter = stated.values().get(quantity)
+        if parameter is None and issubclass(stated, DeformablePad):
+            derived = _dimensions(stated.read(node.props)).get(own)
+            if derived is not None:
+                nodes.append((number, stated.plugin, "", derived))
+        elif isinstance(parameter, Number if index is None else Parameter):
+            present = _present(stated.read(node.props), quantity)
+            if present is not None:
+                nodes.append((number, stated.plugin, parameter.unit, present if index is None else present[index]))
     if not nodes:
         of_scene, of_parts = _numbers_in(scene, config)
         allowed = [f"parameters {', '.join(of_scene)}"] if of_scene else []
@@ -157,22 +161,25 @@ def _found(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Paramete
     if len(nodes) > 1:
         parts = ", ".join(sorted({plugin for _, plugin, _, _ in nodes}))
         raise InputError(f"{name} stands for {len(nodes)} parameters of the scene, of {parts}: give it a <default>.")
-    ((number, _, parameter, value),) = nodes
+    ((number, _, unit, value),) = nodes
 
     def changed(other: float) -> mi.parser.ParserState:
         state = _parsed(scene, config, {})
         props = state.nodes[number].props
-        if isinstance(index, str):
-            props[quantity] = _undeformed(DeformablePad.read(props)).changed(**{index: other}).profile
-        elif isinstance(index, int):
-            vector = list(_present(specifications()[props.plugin_name()].read(props), quantity))
+        stated = specifications()[props.plugin_name()]
+        if quantity not in stated.values():
+            pad = _undeformed(stated.read(props)).changed(**{own: other})
+            for parameter in pad.shape.parameters_at(pad.shape.dimensions):
+                props[parameter] = getattr(pad, parameter)
+        elif index is not None:
+            vector = list(_present(stated.read(props), quantity))
             vector[index] = other
             props[quantity] = mi.ScalarVector3d(*vector)
         else:
             props[quantity] = other
         return state
 
-    return _Parameter(name, parameter.unit or "1", float(value), changed)
+    return _Parameter(name, unit or "1", float(value), changed)
 
 
 def _numbers_in(scene: Scene, config: mi.parser.ParserConfig) -> tuple[list[str], list[str]]:
@@ -196,16 +203,19 @@ def _numbers_in(scene: Scene, config: mi.parser.ParserConfig) -> tuple[list[str]
 
 
 def _present(part: Specification, name: str) -> Any:
-    """Value of a parameter of a part, None if unset; including derived dimensions."""
+    """Value of a parameter of a part, None if unset; also of one that follows from others."""
     field = next(field for field, parameter in parameters_of(type(part)).items() if parameter.name == name)
     value = getattr(part, field)
-    if not isinstance(part, DeformablePad) or (value is not None and name != "profile"):
+    if not isinstance(part, DeformablePad) or value is not None:
         return value
-    if name == "profile":
-        return None if value is None else _undeformed(part).dimensions
     if name in parameters_of(Pad):
         return None if part.filename else getattr(part.build_pad(), name)
     return _numbers(part.build_material()).get(name)
+
+
+def _dimensions(part: DeformablePad) -> Mapping[str, float]:
+    """Dimensions of a pad, also such as are no parameters, as the points of a profile; none of a file."""
+    return {} if part.filename else _undeformed(part).dimensions
 
 
 def _undeformed(part: DeformablePad) -> Pad:
