@@ -104,7 +104,7 @@ def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
         tip = [*(at + share * value[:2]), depth]
         places = np.stack(np.meshgrid(*(np.append(top, near) for near in np.clip(tip[:2] / half, -1, 1))), axis=-1)
         places = np.concatenate([places.reshape(-1, 2) * half, np.zeros((places[..., 0].size, 1))], axis=1)
-        if load.indenter.gap(places - tip).size.min() < 0:
+        if load.indenter.body.gap(places - tip).size.min() < 0:
             return ""
     return "leaves the pad at rest: the indenter does not touch it"
 

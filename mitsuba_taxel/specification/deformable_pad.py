@@ -12,7 +12,7 @@ import numpy as np
 from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.limits import MOST_HISTORY
-from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.contact.indenter import Indenter, with_parameter
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
     IndenterForce,
@@ -69,6 +69,11 @@ _INDENTER = ("load", "indenter_displacement", "indenter_force")
 
 def _of_pad(field: str) -> Any:
     return taken(Pad, field, without="filename")
+
+
+def _of_indenter(field: str) -> Any:
+    _, *kinds = with_parameter(field)
+    return taken(Indenter, field, when=("indenter", *kinds))
 
 
 def _of_finish(word: str, field: str) -> Any:
@@ -181,13 +186,13 @@ class DeformablePad(Specification, Kinded):
     patch_x: float | None = number(0.0, "mm", "Centre of the rectangle along x.", when=_PATCH)
     patch_y: float | None = number(0.0, "mm", "Centre of the rectangle along y.", when=_PATCH)
     indenter: str | None = taken(Indenter, "shape", when=_INDENTER)
-    indenter_radius: float | None = taken(Indenter, "radius", when=("indenter", "sphere", "punch", "cylinder"))
-    indenter_edge_radius: float | None = taken(Indenter, "edge_radius", when=("indenter", "punch"))
-    indenter_angle: float | None = taken(Indenter, "angle", when=("indenter", "punch", "cylinder", "plane", "file"))
-    indenter_tilt: float | None = taken(Indenter, "tilt", when=("indenter", "punch", "plane", "file"))
-    indenter_file: str | None = taken(Indenter, "file", when=("indenter", "file"))
-    indenter_file_scale: float | None = taken(Indenter, "file_scale", when=("indenter", "file"))
-    indenter_file_up: str | None = taken(Indenter, "file_up", when=("indenter", "file"))
+    indenter_radius: float | None = _of_indenter("radius")
+    indenter_edge_radius: float | None = _of_indenter("edge_radius")
+    indenter_angle: float | None = _of_indenter("angle")
+    indenter_tilt: float | None = _of_indenter("tilt")
+    indenter_file: str | None = _of_indenter("file")
+    indenter_file_scale: float | None = _of_indenter("file_scale")
+    indenter_file_up: str | None = _of_indenter("file_up")
     indenter_x: float | None = number(0.0, "mm", "Position of the indenter's tip along x.", when=_INDENTER)
     indenter_y: float | None = number(0.0, "mm", "Position of the indenter's tip along y.", when=_INDENTER)
     friction: float | None = taken(Indenter, "friction", when=_INDENTER)

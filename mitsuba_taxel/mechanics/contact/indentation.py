@@ -18,7 +18,8 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.indenter import Gap, Indenter
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.contact.indenter_shape import Gap
 from mitsuba_taxel.pads.pad import REGIONS
 
 STIFFNESS = 2e3
@@ -104,7 +105,7 @@ class Indentation:
         self.indenter, self._mesh, self._modulus = indenter, mesh, modulus
         touched = np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))
         self.faces = mesh.faces[touched]
-        self._highest = indenter.highest(mesh.points)
+        self._highest = indenter.body.highest(mesh.points)
         keys = mesh.face_region[touched][:, None] * len(mesh.points) + self.faces
         keys, numbers = np.unique(keys, return_inverse=True)
         self.node, self.numbers = keys % len(mesh.points), numbers.reshape(-1, 6)
@@ -166,9 +167,9 @@ class Indentation:
 
         The ``pressure`` (m,) is that of the gaps by default; ``traction`` (m, 3) in MPa is that of friction.
         """
-        start = self.indenter.start(self._mesh.points[self._highest])
+        start = self.indenter.body.start(self._mesh.points[self._highest])
         places = _VALUES @ (self._mesh.points - start + (displacement - moved))[self.faces]
-        at = self.indenter.gap(places.reshape(-1, 3))
+        at = self.indenter.body.gap(places.reshape(-1, 3))
         gap = self._over_nodes((self._areas * at.size.reshape(self._areas.shape)) @ _HATS)
         normal = self._areas[:, :, None] * at.normal.reshape(places.shape)
         lift = _HATS.T @ normal

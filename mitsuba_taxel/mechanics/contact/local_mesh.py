@@ -13,7 +13,8 @@ from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, Mirror, mirrored
 from mitsuba_taxel.geometry.refinement import refined
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.indenter import TINY, Indenter
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.contact.indenter_shape import TINY
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 
 MOST_ELEMENTS = 60_000
@@ -22,9 +23,7 @@ SMALL_DEPTH = 0.04
 """Smallest depth, relative to the pad's height, for which elements are fine enough; deeper contacts are wider, and
 elements may be larger away from the centre."""
 FINENESS = 0.7
-"""Size of elements, relative to half the width of the contact."""
-FINENESS_AT_EDGE = 0.175
-"""The same at the edge of a punch, where the pressure is high."""
+"""Size of elements, relative to the length over which the pressure of the contact changes."""
 CLOSE = 0.5
 """Distance from where elements are small, relative to half the width of the contact, within which they are small enough
 for a body."""
@@ -63,28 +62,29 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> 
         if these would be more than :data:`MOST_ELEMENTS`.
     """
     depth = refinement.depth * float(np.ptp(mesh.points[:, 2]))
-    least = finest(indenter, depth)
+    body = indenter.body
+    least = body.pressure_length(depth)
     if math.isinf(least):
         return mesh
     top = float(mesh.points[:, 2].max())
     tips = np.array([*indenter.at, top]) + _stops(refinement.legs, least)
 
     def size(places: np.ndarray) -> np.ndarray:
-        from_contact = np.full(len(places), math.inf)
+        distance = np.full(len(places), math.inf)
         for tip in tips:
-            np.minimum(from_contact, indenter.from_contact(places - tip, depth), out=from_contact)
-        return refinement.relative_size * FINENESS * np.maximum(least, from_contact)
+            np.minimum(distance, body.distance_to_steepest_pressure(places - tip, depth), out=distance)
+        return refinement.relative_size * FINENESS * np.maximum(least, distance)
 
     images = {
         mirror: image
         for mirror, image in node_images(mesh).items()
-        if indenter.keeps(mirror) and _keeps(mirror, refinement.legs)
+        if body.keeps(mirror) and _keeps(mirror, refinement.legs)
     }
     try:
         part = refined(part_between(mesh, images, tuple(images)).mesh, size, MOST_ELEMENTS)
     except GeometryError as error:
         raise InputError(
-            f"indenter_radius = {indenter.radius:g} is not allowed: {error} would be needed under the indenter, of "
+            f"{body.size_text} is not allowed: {error} would be needed under the indenter, of "
             f"{refinement.relative_size * FINENESS * least:.2g} mm: a larger one is needed, or a larger mesh_size."
         ) from error
     for mirror in (ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y) if len(images) == len(MIRRORS) else images:
@@ -93,11 +93,6 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> 
     order = np.concatenate([corners, others])
     number = np.argsort(order)
     return replace(part, points=part.points[order], tets=number[part.tets], faces=number[part.faces])
-
-
-def finest(indenter: Indenter, depth: float) -> float:
-    """Mm, half the width of the contact at a depth in mm, or what is as small at the edge of a punch."""
-    return indenter.contact_radius(depth) * (FINENESS_AT_EDGE / FINENESS if indenter.shape == "punch" else 1.0)
 
 
 def swept_legs(places: Sequence[tuple[float, float, float]], reach: float) -> tuple[Leg, ...]:

@@ -17,7 +17,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
-from mitsuba_taxel.mechanics.contact.local_mesh import finest
+from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape
 from mitsuba_taxel.pads.pad import REGIONS
 
 DEEPEST, DEEPEST_AT_EDGES = 0.25, 0.6
@@ -26,8 +26,6 @@ at its edge the pad rises steeply between nodes, which hardly changes the force.
 LARGEST, WANTED = 2.0, 1.5
 """Largest face under a body, relative to half the width of the contact, and where elements can still be made smaller:
 between the two, forces of balls whose tip is between nodes are up to 25 % too small."""
-ROUND = ("sphere", "cylinder")
-"""Bodies whose contacts grow from nothing; others have flat ends."""
 SPACING = 0.25
 """Distance of the points that are tested, relative to half the width of the contact."""
 BENT = 1.2
@@ -83,23 +81,24 @@ def resolution(mesh: VolumeMesh, indenter: Indenter, displacement: np.ndarray, m
     moved : (3,) ndarray
         In mm, how far the body is from where it starts.
     """
-    if moved[2] >= 0 or indenter.shape == "plane":  # a plate touches nodes first
+    body = indenter.body
+    if moved[2] >= 0 or body.unbounded:
         return Resolution()
-    radius = finest(indenter, -float(moved[2]))
+    length = body.pressure_length(-float(moved[2]))
     faces = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]
-    places = mesh.points - indenter.start(mesh.points[indenter.highest(mesh.points)]) - moved
-    undeformed, under = _inside(indenter, places[faces], SPACING * radius)
+    places = mesh.points - body.start(mesh.points[body.highest(mesh.points)]) - moved
+    undeformed, under = _inside(body, places[faces], SPACING * length)
     if not len(under):
         return Resolution()
-    deformed, _ = _inside(indenter, (places + displacement)[faces], SPACING * radius)
+    deformed, _ = _inside(body, (places + displacement)[faces], SPACING * length)
     a, b, c = (places[faces[under, k]] for k in range(3))
     size = float(np.sqrt(np.linalg.norm(np.cross(b - a, c - a), axis=1)).max())
-    if indenter.shape not in ROUND:
+    if not body.contact_grows:
         return Resolution(deformed / undeformed, deepest=DEEPEST_AT_EDGES)
-    return Resolution(deformed / undeformed, size / radius)
+    return Resolution(deformed / undeformed, size / length)
 
 
-def _inside(indenter: Indenter, nodes: np.ndarray, spacing: float) -> tuple[float, np.ndarray]:
+def _inside(body: IndenterShape, nodes: np.ndarray, spacing: float) -> tuple[float, np.ndarray]:
     """Largest depth in mm of points of faces inside a body, and the numbers of the faces that have such points.
 
     Faces, of ``nodes`` (B, 6, 3) relative to the tip, are cut into four as long as they may enter the body and are
@@ -109,7 +108,7 @@ def _inside(indenter: Indenter, nodes: np.ndarray, spacing: float) -> tuple[floa
     face, corners = np.arange(len(nodes)), np.broadcast_to(np.eye(3), (len(nodes), 3, 3))
     for _ in range(MOST_CUTS):
         places = np.einsum("tka,tai->tki", shape_functions(corners.reshape(-1, 3)).reshape(-1, 3, 6), nodes[face])
-        gap = indenter.gap(places.reshape(-1, 3)).size.reshape(-1, 3).min(axis=1)
+        gap = body.gap(places.reshape(-1, 3)).size.reshape(-1, 3).min(axis=1)
         deepest = max(deepest, -float(gap.min(initial=0.0)))
         touched[face[gap < 0]] = True
         size = BENT * np.linalg.norm(places - np.roll(places, 1, axis=1), axis=2).max(axis=1)

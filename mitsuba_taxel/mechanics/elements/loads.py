@@ -207,7 +207,7 @@ def loaded_area(mesh: VolumeMesh, load: Load) -> float:
 def keeps(load: Load, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
     """Whether the distribution of a load is symmetric in a mirror, which maps nodes to their ``image`` (N,)."""
     if isinstance(load, IndenterDisplacement | IndenterForce):
-        return load.indenter.keeps(mirror)
+        return load.indenter.body.keeps(mirror)
     if not isinstance(load, PatchForce):
         return True  # it covers a region of the surface, symmetric like the mesh
     nodal = load.nodal(mesh)

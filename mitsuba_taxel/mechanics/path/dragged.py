@@ -44,7 +44,7 @@ def _reach(path: PadPath) -> float:
     if not isinstance(path.load, IndenterDisplacement):
         return math.inf
     height = float(np.ptp(pad_mesh(path.pad, path.mesh_size).points[:, 2]))
-    return path.load.indenter.contact_radius(SMALL_DEPTH * height)
+    return path.load.indenter.body.contact_radius(SMALL_DEPTH * height)
 
 
 def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
@@ -72,8 +72,8 @@ def solved_on(
         if the path ends before, or they do not resolve it.
     """
     path, there = placed_path(path, value)
-    tips = isinstance(path.load, IndenterDisplacement | IndenterForce) and path.load.indenter.shape != "punch"
-    left = MOST_FINER if tips and not path.load.goes_on else 0
+    indented = isinstance(path.load, IndenterDisplacement | IndenterForce)
+    left = MOST_FINER if indented and path.load.indenter.body.finer_when_shallow and not path.load.goes_on else 0
     while True:
         try:
             largest = WANTED if left else LARGEST

@@ -73,7 +73,7 @@ def end_of_path(
     elif folded_at:
         near = _listed(np.array(folded_at))
         further = f" It is folded into itself at an inner edge, near ({near}) mm: self_contact = true prevents that."
-    elif UNSTABLE in reason and isinstance(load, IndenterDisplacement) and load.indenter.shape != "plane":
+    elif UNSTABLE in reason and isinstance(load, IndenterDisplacement) and not load.indenter.body.unbounded:
         further = (
             " At the edge of a contact that may be due to large elements: smaller ones, by mesh_size, may bear it."
         )

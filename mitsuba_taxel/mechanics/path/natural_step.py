@@ -27,7 +27,7 @@ def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
     if isinstance(load, PlateDisplacement):
         return strained
     if isinstance(load, IndenterDisplacement):  # most of the pad is strained less
-        return min(2 * strained, THIN_STEP * load.indenter.thickness)
+        return min(2 * strained, THIN_STEP * load.indenter.body.thickness)
     stress = NATURAL_STRAIN * material.youngs_modulus
     return stress if isinstance(load, Pressure) else stress * loaded_area(mesh, load)
 

@@ -193,7 +193,7 @@ class LinearisedState:
             if its shape differs, or it is not finite.
         """
         pad, direction = self._pad, array_of("direction", direction, (2,))
-        if isinstance(pad.load, IndenterDisplacement) and pad.load.indenter.shape != "plane":
+        if isinstance(pad.load, IndenterDisplacement) and not pad.load.indenter.body.unbounded:
             return self.by_value([*direction, 0.0])
         if not isinstance(pad.load, PatchForce):
             return np.zeros_like(self.displacement)
@@ -346,7 +346,7 @@ class PressedState(LinearisedState):
 
     def by_place(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
         moved = np.append(array_of("direction", direction, (2,)), 0.0)
-        if self._body.indenter.shape == "plane":  # it has no place
+        if self._body.indenter.body.unbounded:  # it has no position
             return np.zeros_like(self.displacement)
         rate = super().by_value(moved)
         return self._under_force(rate, float(self._body.force_rate(self._pressing, moved, np.zeros_like(rate))[2]))

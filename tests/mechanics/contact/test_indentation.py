@@ -187,7 +187,7 @@ def test_a_tilted_punch_is_turned_back_as_its_closed_form_says(half_space):
     tilt = 0.05
     body = Indenter("punch", radius=1.0, edge_radius=0.2, tilt=tilt)
     force, contact = of_punch(1.0, 0.2, 0.02)
-    block = Pressed(half_space(edged(0.5, 0.7)), body, mirrors=(ACROSS_Y,)).to(0.02 + body.lift)
+    block = Pressed(half_space(edged(0.5, 0.7)), body, mirrors=(ACROSS_Y,)).to(0.02 + body.body.lift)
     displacement = block.pad.numbering.split(block.unknowns)[0]
     places = block.pad.part.mesh.points + displacement - [0, 0, HEIGHT - 0.02]
     moment = 2 * np.cross(places, block.pressing.pushed)[:, 1].sum()

@@ -22,9 +22,9 @@ BODIES = [
 @pytest.mark.parametrize("body", BODIES, ids=lambda body: f"{body.shape} {body.tilt}")
 def test_normal_and_curvature_are_the_derivatives_of_the_distance(body):
     places = np.random.default_rng(1).uniform([-1.5, -1.5, -0.5], [1.5, 1.5, 0.6], (200, 3))
-    gap, step = body.gap(places), 1e-6
+    gap, step = body.body.gap(places), 1e-6
     for axis in range(3):
-        ahead, behind = (body.gap(places + sign * step * np.eye(3)[axis]) for sign in (1, -1))
+        ahead, behind = (body.body.gap(places + sign * step * np.eye(3)[axis]) for sign in (1, -1))
         smooth = np.abs(ahead.normal - behind.normal).max(axis=1) < 0.1  # no edge in between
         assert smooth.mean() > 0.95
         slope = (ahead.size - behind.size) / (2 * step)
@@ -36,11 +36,11 @@ def test_normal_and_curvature_are_the_derivatives_of_the_distance(body):
 
 def test_distances_are_those_of_the_solids():
     places = np.array([[0, 0, -1.0], [0, 0, 0.5], [3.0, 0, 2.0]])
-    np.testing.assert_allclose(Indenter("sphere", radius=2.0).gap(places).size, [1.0, -0.5, 1.0])
-    np.testing.assert_allclose(Indenter("cylinder", radius=2.0).gap(places).size, [1.0, -0.5, -2.0])
-    np.testing.assert_allclose(Indenter("punch", radius=1.0).gap(places).size, [1.0, -0.5, 2.0])
-    np.testing.assert_allclose(Indenter("plane").gap(places).size, [1.0, -0.5, -2.0])
-    corner = Indenter("punch", radius=1.0, edge_radius=0.5).gap(np.array([[1.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(Indenter("sphere", radius=2.0).body.gap(places).size, [1.0, -0.5, 1.0])
+    np.testing.assert_allclose(Indenter("cylinder", radius=2.0).body.gap(places).size, [1.0, -0.5, -2.0])
+    np.testing.assert_allclose(Indenter("punch", radius=1.0).body.gap(places).size, [1.0, -0.5, 2.0])
+    np.testing.assert_allclose(Indenter("plane").body.gap(places).size, [1.0, -0.5, -2.0])
+    corner = Indenter("punch", radius=1.0, edge_radius=0.5).body.gap(np.array([[1.0, 0.0, 0.0]]))
     np.testing.assert_allclose(corner.size, 0.5 * (np.sqrt(2) - 1))
 
 
@@ -51,9 +51,9 @@ def test_a_tilted_body_is_the_body_tilted_whose_lowest_point_is_the_tip():
     across, up = np.array([0, np.cos(tilt), -np.sin(tilt)]), np.array([0, np.sin(tilt), np.cos(tilt)])
     lifted = 0.7 * np.sin(tilt) + 0.3 * (1 - np.cos(tilt))
     tilted = places[:, :1] * [-1, 0, 0] + places[:, 1:2] * across + places[:, 2:] * up + [0, 0, lifted]
-    np.testing.assert_allclose(body.gap(tilted).size, upright.gap(places).size, atol=1e-12)
+    np.testing.assert_allclose(body.body.gap(tilted).size, upright.body.gap(places).size, atol=1e-12)
     level = np.stack(np.meshgrid(*[np.linspace(-1.5, 1.5, 301)] * 2, [0.0]), axis=-1).reshape(-1, 3)
-    gap = body.gap(level).size
+    gap = body.body.gap(level).size
     assert 0 <= gap.min() < 1e-4 and level[gap.argmin(), 1] == pytest.approx(
         0.7 * np.cos(tilt) + 0.3 * np.sin(tilt), abs=0.01
     )
@@ -62,8 +62,8 @@ def test_a_tilted_body_is_the_body_tilted_whose_lowest_point_is_the_tip():
 def test_a_tilted_plate_starts_where_it_touches_the_pad():
     corners = np.array([[x, y, z] for x in (-2, 2) for y in (-1, 1) for z in (0, 4)], dtype=float)
     body = Indenter("plane", angle=90.0, tilt=10.0)
-    start = body.start(corners[body.highest(corners)])
-    gap = body.gap(corners - start).size
+    start = body.body.start(corners[body.body.highest(corners)])
+    gap = body.body.gap(corners - start).size
     np.testing.assert_allclose(
         gap[corners[:, 2] == 4], np.where(corners[corners[:, 2] == 4, 1] > 0, 0, 2 * np.sin(np.radians(10))), atol=1e-12
     )
@@ -71,7 +71,7 @@ def test_a_tilted_plate_starts_where_it_touches_the_pad():
 
 def test_mirrors_that_leave_a_body_as_it_is():
     def kept(body):
-        return [mirror for mirror in MIRRORS if body.keeps(mirror)]
+        return [mirror for mirror in MIRRORS if body.body.keeps(mirror)]
 
     assert kept(Indenter("plane", at=(1, 2))) == list(MIRRORS)
     assert kept(Indenter("sphere", radius=1.0)) == list(MIRRORS)

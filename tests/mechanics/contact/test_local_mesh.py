@@ -13,7 +13,7 @@ from mitsuba_taxel.pads import REGIONS, Pad
 
 BLOCK = Pad("parallelepiped", 1, 1, cell_size=0.4, cell_height=0.4, height=2.0, wall=1.3)
 MESH, BALL = BLOCK.mesh(0.8), Indenter("sphere", radius=1.0)
-REACH = BALL.contact_radius(SMALL_DEPTH * BLOCK.height)
+REACH = BALL.body.contact_radius(SMALL_DEPTH * BLOCK.height)
 
 
 def largest_under(mesh, x, y=0.0):

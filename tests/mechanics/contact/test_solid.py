@@ -38,7 +38,7 @@ def test_distances_from_a_ball_are_right_to_what_its_triangles_are_off(ball):
     ways = np.random.default_rng(0).normal(size=(4000, 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     gaps = np.random.default_rng(1).uniform(-0.05, 0.15, len(ways))
-    found = body.gap((RADIUS + gaps)[:, None] * ways + [0, 0, -BALL.vertices[:, 2].min()])
+    found = body.body.gap((RADIUS + gaps)[:, None] * ways + [0, 0, -BALL.vertices[:, 2].min()])
     off = found.size - gaps
     assert off.min() > -0.2 * FLATNESS and off.max() < 1.2 * FLATNESS
     length = np.linalg.norm(found.normal, axis=1)
@@ -67,7 +67,7 @@ def test_a_turned_body_is_the_body_turned(tmp_path):
     file = tmp_path / "rod.stl"
     trimesh.creation.box((3.0, 0.5, 1.0)).export(file)
     places = np.array([[1.4, 0, 0.2], [0, 1.4, 0.2]])
-    lying, turned = (Indenter(file=file, angle=angle).gap(places) for angle in (0, 90))
+    lying, turned = (Indenter(file=file, angle=angle).body.gap(places) for angle in (0, 90))
     assert lying.size[0] < 0 < lying.size[1] and turned.size[1] < 0 < turned.size[0]
     np.testing.assert_allclose(turned.size, lying.size[::-1], atol=1e-3)
 
@@ -90,7 +90,7 @@ def test_a_tilted_file_is_the_file_of_a_tilted_body(tmp_path):
     box.export(tmp_path / "tilted.stl")
     places = np.random.default_rng(3).uniform([-1.2, -1.2, -0.2], [1.2, 1.2, 0.4], (200, 3))
     bodies = Indenter(file=tmp_path / "upright.stl", tilt=20), Indenter(file=tmp_path / "tilted.stl")
-    one, other = (body.gap(places).size for body in bodies)
+    one, other = (body.body.gap(places).size for body in bodies)
     np.testing.assert_allclose(one, other, atol=1e-4)
 
 
@@ -107,7 +107,7 @@ def test_bodies_from_files_press_as_what_they_hold(symmetric_block, ball, punch)
 
 def _force(mesh, law, body, depth):
     """N, on a block."""
-    images = {mirror: image for mirror, image in node_images(mesh).items() if body.keeps(mirror)}
+    images = {mirror: image for mirror, image in node_images(mesh).items() if body.body.keeps(mirror)}
     pad = IndentedPad(mesh, law, IndenterDisplacement(body), tuple(images), images)
     unknowns = np.zeros(pad.unknowns)
     for part in (0.5, 1.0):

@@ -134,10 +134,10 @@ def test_a_body_in_metres_is_refused_with_its_size_and_the_parameter(tmp_path, b
     file = write_stl(tmp_path / "body.stl", corners / 1000)
     said = "0.16 x 0.04 x 0.02 mm is too small a body for a depth of 0.5 mm .* in m, indenter_file_scale = 1000 makes"
     with pytest.raises(InputError, match=said):
-        Indenter(file=file).from_contact(np.zeros((1, 3)), 0.5)
-    size = np.ptp(Indenter(file=file, file_scale=1000.0).solid.vertices, axis=0)
+        Indenter(file=file).body.distance_to_steepest_pressure(np.zeros((1, 3)), 0.5)
+    size = np.ptp(Indenter(file=file, file_scale=1000.0).body.solid.vertices, axis=0)
     assert size == pytest.approx([160, 40, 20], rel=1e-6)
-    upright = Indenter(file=file, file_scale=1000.0, file_up="x").solid.vertices
+    upright = Indenter(file=file, file_scale=1000.0, file_up="x").body.solid.vertices
     assert np.ptp(upright, axis=0) == pytest.approx([20, 40, 160], rel=1e-6)
     assert upright.min(axis=0) == pytest.approx([-10, -20, 0], abs=1e-4)
 

@@ -40,7 +40,7 @@ def test_surfaces_are_those_that_press(body):
     pad = SimpleNamespace(load=IndenterDisplacement(body), state=state, to_world=np.eye(4))
     vertices, triangles = indenter_surface(pad)
     start = [0, 0, top + 4 * np.tan(np.radians(body.tilt))] if body.shape == "plane" else [*body.at, top]
-    gap = body.gap(vertices - start - moved).size
+    gap = body.body.gap(vertices - start - moved).size
     assert is_closed(triangles) and volume(vertices, triangles) > 0
     assert gap.max() < 1e-9 and np.mean(gap > -1e-9) > 0.02
     assert body.shape == "plane" or vertices[:, 2].min() == pytest.approx(top - 0.7, abs=1e-3)

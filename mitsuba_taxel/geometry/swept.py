@@ -1,0 +1,58 @@
+"""Closed surfaces that an outline sweeps as it turns or moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+SECTORS = 96
+"""Sides of what turns."""
+
+
+def revolved(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The surface that an outline sweeps as it turns about z.
+
+    Parameters
+    ----------
+    outline : (n, 2) ndarray
+        Distance from the axis and height in mm, from a point on the axis to another.
+
+    Returns
+    -------
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray
+        Counter-clockwise seen from outside.
+    """
+    import trimesh
+
+    body = trimesh.creation.revolve(outline, sections=SECTORS)
+    return np.asarray(body.vertices), np.asarray(body.faces)
+
+
+def prism(section: np.ndarray, half_length: float) -> tuple[np.ndarray, np.ndarray]:
+    """The surface of a prism along x, from ``-half_length`` to ``half_length`` in mm.
+
+    Parameters
+    ----------
+    section : (n, 2) ndarray
+        Corners along y and z in mm, counter-clockwise, of a section that its middle sees whole.
+
+    Returns
+    -------
+    vertices : (2 n + 2, 3) ndarray
+        In mm.
+    triangles : (4 n, 3) ndarray
+        Counter-clockwise seen from outside.
+    """
+    ends = [np.insert(section, 0, end, axis=1) for end in (half_length, -half_length)]
+    middles = [end.mean(axis=0, keepdims=True) for end in ends]
+    count = len(section)
+    corner = np.arange(count)
+    following = np.roll(corner, -1)
+    front = np.stack([corner, following, np.full(count, 2 * count)], axis=1)
+    back = np.stack([count + following, count + corner, np.full(count, 2 * count + 1)], axis=1)
+    sides = [
+        np.stack([corner, count + corner, count + following], axis=1),
+        np.stack([corner, count + following, following], axis=1),
+    ]
+    return np.concatenate([*ends, *middles]), np.concatenate([front, back, *sides])

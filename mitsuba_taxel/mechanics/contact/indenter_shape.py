@@ -1,0 +1,208 @@
+"""What a kind of rigid indenter answers."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mitsuba_taxel.base.kinds import Kind
+from mitsuba_taxel.geometry.mirror import Mirror
+
+TINY = np.finfo(float).tiny
+
+
+class Gap(NamedTuple):
+    """Signed distances from an indenter, negative inside.
+
+    Attributes
+    ----------
+    size : (n,) ndarray
+        In mm.
+    normal : (n, 3) ndarray
+        Gradient: unit vector out of the indenter.
+    curvature : (n, 3, 3) ndarray
+        Second derivatives, 1/mm.
+    """
+
+    size: np.ndarray
+    normal: np.ndarray
+    curvature: np.ndarray
+
+
+class IndenterShape(Kind, family="indenter"):
+    """A kind of rigid body that presses on a pad from above, with its dimensions.
+
+    Lengths are in mm. Points are relative to the tip, the lowest point of the body; of an unbounded one, any point of
+    it. A new kind is a subclass with a ``name`` in a module of :mod:`mitsuba_taxel.mechanics.contact.indenters`, or in
+    a script; it must define what is abstract here. Methods named ``own_`` are about the body in its own frame, neither
+    turned nor tilted.
+
+    Parameters
+    ----------
+    indenter : Indenter
+        Its dimensions, position and direction.
+
+    Attributes
+    ----------
+    description : str
+        In words, for documentation.
+    uses : tuple of str
+        Which parameters of an `Indenter`, beside position and friction, it has.
+    unbounded : bool
+        Whether it covers a pad wherever it is placed. Such a body has no position and no edge of contact, and touches
+        nodes before what lies between them.
+    contact_grows : bool
+        Whether the contact grows from a point or a line with the depth; else it begins with a face.
+    finer_when_shallow : bool
+        Whether smaller elements under the tip may resolve a contact that is not deep.
+    """
+
+    description: ClassVar[str]
+    uses: ClassVar[tuple[str, ...]]
+    unbounded: ClassVar[bool]
+    contact_grows: ClassVar[bool]
+    finer_when_shallow: ClassVar[bool]
+
+    def __init__(self, indenter: Any) -> None:
+        self.indenter = indenter
+
+    def check(self) -> None:
+        """Refuse parameters that do not go together; raises `InputError`."""
+
+    def digest(self) -> str:
+        """Digest of what determines the body beside its parameters, such as the content of a file; else empty."""
+        return ""
+
+    @abstractmethod
+    def own_gap(self, points: np.ndarray) -> Gap:
+        """Distances of points (n, 3) from the body."""
+
+    def gap(self, points: np.ndarray) -> Gap:
+        """Distances of points (n, 3) from the body, turned and tilted."""
+        if not (self.indenter.angle or self.indenter.tilt):
+            return self.own_gap(points)
+        size, normal, curvature = self.own_gap(self._in_own_frame(points))
+        return Gap(size, normal @ self.turn.T, self.turn @ curvature @ self.turn.T)
+
+    @abstractmethod
+    def keeps(self, mirror: Mirror) -> bool:
+        """Whether the body at its start is symmetric in a mirror of the pad."""
+
+    def highest(self, points: np.ndarray) -> int:
+        """The number of that of the points (n, 3) of a pad which determines where the body starts."""
+        return int(points[:, 2].argmax())
+
+    def start(self, highest: np.ndarray) -> np.ndarray:
+        """(3,) where the tip starts, from the point (3,) that :meth:`highest` finds."""
+        return np.array([*self.indenter.at, highest[2]])
+
+    @abstractmethod
+    def contact_radius(self, depth: float) -> float:
+        """Half the width of the contact with a half-space at a depth; infinite for an unbounded body.
+
+        At most that at the largest depth for which elements are as small as the contact needs.
+        """
+
+    def pressure_length(self, depth: float) -> float:
+        """Length over which the pressure at a depth changes where it is steepest: half the width of the contact, unless
+        it is concentrated at an edge."""
+        return self.contact_radius(depth)
+
+    @abstractmethod
+    def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
+        """(n,) distances of points (n, 3) from where the pressure at a depth changes most; raises `InputError`."""
+
+    def distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
+        """(n,) distances of points (n, 3) from where the pressure at a depth under the body, turned and tilted, changes
+        most; raises `InputError`."""
+        return self.own_distance_to_steepest_pressure(self._in_own_frame(points), depth)
+
+    @property
+    @abstractmethod
+    def thickness(self) -> float:
+        """Where the body is thinnest; infinite if it goes on upwards."""
+
+    @property
+    @abstractmethod
+    def size_text(self) -> str:
+        """The parameter that makes the body small, with its value, for messages: "indenter_radius = 2"."""
+
+    @abstractmethod
+    def own_surface(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (V, 3) and outward triangles (T, 3) of a closed surface: the body as far as within ``reach`` of its
+        tip in each direction."""
+
+    def surface(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        """As :meth:`own_surface`, of the body turned and tilted."""
+        vertices, triangles = self.own_surface(reach)
+        return vertices @ self.turn.T + [0.0, 0.0, self.lift], triangles
+
+    @cached_property
+    def turn(self) -> np.ndarray:
+        """(3, 3) matrix that turns the body: it leans by its tilt, and then turns about z."""
+        angles = [self.indenter.angle or 0.0, self.indenter.tilt or 0.0]
+        return Rotation.from_euler("ZY", angles, degrees=True).as_matrix()
+
+    @property
+    def lift(self) -> float:
+        """Height by which the lowest point of the tilted body would be too low."""
+        return 0.0
+
+    @property
+    def up(self) -> np.ndarray:
+        """(3,) unit vector along the axis of the body."""
+        return self.turn[:, 2]
+
+    def _in_own_frame(self, points: np.ndarray) -> np.ndarray:
+        """Points (n, 3) as seen from the body."""
+        return (points - [0.0, 0.0, self.lift]) @ self.turn
+
+    def _keeps_axis(self, mirror: Mirror) -> bool:
+        """Whether a mirror leaves the direction of the body's axis as it is."""
+        up = np.round(self.up, 12)
+        return bool(np.array_equal(mirror.image(up), up))
+
+    def _keeps_tip(self, mirror: Mirror) -> bool:
+        """Whether a mirror leaves the position of the tip as it is."""
+        tip = np.array([*self.indenter.at, 0.0])
+        return bool(np.array_equal(mirror.image(tip), tip))
+
+
+def round_gap(points: np.ndarray, radius: float, across: np.ndarray) -> Gap:
+    """Distances of points (n, 3) from a ball, or from a rod without ends.
+
+    Parameters
+    ----------
+    radius : float
+        In mm.
+    across : (3, 3) ndarray
+        Projection along the axis of a rod; the identity for a ball.
+    """
+    projected = points @ across
+    from_middle = projected - [0.0, 0.0, radius]
+    distance = np.maximum(np.linalg.norm(from_middle, axis=1), TINY)
+    normal = from_middle / distance[:, None]
+    curvature = (across - normal[:, :, None] * normal[:, None, :]) / distance[:, None, None]
+    # avoids cancellation of two radii far larger than the gap
+    size = ((projected**2).sum(axis=1) - 2 * radius * points[:, 2]) / (distance + radius)
+    return Gap(size, normal, curvature)
+
+
+ALONG = 33
+"""Points along the outline of what is round, as it is drawn."""
+
+
+def round_outline(radius: float, reach: float) -> np.ndarray:
+    """(n, 2) mm, distance from the axis and height of a circle that stands on its lowest point, up to its top or as far
+    as within ``reach``."""
+    if 2 * radius <= reach:
+        furthest = math.pi
+    else:
+        furthest = math.acos(1 - reach / radius) if radius < reach else math.asin(reach / radius)
+    turn = np.linspace(0, furthest, ALONG)
+    return radius * np.stack([np.sin(turn), 1 - np.cos(turn)], axis=1)
