@@ -36,6 +36,8 @@ class Kind(ABC):
         Of a kind, as in a scene.
     meaning : str
         Of its name, in a few words for lists; empty if that is obvious.
+    uses : tuple[str, ...]
+        Of a kind, those of the parameters that are stated for several kinds which it has, by attribute.
     prefix : str
         Of a family, of the names of its own parameters in a scene, such as ``indenter_``.
 
@@ -57,6 +59,7 @@ class Kind(ABC):
     family: ClassVar[str] = ""
     name: ClassVar[str] = ""
     meaning: ClassVar[str] = ""
+    uses: ClassVar[tuple[str, ...]] = ()
     prefix: ClassVar[str] = ""
 
     _registry: ClassVar[dict[str, tuple[int, type[Any]]]]

@@ -38,6 +38,7 @@ class Checked:
         made = {name: value.metadata for name, value in vars(cls).items() if isinstance(value, Field)}
         stated = {name: about["parameter"] for name, about in made.items() if "parameter" in about}
         if stated and cls.__doc__:
+            stated = _with_users({name: named(parameter, name) for name, parameter in stated.items()})
             types = {name: str(kind).replace(" | None", ", optional") for name, kind in cls.__annotations__.items()}
             rows = "\n".join(f"{name} : {types[name]}\n    {p.description_with_unit}" for name, p in stated.items())
             head, mark, rest = re.split(r"(\n\n(?:Raises|Notes)\n|$)", inspect.cleandoc(cls.__doc__), maxsplit=1)
@@ -90,9 +91,24 @@ class Kinded(Checked, metaclass=_TakesOwnParameters):
 
 def parameters_of(cls: Any) -> Mapping[str, Parameter]:
     """The parameters of a dataclass, by field, and those of kinds that it chooses among, by attribute."""
-    if not issubclass(cls, Kinded):
-        return _stated_in(cls)
-    return MappingProxyType({**_stated_in(cls), **_own_parameters(cls)})
+    own = _own_parameters(cls) if issubclass(cls, Kinded) else {}
+    return MappingProxyType({**_with_users(_stated_in(cls)), **own})
+
+
+def _with_users(stated: Mapping[str, Parameter]) -> dict[str, Parameter]:
+    """Parameters by attribute, those that name a family's choice alone as their condition with the kinds that use
+    them."""
+    found = dict(stated)
+    for chooser, choice in stated.items():
+        if not (isinstance(choice, Choice) and choice.family is not None):
+            continue
+        prefix = choice.family.prefix if chooser == choice.name else ""  # attributes are then named as in a scene
+        for name, parameter in stated.items():
+            if parameter.when == (chooser,):
+                own = name.removeprefix(prefix)
+                users = [word for word, kind in choice.family.kinds().items() if own in kind.uses]
+                found[name] = replace(parameter, when=(chooser, *users))
+    return found
 
 
 def _own_parameters(cls: Any) -> dict[str, Parameter]:

@@ -12,7 +12,7 @@ import numpy as np
 from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.limits import MOST_HISTORY
-from mitsuba_taxel.mechanics.contact.indenter import Indenter, with_parameter
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
     IndenterForce,
@@ -72,8 +72,7 @@ def _of_pad(field: str) -> Any:
 
 
 def _of_indenter(field: str) -> Any:
-    _, *kinds = with_parameter(field)
-    return taken(Indenter, field, when=("indenter", *kinds))
+    return taken(Indenter, field, when=("indenter",))  # the kinds say themselves whether they use it
 
 
 def _of_finish(word: str, field: str) -> Any:

@@ -11,19 +11,18 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape
 from mitsuba_taxel.mechanics.contact.indenters.file import File
 from mitsuba_taxel.pads.imported.placement import AS_DRAWN, DIRECTIONS
-from mitsuba_taxel.parameters import REQUIRED, Checked, choice, number, text
+from mitsuba_taxel.parameters import REQUIRED, Kinded, choice, kind, number, text
 
 STEEPEST = 80.0
 """Largest tilt in degrees."""
 
 
-def with_parameter(field: str) -> tuple[str, ...]:
-    """The parameter that chooses a kind of indenter, and the kinds that have a parameter: a condition for its use."""
-    return ("shape", *(name for name, kind in IndenterShape.kinds().items() if field in kind.uses))
+_SHAPE = ("shape",)
+"""Kinds say themselves which parameters they use."""
 
 
 @dataclass(frozen=True)
-class Indenter(Checked):
+class Indenter(Kinded):
     """A rigid indenter above the pad, whose tip starts at the height of the pad's highest point.
 
     Raises
@@ -32,9 +31,9 @@ class Indenter(Checked):
         if a value is not finite or out of range, or a file holds no closed surface.
     """
 
-    shape: str = choice(
+    shape: str = kind(
         "sphere",
-        {name: kind.description for name, kind in IndenterShape.kinds().items()},
+        IndenterShape,
         "What presses on the pad.",
         name="indenter",
     )
@@ -44,7 +43,7 @@ class Indenter(Checked):
         "Radius of the ball, of the rod.",
         above=0,
         common=(0.02, 500),
-        when=with_parameter("radius"),
+        when=_SHAPE,
         name="indenter_radius",
     )
     at: Sequence[float] = (0.0, 0.0)
@@ -52,7 +51,7 @@ class Indenter(Checked):
         0.0,
         "degrees",
         "About z, from x to the axis of a cylinder, or to that of the file, and to where what is tilted leans.",
-        when=with_parameter("angle"),
+        when=_SHAPE,
         name="indenter_angle",
     )
     tilt: float | None = number(
@@ -62,7 +61,7 @@ class Indenter(Checked):
         "lowest height; its lowest point is the tip then. A plate starts where it touches the pad.",
         minimum=-STEEPEST,
         maximum=STEEPEST,
-        when=with_parameter("tilt"),
+        when=_SHAPE,
         name="indenter_tilt",
     )
     edge_radius: float | None = number(
@@ -71,7 +70,7 @@ class Indenter(Checked):
         "Of the rounded edge of a punch, at most its radius.",
         above=0,
         common=(0.002, 500),
-        when=with_parameter("edge_radius"),
+        when=_SHAPE,
         name="indenter_edge_radius",
         default_words="a tenth of its radius",
     )
@@ -81,7 +80,7 @@ class Indenter(Checked):
         "A closed surface as STL, PLY or OBJ, in mm. Its lowest point is as high as a tip, and its place x = y = 0 is "
         "where the indenter is placed; edges are rounded by a fiftieth of its longest side.",
         "the name of a file",
-        when=with_parameter("file"),
+        when=_SHAPE,
         name="indenter_file",
     )
     file_scale: float | None = number(
@@ -89,7 +88,7 @@ class Indenter(Checked):
         "",
         "Mm per unit of length of the file: 25.4 for inches, 1000 for m.",
         above=0,
-        when=with_parameter("file_scale"),
+        when=_SHAPE,
         name="indenter_file_scale",
     )
     file_up: str | None = choice(
@@ -97,7 +96,7 @@ class Indenter(Checked):
         DIRECTIONS,
         "Direction in the file that points up. With one, the middle of the box around the body is where the indenter "
         "is placed.",
-        when=with_parameter("file_up"),
+        when=_SHAPE,
         name="indenter_file_up",
     )
     digest: str = field(default="", init=False, repr=False)

@@ -49,10 +49,6 @@ class IndenterShape(Kind, family="indenter"):
 
     Attributes
     ----------
-    description : str
-        In words, for documentation.
-    uses : tuple of str
-        Which parameters of an `Indenter`, beside position and friction, it has.
     unbounded : bool
         Whether it covers a pad wherever it is placed. Such a body has no position and no edge of contact, and touches
         nodes before what lies between them.
@@ -62,8 +58,8 @@ class IndenterShape(Kind, family="indenter"):
         Whether smaller elements under the tip may resolve a contact that is not deep.
     """
 
-    description: ClassVar[str]
-    uses: ClassVar[tuple[str, ...]]
+    prefix = "indenter_"
+
     unbounded: ClassVar[bool]
     contact_grows: ClassVar[bool]
     finer_when_shallow: ClassVar[bool]

@@ -72,8 +72,8 @@ def solved_on(
         if the path ends before, or they do not resolve it.
     """
     path, there = placed_path(path, value)
-    indented = isinstance(path.load, IndenterDisplacement | IndenterForce)
-    left = MOST_FINER if indented and path.load.indenter.body.finer_when_shallow and not path.load.goes_on else 0
+    body = path.load.indenter.body if isinstance(path.load, IndenterDisplacement | IndenterForce) else None
+    left = MOST_FINER if body and body.finer_when_shallow and not path.load.goes_on else 0
     while True:
         try:
             largest = WANTED if left else LARGEST

@@ -7,11 +7,13 @@ The bonded layer of thickness H under a contact is stiffer than a half-space: to
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
+from scipy.special import ellipk
 
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, mirrored
 from mitsuba_taxel.geometry.refinement import refined
@@ -100,6 +102,24 @@ def test_a_ball_presses_as_hertz_says(half_space):
         sunk = -block.pressing.gap / block.pad.model.indentation.area
         assert sunk.max() < 1e-3 * depth
         assert_spread_as_a_half_ellipsoid(block, np.sqrt(RADIUS * depth))
+
+
+def test_an_ellipsoid_presses_as_hertz_says_of_elliptic_contacts(half_space):
+    """Of depths shifted by the bonded layer; lengths of the contact are those of its half-ellipsoid of pressure."""
+    body = Indenter("ellipsoid", semi_axis_x=200.0, semi_axis_y=100.0, semi_axis_z=200.0)  # radii of 200 and 50 mm
+    larger, smaller = body.body._contact(0.02)
+    near = partial(body.body.distance_to_steepest_pressure, depth=0.02)
+    mesh = half_space(lambda places: 0.7 * np.maximum(smaller, near(places)), width=4.0)
+    block = Pressed(mesh, body, mirrors=(ACROSS_X, ACROSS_Y)).to(0.02)
+    shifted = 0.02 + 0.5665 * block.force / (MODULUS * HEIGHT)
+    widths = np.array([larger, smaller]) * np.sqrt(shifted / 0.02)
+    expected = 2 / 3 * np.pi * widths[0] * shifted * MODULUS / ellipk(1 - (smaller / larger) ** 2)
+    assert block.force == pytest.approx(expected, rel=1e-2)
+    displacement = block.pad.numbering.split(block.unknowns)[0]
+    squared = ((block.pad.part.mesh.points + displacement)[:, :2] ** 2).T
+    body, pressure = block.pad.model.indentation, block.pressing.pressure
+    found = [np.sqrt(5 * (pressure @ (body.carried @ along)) / (pressure @ body.area)) for along in squared]
+    np.testing.assert_allclose(found, widths, rtol=0.02)
 
 
 def layer_factor(relative, nu=0.49):

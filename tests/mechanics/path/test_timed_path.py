@@ -91,7 +91,7 @@ def depths(found):
 def test_creep_below_a_punch_that_sticks(monkeypatch):
     """Its contact neither grows nor slips, so that very small forces, down and sideways, and its place are proportional
     in time, too; on elements of any size, also large ones at its edge."""
-    monkeypatch.setattr(local_mesh, "FINENESS_AT_EDGE", 1.2)
+    monkeypatch.setattr(punch, "EDGE_FINENESS", 1.2 / local_mesh.FINENESS)
     monkeypatch.setattr(resolution, "DEEPEST_AT_EDGES", 1.0)
     times, force = [0, 0, 0.5], 1e-5
     load, rows = IndenterForce(Indenter("punch", radius=1.4, friction=2.0)), [(0, 0, -force), *[(force, 0, -force)] * 2]

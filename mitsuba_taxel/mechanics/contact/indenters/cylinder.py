@@ -17,7 +17,7 @@ DEEPEST = 1.0
 class Cylinder(IndenterShape, name="cylinder", rank=2):
     """A rod without ends along x of its own frame."""
 
-    description = "a rod that lies on the pad, as long as it takes"
+    meaning = "a rod that lies on the pad, as long as it takes"
     uses = ("radius", "angle")
     unbounded = False
     contact_grows = True

@@ -21,7 +21,7 @@ from mitsuba_taxel.pads.imported.placement import Placement
 class File(IndenterShape, name="file", rank=4):
     """A closed surface, which is tilted as it is read."""
 
-    description = "a body of one's own"
+    meaning = "a body of one's own"
     uses = ("angle", "tilt", "file", "file_scale", "file_up")
     unbounded = False
     contact_grows = False

@@ -17,7 +17,7 @@ THICKNESS = 0.1
 class Plane(IndenterShape, name="plane", rank=3):
     """A plate that covers the pad; it starts where it touches it."""
 
-    description = "a plate as large as it takes"
+    meaning = "a plate as large as it takes"
     uses = ("angle", "tilt")
     unbounded = True
     contact_grows = False

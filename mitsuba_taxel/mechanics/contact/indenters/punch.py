@@ -20,7 +20,7 @@ EDGE_FINENESS = 0.25
 class Punch(IndenterShape, name="punch", rank=1):
     """A rod with a flat end: a core that is thinner by the edge's radius, offset by that radius."""
 
-    description = "the flat end of a round rod, with a rounded edge"
+    meaning = "the flat end of a round rod, with a rounded edge"
     uses = ("radius", "angle", "tilt", "edge_radius")
     unbounded = False
     contact_grows = False

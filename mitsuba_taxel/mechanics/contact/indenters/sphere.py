@@ -17,7 +17,7 @@ DEEPEST = 0.25
 class Sphere(IndenterShape, name="sphere", rank=0):
     """A ball."""
 
-    description = "a ball"
+    meaning = "a ball"
     uses = ("radius",)
     unbounded = False
     contact_grows = True
