@@ -89,7 +89,10 @@ def test_mirrors_that_leave_a_body_as_it_is():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"shape": "cube"}, "indenter = 'cube' is not allowed: one of sphere, punch, cylinder, plane, file, ellipsoid is needed"),
+        (
+            {"shape": "cube"},
+            "indenter = 'cube' is not allowed: one of sphere, punch, cylinder, plane, file, ellipsoid",
+        ),
         ({"shape": "sphere"}, "indenter_radius is missing"),
         ({"shape": "sphere", "radius": 0.0}, "indenter_radius = 0 is not allowed"),
         ({"shape": "plane", "tilt": 90.0}, "indenter_tilt = 90 is not allowed"),

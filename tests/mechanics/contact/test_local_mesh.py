@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import ACROSS_Y
+from mitsuba_taxel.mechanics.contact import local_mesh
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.contact.local_mesh import SMALL_DEPTH, Refinement, mesh_under, swept_legs
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
@@ -69,3 +72,17 @@ def test_legs_cover_ways_back_and_aside_but_none_above_the_pad():
     assert swept_legs([(0, 0, -0.1), (0, 0, 0.1), (3, 0, 0.1)], 0.5) == ()
     assert swept_legs([(0, 0, 0.1), (3, 0, 0.1), (3, 0, -0.1)], 0.5) == (((3.0, 0.0), (3.0, 0.0)),)
     assert swept_legs([(3, 0, 0.1), (3, 0, -0.1), (4, 0, -0.1)], 0.5)[-1] == ((3.0, 0.0), (4.0, 0.0))
+
+
+def test_bodies_that_need_too_many_elements_are_refused_by_what_makes_them_small(tmp_path, monkeypatch):
+    monkeypatch.setattr(local_mesh, "MOST_ELEMENTS", 10)
+    file = tmp_path / "ball.stl"
+    trimesh.creation.icosphere(2, 1.0).export(file)
+    ellipsoid = Indenter("ellipsoid", semi_axis_x=1.0, semi_axis_y=0.5, semi_axis_z=2.0)
+    for body, said in (
+        (BALL, "indenter_radius = 1 is not allowed"),
+        (ellipsoid, "indenter_semi_axis_y = 0.5 is not allowed"),
+        (Indenter(file=file), "indenter_file = .*ball.stl is not allowed"),
+    ):
+        with pytest.raises(InputError, match=said):
+            mesh_under(MESH, body, Refinement())

@@ -24,6 +24,7 @@ from mitsuba_taxel.mechanics import (
     state_after,
 )
 from mitsuba_taxel.mechanics.contact import local_mesh, resolution
+from mitsuba_taxel.mechanics.contact.indenters import punch
 from mitsuba_taxel.mechanics.path import pushed_path, time_steps, timed_path
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.timed_path import TimedPath

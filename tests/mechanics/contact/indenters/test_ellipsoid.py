@@ -9,7 +9,10 @@ from scipy.special import elliprd, elliprf
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_SECOND_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS
-from mitsuba_taxel.mechanics import Indenter
+from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean, load_path
+from mitsuba_taxel.mechanics.results.balance import reactions
+from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 
 def ellipsoid(x, y, z, **about):
@@ -87,3 +90,25 @@ def test_what_it_lacks_is_named():
         Indenter("sphere", radius=1.0, semi_axis_x=1.0)
     with pytest.raises(InputError, match="indenter_radius is not allowed"):
         ellipsoid(1, 1, 1, radius=2.0)
+
+
+def test_it_presses_on_a_pad_as_the_ball_does_that_it_is():
+    pad = Pad("parallelepiped", 1, 1, cell_size=0.4, cell_height=0.4, height=2.0, wall=1.3)
+    forces = []
+    for body in (Indenter("sphere", radius=2.0), ellipsoid(2.0, 2.0, 2.0)):
+        (state,) = load_path(pad, NeoHookean(), [(0, 0, -0.2)], load=IndenterDisplacement(body), mesh_size=1.2)
+        forces.append(reactions(state).applied_force[2])
+    assert forces[1] == pytest.approx(forces[0], rel=1e-8)
+
+
+def test_scenes_have_it():
+    sizes = {f"indenter_semi_axis_{axis}": size for axis, size in (("x", 2.0), ("y", 3.0), ("z", 1.5))}
+    pad = DeformablePad(load="indenter_displacement", displacement=(0, 0, -0.1), indenter="ellipsoid", **sizes)
+    load, value = pad.build_load()
+    assert load == IndenterDisplacement(ellipsoid(2.0, 3.0, 1.5))
+    again = DeformablePad.of(pad.build_pad(), pad.build_material(), load, value, None)
+    assert again.build_load() == (load, value)
+    with pytest.raises(InputError, match="indenter_semi_axis_z is missing"):
+        DeformablePad(
+            load="indenter_displacement", indenter="ellipsoid", indenter_semi_axis_x=2, indenter_semi_axis_y=2
+        )
