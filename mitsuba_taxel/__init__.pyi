@@ -16,6 +16,9 @@ from .mechanics import (
     ArrudaBoyce as ArrudaBoyce,
 )
 from .mechanics import (
+    DeadForce as DeadForce,
+)
+from .mechanics import (
     Grooves as Grooves,
 )
 from .mechanics import (
@@ -26,6 +29,9 @@ from .mechanics import (
 )
 from .mechanics import (
     IndenterForce as IndenterForce,
+)
+from .mechanics import (
+    IndenterShape as IndenterShape,
 )
 from .mechanics import (
     LayerSteps as LayerSteps,

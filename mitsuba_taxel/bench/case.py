@@ -17,7 +17,7 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slope
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
-from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterForce, Load
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE
 from mitsuba_taxel.mechanics.path.load_path import load_path
@@ -121,7 +121,7 @@ def failure_of(row: MechanicsRow, refused: bool = False) -> str:
 
 def _along_path(case: Case) -> _Outcome:
     path = pad_path(case.pad, case.material, case.load, case.mesh_size)
-    if isinstance(case.load, IndenterForce):
+    if case.load.driven is not None:
         path = path.driven  # on which the body is moved
     try:
         (state,) = load_path(case.pad, case.material, [case.value], load=case.load, mesh_size=case.mesh_size)
@@ -199,7 +199,7 @@ def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
 def _first_inverted(case: Case, path: PadPath, segment: LoadSegment) -> str:
     """The load of the first accepted step of a segment within the case that inverts an element at a node."""
     pad = path.segments.pad_for(segment.origin, segment.direction)
-    driven, linear = isinstance(case.load, IndenterForce), where_linear(path.mesh, path.load)
+    driven, linear = case.load.driven is not None, where_linear(path.mesh, path.load)
     reached = segment.limit if driven else float((np.array(case.value) - segment.origin) @ segment.direction)
     for node in segment.nodes:
         moved = pad.split(node.unknowns)[0]
@@ -238,7 +238,7 @@ def _looked_at(state: State | None) -> dict[str, float | str]:
         return {}
     linear = where_linear(state.mesh, state.load)
     roof = float(np.linalg.norm(mean_roof(state.mesh, state.displacement)))
-    error = None if state.load.goes_on else state.error
+    error = None if state.load.self_contact else state.error
     stated = error.displacement / roof if error and roof else math.nan
     return {
         "node_jacobian": node_jacobian(state.mesh, state.displacement, linear),

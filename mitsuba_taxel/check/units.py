@@ -11,7 +11,7 @@ import numpy as np
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Parts, ScenePart, UndeformedPad
 from mitsuba_taxel.kernels.tables import RIGHT_ANGLE
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.parameters import Number, Parameter, Vector
 from mitsuba_taxel.specification import specifications
@@ -95,16 +95,16 @@ def _pull(quantity: str, value: np.ndarray) -> str:
 
 def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
     """A message if an indenter never touches a pad's top on its way."""
-    if not isinstance(load, IndenterDisplacement) or not isinstance(pad.pad, Pad) or value[2] > 0:
+    if load.moved_indenter is None or not isinstance(pad.pad, Pad) or value[2] > 0:
         return ""
     half = np.array(pad.pad.extent[:2]) / 2
-    at, top = np.array(load.indenter.at), np.linspace(-1, 1, PLACES_LOOKED_AT)
+    at, top = np.array(load.moved_indenter.at), np.linspace(-1, 1, PLACES_LOOKED_AT)
     depths = value[2] * 0.5 ** np.arange(12)  # on its way: a ball that has been pushed in whole is below the top
     for share, depth in product((0.0, 1.0), depths):  # pushed down, and moved sideways
         tip = [*(at + share * value[:2]), depth]
         places = np.stack(np.meshgrid(*(np.append(top, near) for near in np.clip(tip[:2] / half, -1, 1))), axis=-1)
         places = np.concatenate([places.reshape(-1, 2) * half, np.zeros((places[..., 0].size, 1))], axis=1)
-        if load.indenter.body.gap(places - tip).size.min() < 0:
+        if load.moved_indenter.body.gap(places - tip).size.min() < 0:
             return ""
     return "leaves the pad at rest: the indenter does not touch it"
 

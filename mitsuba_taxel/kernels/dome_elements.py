@@ -19,10 +19,7 @@ MOST_CELLS = 16
 
 def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> float | None:
     """In mm, for built-in domes that return light; None for other pads, and under an indenter."""
-    from mitsuba_taxel.mechanics import IndenterDisplacement, IndenterForce
-
-    indented = isinstance(load, IndenterDisplacement | IndenterForce)
-    if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or indented:
+    if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or load.indenter is not None:
         return None
     sizes = pad.shape.light_sizes
     if sizes is None:

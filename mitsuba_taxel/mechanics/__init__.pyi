@@ -1,9 +1,14 @@
 from .contact.indenter import Indenter as Indenter
+from .contact.indenter_shape import Gap as Gap
+from .contact.indenter_shape import IndenterShape as IndenterShape
 from .contact.self_contact import (
     Contact as Contact,
 )
 from .contact.self_contact import (
     ContactTest as ContactTest,
+)
+from .elements.loads import (
+    DeadForce as DeadForce,
 )
 from .elements.loads import (
     IndenterDisplacement as IndenterDisplacement,

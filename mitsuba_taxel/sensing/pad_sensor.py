@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from types import NoneType
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -77,7 +77,7 @@ class PadSensor(Displayed):
             self,
             pad=(Pad, "a Pad"),
             material=((Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic"),
-            load=(get_args(Load), "a load, such as SpreadForce,"),
+            load=(Load, "a load, such as SpreadForce,"),
             photo_reflector=(PhotoReflector, "a PhotoReflector"),
             roof=(Wall, "a Wall"),
             side=(Wall, "a Wall"),

@@ -351,10 +351,11 @@ def _copied(value: Any) -> Any:
 
 def _take_load(props: mi.Properties) -> tuple[tuple[float, ...], tuple[list[float], list[tuple[float, ...]]]]:
     """Remove the load of a pad and its history, and return its value and the history."""
-    from mitsuba_taxel.specification.deformable_pad import LOADS, DeformablePad
+    from mitsuba_taxel.mechanics.elements.loads import Load
+    from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
     stated = DeformablePad.read(props)
-    quantity = LOADS[stated.load].quantity
+    quantity = Load.named(stated.load).quantity
     for name in (quantity, "history"):
         if name in props:
             del props[name]

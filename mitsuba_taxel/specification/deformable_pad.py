@@ -13,16 +13,7 @@ from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.limits import MOST_HISTORY
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
-from mitsuba_taxel.mechanics.elements.loads import (
-    IndenterDisplacement,
-    IndenterForce,
-    Load,
-    PatchForce,
-    PlateDisplacement,
-    PlateForce,
-    Pressure,
-    SpreadForce,
-)
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
 from mitsuba_taxel.mechanics.materials.silicones import HARDNESS, SILICONES, from_shore_a, silicone
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic, prony_of
@@ -49,22 +40,13 @@ from mitsuba_taxel.parameters import (
 from mitsuba_taxel.specification.region import Region
 from mitsuba_taxel.specification.specification import Specification
 
-LOADS: dict[str, Any] = {
-    "spread_force": SpreadForce,
-    "patch_force": PatchForce,
-    "plate_force": PlateForce,
-    "plate_displacement": PlateDisplacement,
-    "pressure": Pressure,
-    "indenter_displacement": IndenterDisplacement,
-    "indenter_force": IndenterForce,
-}
 FINISHES: dict[str, type[Finish]] = {"layer_steps": LayerSteps, "grooves": Grooves, "random": RandomRoughness}
 
 MOST_TRACTION = 10.0
 """Largest force on a patch by its area, relative to Young's modulus: elements below would fold at any smaller step."""
 _NEO_HOOKEAN = ("material", "neo_hookean")
-_PATCH = ("load", "patch_force")
-_INDENTER = ("load", "indenter_displacement", "indenter_force")
+_LOAD = ("load",)
+"""Loads say themselves which parameters they use."""
 
 
 def _of_pad(field: str) -> Any:
@@ -150,41 +132,29 @@ class DeformablePad(Specification, Kinded):
         None, "1/s", "Instead of a time: rate of the load, in its own unit per s.", above=0, default_words="by the time"
     )
 
-    load: str = choice(
-        "spread_force",
-        {
-            "spread_force": "on the whole top",
-            "patch_force": "on a rectangle of it",
-            "plate_force": "on a rigid plate that is bonded to the top and does not rotate",
-            "plate_displacement": "of such a plate",
-            "pressure": "of a fluid on top and outside",
-            "indenter_displacement": "of a rigid body that touches the pad from above",
-            "indenter_force": "on such a body, along -z, and with friction sideways",
-        },
-        "Kind of load.",
-    )
+    load: str = kind("spread_force", Load, "Kind of load.")
     force: tuple[float, ...] | None = vector(
         (0.0, 0.0, 0.0),
         "N",
         "Total force; compression is negative along z.",
-        when=("load", *(word for word, load in LOADS.items() if load.quantity == "force")),
+        when=_LOAD,
     )
     displacement: tuple[float, ...] | None = vector(
         (0.0, 0.0, 0.0),
         "mm",
         "Displacement of the plate, or of the indenter from the height where its tip is level with the top of the pad.",
-        when=("load", "plate_displacement", "indenter_displacement"),
+        when=_LOAD,
     )
-    pressure: float | None = number(0.0, "MPa", "Pressure of the fluid.", when=("load", "pressure"))
+    pressure: float | None = number(0.0, "MPa", "Pressure of the fluid.", when=_LOAD)
     patch_width: float | None = number(
-        REQUIRED, "mm", "Side of the rectangle along x.", above=0, common=(0.02, 500), when=_PATCH
+        REQUIRED, "mm", "Side of the rectangle along x.", above=0, common=(0.02, 500), when=_LOAD
     )
     patch_depth: float | None = number(
-        REQUIRED, "mm", "Side of the rectangle along y.", above=0, common=(0.02, 500), when=_PATCH
+        REQUIRED, "mm", "Side of the rectangle along y.", above=0, common=(0.02, 500), when=_LOAD
     )
-    patch_x: float | None = number(0.0, "mm", "Centre of the rectangle along x.", when=_PATCH)
-    patch_y: float | None = number(0.0, "mm", "Centre of the rectangle along y.", when=_PATCH)
-    indenter: str | None = taken(Indenter, "shape", when=_INDENTER)
+    patch_x: float | None = number(0.0, "mm", "Centre of the rectangle along x.", when=_LOAD)
+    patch_y: float | None = number(0.0, "mm", "Centre of the rectangle along y.", when=_LOAD)
+    indenter: str | None = taken(Indenter, "shape", when=_LOAD)
     indenter_radius: float | None = _of_indenter("radius")
     indenter_edge_radius: float | None = _of_indenter("edge_radius")
     indenter_angle: float | None = _of_indenter("angle")
@@ -192,14 +162,13 @@ class DeformablePad(Specification, Kinded):
     indenter_file: str | None = _of_indenter("file")
     indenter_file_scale: float | None = _of_indenter("file_scale")
     indenter_file_up: str | None = _of_indenter("file_up")
-    indenter_x: float | None = number(0.0, "mm", "Position of the indenter's tip along x.", when=_INDENTER)
-    indenter_y: float | None = number(0.0, "mm", "Position of the indenter's tip along y.", when=_INDENTER)
-    friction: float | None = taken(Indenter, "friction", when=_INDENTER)
-    self_contact: bool | None = switch(
+    indenter_x: float | None = number(0.0, "mm", "Position of the indenter's tip along x.", when=_LOAD)
+    indenter_y: float | None = number(0.0, "mm", "Position of the indenter's tip along y.", when=_LOAD)
+    friction: float | None = taken(Indenter, "friction", when=_LOAD)
+    self_contact: bool = switch(
         False,
         "Whether the load goes on where the pad touches itself, the board or a photo_reflector, which contact without "
         "friction then keeps apart; otherwise it ends there. Needs the Python package ipctk.",
-        when=("load", *LOADS),
     )
 
     mesh_size: float | None = number(
@@ -264,21 +233,18 @@ class DeformablePad(Specification, Kinded):
         if terms and self.indenter_file is None:
             timed_rows(Viscoelastic(self.build_material(), terms), self.build_load()[0], np.array(values), times)
         material = self.build_material()
-        if self.load == "patch_force":
-            assert self.patch_width is not None and self.patch_depth is not None
-            traction = max(map(math.hypot, *zip(*values, strict=True))) / (self.patch_width * self.patch_depth)
-            if traction > MOST_TRACTION * material.youngs_modulus:
-                patch = f"{self.patch_width:g} x {self.patch_depth:g} mm"
-                raise InputError(
-                    f"a force of {traction:.3g} MPa on a patch of {patch} is not allowed: at most {MOST_TRACTION:g} "
-                    f"times Young's modulus, {material.youngs_modulus:g} MPa, is."
-                )
-        if self.indenter is not None and self.indenter_file is None:
+        if self.indenter_file is None:  # a file is looked for beside the scene
             load, value = self.build_load()
+            if load.area is not None:
+                traction = max(map(math.hypot, *zip(*values, strict=True))) / load.area
+                if traction > MOST_TRACTION * material.youngs_modulus:
+                    raise InputError(
+                        f"a force of {traction:.3g} MPa on {load.where} is not allowed: at most "
+                        f"{MOST_TRACTION:g} times Young's modulus, {material.youngs_modulus:g} MPa, is."
+                    )
             if not terms:
-                timed_rows(self.build_material(), load, np.array(values), None)
-            if isinstance(load, IndenterForce):
-                load.check(value)
+                timed_rows(material, load, np.array(values), None)
+            load.check(value)
         if self.filename is None:  # a file is looked for beside the scene
             self.build_pad()
 
@@ -302,16 +268,12 @@ class DeformablePad(Specification, Kinded):
 
     def build_load(self, find: Any = Path) -> tuple[Load, tuple[float, ...]]:
         """The load and its value; ``find`` gives the path of a file that is named."""
-        kind, load_value = LOADS[self.load], self.load_value
-        about = {"self_contact": bool(self.self_contact)}
-        if self.indenter is not None:
-            return kind(self._own_indenter(find), **about), load_value
-        return (self._patch(about) if kind is PatchForce else kind(**about)), load_value
+        return Load.named(self.load).of_scene(self, find, self_contact=self.self_contact), self.load_value
 
     @property
     def load_value(self) -> tuple[float, ...]:
         """The value of the load."""
-        value = getattr(self, LOADS[self.load].quantity)
+        value = getattr(self, Load.named(self.load).quantity)
         return value if isinstance(value, tuple) else (value,)
 
     def build_history(self) -> tuple[list[float], list[tuple[float, ...]]]:
@@ -335,12 +297,8 @@ class DeformablePad(Specification, Kinded):
             time = (times[-1] if times else 0.0) + float(np.linalg.norm(way)) / self.rate
         return [*times, time], [*values, value]
 
-    def _patch(self, about: dict[str, bool]) -> PatchForce:
-        centre: Any = (self.patch_x, self.patch_y)
-        size: Any = (self.patch_width, self.patch_depth)
-        return PatchForce(centre, size, **about)
-
-    def _own_indenter(self, find: Any) -> Indenter:
+    def build_indenter(self, find: Any = Path) -> Indenter:
+        """The body that presses; ``find`` gives the path of a file that is named."""
         at: Any = (self.indenter_x, self.indenter_y)
         given = self._own(Indenter)
         if self.indenter_file is not None:
@@ -386,18 +344,17 @@ class DeformablePad(Specification, Kinded):
             )
         if len(value) != load.components:
             raise InputError(f"force = {tuple(value)} is not allowed: {load.components} numbers are needed for {load}.")
+        if not load.name:
+            own = type(load).__name__
+            raise InputError(
+                f"load = {load!r} is not allowed in a scene: it needs a name, as in "
+                f'class {own}(DeadForce, name="{own.lower()}").'
+            )
         given: dict[str, Any] = {load.quantity: value if load.components == 3 else value[0], **rest}
-        if load.goes_on:
-            given["self_contact"] = True
-        if isinstance(load, PatchForce):
-            (x, y), (width, depth) = load.centre, load.size
-            given.update(patch_x=x, patch_y=y, patch_width=width, patch_depth=depth)
-        if isinstance(load, IndenterDisplacement | IndenterForce):
-            x, y = load.indenter.at
-            given.update(indenter_x=x, indenter_y=y, **values_of(load.indenter))
+        given.update(self_contact=load.self_contact, load=load.name, **load.scene_values())
         if finish is not None:
             given.update(finish=_word(FINISHES, finish), **values_of(finish))
-        given.update(material=material.name, load=_word(LOADS, load))
+        given.update(material=material.name)
         constants = {name: getattr(material, name) for name in material.parameters}
         return cls(**values_of(pad), **constants, **given)
 

@@ -96,7 +96,7 @@ class DeformablePad(mi.Mesh):
         walls = [value for _, value in props.objects() if isinstance(value, mi.BSDF)]
         if not walls:
             props["bsdf"] = make_plugin("wall", scattering="absorbing")
-        elif self.load.goes_on and not is_region(walls[0]):  # what touches a package is shut by its region
+        elif self.load.self_contact and not is_region(walls[0]):  # what touches a package is shut by its region
             name = next(name for name, value in props.objects() if value is walls[0])
             props[name] = make_plugin("region", **dict.fromkeys(REGIONS, walls[0]))
         self.mirrors = [code for wall in walls for code in mirrors(wall)]
@@ -129,7 +129,7 @@ class DeformablePad(mi.Mesh):
             check_triangles(subdivision, int(np.count_nonzero(read)))
             if self.finish is not None and isinstance(self.pad, Pad):
                 check_finish(self.finish, self.pad, mesh, subdivision)
-            waits = self.load.goes_on and are_to_come()
+            waits = self.load.self_contact and are_to_come()
             self.state = self.at_rest() if waits else self.state_under(self.value)
             return self._tessellated(self.state, self.pad)
 
@@ -273,7 +273,7 @@ class DeformablePad(mi.Mesh):
             else:
                 advice = self._room_needed(obstacles)
             raise InputError(f"{str(error).removesuffix('.')}; {advice}.") from error
-        if not self.load.goes_on:
+        if not self.load.self_contact:
             return False
         before, self.state = self.state, state
         if np.array_equal(before.displacement, state.displacement):

@@ -28,7 +28,7 @@ def where_linear(mesh: VolumeMesh, load: Load, share: float = 1.0) -> np.ndarray
 
     None if at none: under loads that do not go on where a pad touches itself or the board, and of round pads.
     """
-    if not load.goes_on:
+    if not load.self_contact:
         return None
     near = near_feet(mesh, share)
     return near if near.any() else None

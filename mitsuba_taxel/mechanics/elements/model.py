@@ -15,14 +15,7 @@ from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
 from mitsuba_taxel.mechanics.elements.assembly import Assembly, InternalForces
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.held import Held
-from mitsuba_taxel.mechanics.elements.loads import (
-    IndenterDisplacement,
-    Load,
-    PatchForce,
-    PlateDisplacement,
-    Pressure,
-    SpreadForce,
-)
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, pressure_stiffness, wet_faces
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
@@ -107,11 +100,11 @@ class Model:
         tangent they are constant: the contact constraints are in :meth:`held`.
         """
         inside = self.assembly.evaluate(displacement, pressure, with_tangent, past)
-        if inside.entries is not None and isinstance(self.load, Pressure):
+        if inside.entries is not None and self.load.follows_surface:
             places = (self.mesh.points + displacement)[self._wet_faces]
             stiffness = -value[0] * pressure_stiffness(places)
             self.assembly.sparsity.add_blocks(inside.entries, self._wet_faces, stiffness)
-        if isinstance(self.load, IndenterDisplacement):
+        if self.load.moved_indenter is not None:
             return self._indented(inside, self.indentation.pressing(displacement, value, *pushed_by))
         load = self.load_vector(displacement, value)
         return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian)
@@ -124,11 +117,11 @@ class Model:
 
     def held(self, displacement: np.ndarray, value: np.ndarray) -> Held:
         """Constraints of the load: the plate's displacement, or the gaps of contact with an indenter."""
-        if isinstance(self.load, IndenterDisplacement):
+        if self.load.moved_indenter is not None:
             pressing = self.indentation.pressing(displacement, value)
             pressed = self.pressed(pressing)
             return Held(self.over_unknowns(pressing.rate[pressed]), self.indentation.slack[pressed])
-        driven = isinstance(self.load, PlateDisplacement) and self.numbering.plate is not None
+        driven = self.load.moves_plate and self.numbering.plate is not None
         moved = self.numbering.plate_unknowns if driven else np.zeros(0, int)
         rows = sparse.csr_array(
             (np.ones(len(moved)), (np.arange(len(moved)), moved)), shape=(len(moved), self.assembly.unknowns)
@@ -164,11 +157,11 @@ class Model:
 
     def load_vector(self, displacement: np.ndarray, value: np.ndarray) -> np.ndarray:
         """Forces of the load over the unknowns, linear in ``value``; zero for a prescribed displacement."""
-        if isinstance(self.load, Pressure):
+        if self.load.follows_surface:
             nodal = np.zeros_like(displacement)
             np.add.at(nodal, self._wet_faces, pressure_forces((self.mesh.points + displacement)[self._wet_faces]))
             return value[0] * self.numbering.summed(nodal)
-        if isinstance(self.load, PlateDisplacement):
+        if self.load.moves_plate:
             return np.zeros(self.assembly.unknowns)
         if self.load.bonded_plate:
             return self.numbering.on_plate(np.asarray(value) / self.part.copies)
@@ -176,7 +169,7 @@ class Model:
 
     def load_rate(self, displacement: np.ndarray, direction: np.ndarray, value: np.ndarray | None) -> np.ndarray:
         """Derivative of the forces of the load over the unknowns by its value along ``direction``."""
-        if isinstance(self.load, IndenterDisplacement):
+        if self.load.moved_indenter is not None:
             assert value is not None
             pressing = self.indentation.pressing(displacement, value)
             return self.numbering.summed(self.indentation.rate(pressing, direction, self.pressed(pressing)))
@@ -184,7 +177,7 @@ class Model:
 
     def pushed_as(self, material: Material, displacement: np.ndarray, value: np.ndarray) -> np.ndarray | float:
         """Forces over the unknowns of an indenter on what penetrates it, with the contact stiffness for a material."""
-        if not isinstance(self.load, IndenterDisplacement):
+        if self.load.moved_indenter is None:
             return 0.0
         own = self.assembly.elements.material
         pushed = self.numbering.summed(self.indentation.pressing(displacement, value).pushed)
@@ -201,7 +194,6 @@ class Model:
     @cached_property
     def _share(self) -> np.ndarray:
         """(n,) share of the whole pad's force that each node of the part carries."""
-        assert isinstance(self.load, SpreadForce | PatchForce)
         nodal = self.load.nodal(self.mesh)
         return nodal / (self.part.copies * nodal.sum())
 
@@ -212,5 +204,5 @@ class Model:
     @cached_property
     def indentation(self) -> Indentation:
         """Contact with the indenter of the load."""
-        assert isinstance(self.load, IndenterDisplacement)
-        return Indentation(self.mesh, self.load.indenter, self.assembly.elements.material.youngs_modulus)
+        assert self.load.moved_indenter is not None
+        return Indentation(self.mesh, self.load.moved_indenter, self.assembly.elements.material.youngs_modulus)

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.local_mesh import CLOSE, SMALL_DEPTH, swept_legs
 from mitsuba_taxel.mechanics.contact.resolution import LARGEST, WANTED, Unresolved
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.mechanics.path.pad_path import PadPath
@@ -41,10 +41,11 @@ def path_along(path: PadPath, values: Sequence[Sequence[float]]) -> PadPath:
 
 def _reach(path: PadPath) -> float:
     """Mm, half the width of the contact for which elements are small; infinite for a plate and without an indenter."""
-    if not isinstance(path.load, IndenterDisplacement):
+    indenter = path.load.moved_indenter
+    if indenter is None:
         return math.inf
     height = float(np.ptp(pad_mesh(path.pad, path.mesh_size).points[:, 2]))
-    return path.load.indenter.body.contact_radius(SMALL_DEPTH * height)
+    return indenter.body.contact_radius(SMALL_DEPTH * height)
 
 
 def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
@@ -52,8 +53,8 @@ def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
 
     Both are those given if elements are small enough around where it starts.
     """
-    load = path.load
-    if not isinstance(load, IndenterDisplacement) or math.hypot(*value[:2]) <= CLOSE * _reach(path):
+    load: Any = path.load
+    if load.moved_indenter is None or math.hypot(*value[:2]) <= CLOSE * _reach(path):
         return path, value
     x, y = (float(start + moved) for start, moved in zip(load.indenter.at, value[:2], strict=True))
     return path.like(replace(load, indenter=replace(load.indenter, at=(x, y)))), np.array([0.0, 0.0, value[2]])
@@ -72,8 +73,9 @@ def solved_on(
         if the path ends before, or they do not resolve it.
     """
     path, there = placed_path(path, value)
-    body = path.load.indenter.body if isinstance(path.load, IndenterDisplacement | IndenterForce) else None
-    left = MOST_FINER if body and body.finer_when_shallow and not path.load.goes_on else 0
+    indenter = path.load.indenter
+    finer = indenter is not None and indenter.body.finer_when_shallow and not path.load.self_contact
+    left = MOST_FINER if finer else 0
     while True:
         try:
             largest = WANTED if left else LARGEST
@@ -93,7 +95,7 @@ def state_of(path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = No
     try:
         on, there, state = solved_on(path, value, obstacles)
     except LoadPathEnds as end:
-        if end.value is None or end.load == path.load or not isinstance(path.load, IndenterDisplacement):
+        if end.value is None or end.load == path.load or path.load.moved_indenter is None:
             raise
         raise end.at(path.load, np.array([*value[:2], end.value[2]])) from end
     if on.load == path.load:

@@ -16,7 +16,7 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
-from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load, PlateDisplacement, loaded_area
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.model import Configuration, Model
 from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
@@ -394,12 +394,12 @@ class LoadedPad:
         value = np.zeros(self.load.components)
         value[-1] = self.step
         if self._driven:
-            return NATURAL_STRAIN * self.material.youngs_modulus * loaded_area(self.whole, self.load) / self.part.copies
+            return NATURAL_STRAIN * self.material.youngs_modulus * self.load.loaded_area(self.whole) / self.part.copies
         return TICKS / self._ticks * float(np.linalg.norm(self.model.load_vector(zero, value)))
 
     @property
     def _driven(self) -> bool:
-        return isinstance(self.load, PlateDisplacement)
+        return self.load.moves_plate
 
     @cached_property
     def _moved(self) -> np.ndarray:

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from textwrap import shorten
-from typing import get_args
 
 import numpy as np
 
 from mitsuba_taxel.base.arguments import check_progress, is_number, refusal, require
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterForce, Load
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
@@ -92,7 +91,7 @@ def load_path(
     """
     require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
     require("material", material, (Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic")
-    require("load", load, get_args(Load), "a load, such as SpreadForce,")
+    require("load", load, Load, "a load, such as SpreadForce,")
     check_progress(progress)
     rows = _checked(values, load)
     if obstacles is not None:
@@ -108,7 +107,7 @@ def load_path(
     with LOCK:
         size = chosen_size(pad, law, load, mesh_size, mesh_tolerance)
         bodies = None
-        if load.goes_on and obstacles is not None:
+        if load.self_contact and obstacles is not None:
             bodies, obstacles = RigidBodies(obstacles.tobytes()), None
         judged_on = None if history else judged_on
         path = pad_path(pad, law, load, size, judged_on=judged_on, bodies=bodies, step_tolerance=step_tolerance)
@@ -173,7 +172,7 @@ def _state_in_time(
     path: PadPath, material: Material | Viscoelastic, history: tuple[Row, ...], obstacles: np.ndarray | None
 ) -> State:
     """The last state of a pad whose states depend on earlier ones."""
-    kind = PushedPath if isinstance(path.load, IndenterForce) else TimedPath
+    kind = PushedPath if path.load.driven is not None else TimedPath
     along = path_along(path, [value for _, value in history])
     return kind.of(along, remembering(material)).state(history, obstacles)
 

@@ -9,7 +9,7 @@ from mitsuba_taxel.geometry.bezier_patches import Place
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.feet import said_of
 from mitsuba_taxel.mechanics.contact.self_contact import Contact
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.path.solution import UNSTABLE
 
 
@@ -66,14 +66,14 @@ def end_of_path(
     where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
     touched, what = reason.startswith("touches"), reason.removeprefix("touches ")
     further = ""
-    if touched and load.goes_on:
+    if touched and load.self_contact:
         further = " It may go on with smaller elements."
     elif touched:
         further = " With self_contact = true it goes on."
     elif folded_at:
         near = _listed(np.array(folded_at))
         further = f" It is folded into itself at an inner edge, near ({near}) mm: self_contact = true prevents that."
-    elif UNSTABLE in reason and isinstance(load, IndenterDisplacement) and not load.indenter.body.unbounded:
+    elif UNSTABLE in reason and load.moved_indenter is not None and load.has_position:
         further = (
             " At the edge of a contact that may be due to large elements: smaller ones, by mesh_size, may bear it."
         )

@@ -277,7 +277,7 @@ class LoadSegment:
         """End the segment at the first contact since the penultimate node, if there is one at the last."""
         if len(self.nodes) < 2 or math.isfinite(self.limit):
             return
-        find = test.find_package if pad.load.goes_on else test.find
+        find = test.find_package if pad.load.self_contact else test.find
         found = self.first_contact(pad, len(self.nodes) - 1, find)
         if found:
             self.limit, contact = found

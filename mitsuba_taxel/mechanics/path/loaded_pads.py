@@ -10,7 +10,7 @@ import numpy as np
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load, keeps
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
@@ -23,7 +23,7 @@ from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
 @lru_cache(maxsize=4)
 def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
     """The common symmetries of mesh and load distribution, with the image (N,) of each node."""
-    return {mirror: image for mirror, image in node_images(mesh).items() if keeps(load, mesh, mirror, image)}
+    return {mirror: image for mirror, image in node_images(mesh).items() if load.is_symmetric(mesh, mirror, image)}
 
 
 @lru_cache(maxsize=4)  # normal and tangential segments, also of the coarser mesh: matrices take memory
@@ -50,7 +50,7 @@ def new_pad(
     ticks: int = TICKS,
 ) -> LoadedPad:
     """As :func:`loaded_pad`, one that nobody shares; ``share`` is that of a :class:`SelfTouchingPad`."""
-    indented, parts = isinstance(load, IndenterDisplacement), (mesh, material, load, mirrors, images)
-    if load.goes_on:
+    indented, parts = load.moved_indenter is not None, (mesh, material, load, mirrors, images)
+    if load.self_contact:
         return (IndentedTouchingPad if indented else SelfTouchingPad)(*parts, bodies=bodies, share=share, ticks=ticks)
     return (IndentedPad if indented else LoadedPad)(*parts, ticks=ticks)

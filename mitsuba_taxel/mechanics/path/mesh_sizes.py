@@ -8,7 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import is_number, refusal
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterDisplacement, IndenterForce, Load
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, pad_path
 from mitsuba_taxel.pads.pad import Pad
@@ -69,7 +69,5 @@ def chosen_size(
         raise InputError(f"mesh_size = {size:g} and mesh_tolerance = {tolerance:g} are given: only one is allowed.")
     if tolerance is not None:
         # At rest an indenter touches nothing: the size for a force on the top is used, and refined under the indenter.
-        return mesh_size_for(
-            pad, material, SPREAD_FORCE if isinstance(load, IndenterDisplacement | IndenterForce) else load, tolerance
-        )
+        return mesh_size_for(pad, material, load if load.indenter is None else SPREAD_FORCE, tolerance)
     return pad.default_mesh_size if size is None else float(size)

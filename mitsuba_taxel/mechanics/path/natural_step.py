@@ -8,7 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.elements import Elements
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load, PlateDisplacement, Pressure, loaded_area
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 THIN_STEP = 0.125
@@ -24,12 +24,12 @@ MOST_TURNED = 0.05
 def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
     """Step of a load path: change of a load's value (N, mm or MPa) that strains the pad by about `NATURAL_STRAIN`."""
     strained = NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
-    if isinstance(load, PlateDisplacement):
+    if load.moves_plate:
         return strained
-    if isinstance(load, IndenterDisplacement):  # most of the pad is strained less
-        return min(2 * strained, THIN_STEP * load.indenter.body.thickness)
+    if load.moved_indenter is not None:  # most of the pad is strained less
+        return min(2 * strained, THIN_STEP * load.moved_indenter.body.thickness)
     stress = NATURAL_STRAIN * material.youngs_modulus
-    return stress if isinstance(load, Pressure) else stress * loaded_area(mesh, load)
+    return stress if load.follows_surface else stress * load.loaded_area(mesh)
 
 
 def ticks_of(elements: Elements, response: np.ndarray) -> int:

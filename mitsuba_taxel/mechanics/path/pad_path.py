@@ -22,7 +22,7 @@ from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.local_mesh import Refinement, mesh_under
 from mitsuba_taxel.mechanics.contact.resolution import LARGEST, refuse_unresolved
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
@@ -82,7 +82,7 @@ class PadPath:
 
     @cached_property
     def _identity(self) -> list[Any]:
-        if not isinstance(self.load, IndenterDisplacement | IndenterForce):
+        if self.load.indenter is None:
             return [self.pad.identity, self.mesh_size]
         return [self.pad.identity, self.mesh_size, asdict(self.load.indenter), asdict(self.refinement)]
 
@@ -93,15 +93,16 @@ class PadPath:
 
     @cached_property
     def mesh(self) -> VolumeMesh:
-        if isinstance(self.load, IndenterForce):
+        if self.load.driven is not None:
             return self.driven.mesh
-        if not isinstance(self.load, IndenterDisplacement):
+        indenter = self.load.indenter
+        if indenter is None:
             return pad_mesh(self.pad, self.mesh_size)
         name = cache.key("mesh", self._identity)
         with cache.alone(name):
             arrays = cache.load(name)
             if arrays is None:
-                mesh = mesh_under(pad_mesh(self.pad, self.mesh_size), self.load.indenter, self.refinement)
+                mesh = mesh_under(pad_mesh(self.pad, self.mesh_size), indenter, self.refinement)
                 cache.store(name, vars(mesh))
                 return mesh
         return VolumeMesh(**arrays)
@@ -109,7 +110,7 @@ class PadPath:
     @cached_property
     def driven(self) -> PadPath:
         """The path on which the body is moved that presses with a force."""
-        assert isinstance(self.load, IndenterForce)
+        assert self.load.driven is not None
         parts = self.pad, self.material, self.load.driven, self.mesh_size, self.judged
         return pad_path(*parts, None, self.bodies, self.step_tolerance, self._refinement)
 
@@ -182,8 +183,7 @@ class PadPath:
             return self._like(self.mesh_size).state(value, obstacles)
         if self.bodies is not None:
             refuse_at_rest(self.contact.at_rest)
-        if isinstance(self.load, IndenterForce):
-            self.load.check(value)
+        self.load.check(value)
         used: list[Mirror] = []
         turned = value = np.array(value)
         self.segments.follow_normal(value)
@@ -200,8 +200,8 @@ class PadPath:
             displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
         buckled_at = self.segments.buckled_at(turned, used)
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
-        moved = value if isinstance(self.load, IndenterDisplacement) else None
-        if isinstance(self.load, IndenterForce):
+        moved = None if self.load.moved_indenter is None else value
+        if self.load.driven is not None:
             moved = self.driven_to(value, in_the_way)
         return State(
             self.mesh, self.material, self.load, value, displacement, pressure, *figures, compare, rate,
@@ -217,7 +217,7 @@ class PadPath:
 
     def on_elements(self, mesh_size: float, judged: bool = False) -> PadPath:
         """The same path on elements of another size, also under an indenter."""
-        if not isinstance(self.load, IndenterDisplacement | IndenterForce):
+        if self.load.indenter is None:
             return self._like(mesh_size, judged)
         relative_size = self.refinement.relative_size * mesh_size / self.mesh_size
         return self._like(mesh_size, judged, replace(self.refinement, relative_size=relative_size))
@@ -260,7 +260,7 @@ class PadPath:
         """How a canonical state that ``mirrors`` took there goes on."""
         if not value.any():
             return None
-        if isinstance(self.load, IndenterForce):
+        if self.load.driven is not None:
             return self._rate_of_force(value)
         with LOCK:
             segment, s = self.segments.to(value)[-1]
@@ -297,10 +297,10 @@ class PadPath:
     def force(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, share: float = 1) -> np.ndarray:
         """(3,) N, that by which a canonical state presses on what moves it by ``value``, or on the board; ``share`` is
         that of a :class:`SelfTouchingPad`."""
-        if not self.load.goes_on:
+        if not self.load.self_contact:
             return glued_force(self.mesh, self.material, displacement, pressure)
-        if isinstance(self.load, IndenterDisplacement):
-            body = Indentation(self.mesh, self.load.indenter, self.material.youngs_modulus)
+        if self.load.moved_indenter is not None:
+            body = Indentation(self.mesh, self.load.moved_indenter, self.material.youngs_modulus)
             return body.pressing(displacement, value).force
         linear = where_linear(self.mesh, self.load, share)
         return glued_force(self.mesh, self.material, displacement, pressure, region="top", linear=linear)
@@ -312,10 +312,10 @@ class PadPath:
         relative to half the width of the contact at most ``largest``.
         """
         size = min(self.mesh_size, self.pad.default_mesh_size)  # of which larger ones are no larger under a body
-        if isinstance(self.load, IndenterDisplacement):
-            refuse_unresolved(self.mesh, self.load.indenter, displacement, value, size, largest)
-        elif isinstance(self.load, IndenterForce) and displacement is not None:
-            refuse_unresolved(self.mesh, self.load.indenter, displacement, self.driven_to(value, None), size, largest)
+        if self.load.indenter is None or (self.load.driven is not None and displacement is None):
+            return
+        moved = value if self.load.driven is None else self.driven_to(value, None)
+        refuse_unresolved(self.mesh, self.load.indenter, displacement, moved, size, largest)
 
     def canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
@@ -327,7 +327,7 @@ class PadPath:
         found = np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count)
         if not value.any():
             return *found, Interpolated(np.zeros(0), 1.0, 0.0, 0, True, 0.0)
-        if isinstance(self.load, IndenterForce):
+        if self.load.driven is not None:
             return self._canonical_driven(self.driven_to(value, obstacles), mirrors, obstacles)
         start, seconds = partial(_at_rest, found), 0.0
         for segment, s in self.segments.to(value):
@@ -383,7 +383,11 @@ class PadPath:
 
     def _folded(self, part: LoadSegment | BuckledBranch, pad: LoadedPad) -> Place | None:
         """Where the pad has entered itself at the end of a segment, if that is no contact."""
-        if self.load.goes_on or np.isfinite(part.place).all() or not (isinstance(part, LoadSegment) and part.nodes):
+        if (
+            self.load.self_contact
+            or np.isfinite(part.place).all()
+            or not (isinstance(part, LoadSegment) and part.nodes)
+        ):
             return None
         return self.contact.find_fold(pad.split(part.unknowns_at(part.limit))[0])
 

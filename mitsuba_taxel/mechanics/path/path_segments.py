@@ -9,7 +9,6 @@ import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.buckled_branch import BuckledBranch
@@ -100,7 +99,7 @@ class PathSegments:
                     cache.store(self.name_of(segment), segment.arrays())
 
     def _contact(self, pad: LoadedPad) -> ContactTest:
-        return self._path.contact if self._path.load.goes_on else pad.contact
+        return self._path.contact if self._path.load.self_contact else pad.contact
 
     def _take_stored(self, segment: LoadSegment) -> None:
         arrays = cache.load(self.name_of(segment))
@@ -166,7 +165,7 @@ class PathSegments:
     @property
     def may_buckle(self) -> bool:
         """Whether branches are followed."""
-        return self._path.judged and not isinstance(self._path.load, IndenterDisplacement | IndenterForce)
+        return self._path.judged and self._path.load.indenter is None
 
     def follow_normal(self, value: np.ndarray) -> None:
         """Solve the normal segment as far as a load with a tangential part needs it, which tells its symmetries."""

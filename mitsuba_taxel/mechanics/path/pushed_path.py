@@ -12,11 +12,11 @@ from __future__ import annotations
 import math
 import time as clock
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.mechanics.elements.loads import IndenterForce
 from mitsuba_taxel.mechanics.path.pad_path import pad_path
 from mitsuba_taxel.mechanics.path.timed_path import Reached, TimedPath
 from mitsuba_taxel.mechanics.path.timed_rows import Row
@@ -103,8 +103,8 @@ class PushedPath(TimedPath):
     def _without_friction(self, force: np.ndarray) -> np.ndarray:
         """(3,) mm, how far the body would move under the normal part of a force."""
         path = self._path
-        assert isinstance(path.load, IndenterForce)
-        load = replace(path.load, indenter=replace(path.load.indenter, friction=0.0))
+        load: Any = path.load
+        load = replace(load, indenter=replace(load.indenter, friction=0.0))
         free = pad_path(
             path.pad, path.material, load, path.mesh_size, judged=False, bodies=path.bodies, refinement=path.refinement
         )

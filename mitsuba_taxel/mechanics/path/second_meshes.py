@@ -14,7 +14,6 @@ import numpy as np
 from mitsuba_taxel.base.convergence import COARSENING, ORDER, TYPICAL_ERROR
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE
@@ -52,7 +51,7 @@ class SecondMeshes:
     def __iter__(self) -> Iterator[tuple[PadPath, RoofComparison]]:
         path = self._path
         start = min(path.mesh_size, path.pad.default_mesh_size)  # larger ones may all give the same mesh
-        finer = (LITTLE_FINER, *FINER) if isinstance(path.load, IndenterDisplacement | IndenterForce) else FINER
+        finer = FINER if path.load.indenter is None else (LITTLE_FINER, *FINER)
         coarser = path.judge.mesh_size if path.judge else COARSENING * path.mesh_size
         default = [start] if start < path.mesh_size else []
         for size in (coarser, *default, *(share * start for share in finer)):
@@ -93,7 +92,7 @@ class SecondMeshes:
             return StateComparison(comparison.error(displacement, other), deviations, of_force, at.seconds)
 
         found = self.first(told) or StateComparison()
-        return with_reach(path, found, value, displacement, pressure) if path.load.goes_on else found
+        return with_reach(path, found, value, displacement, pressure) if path.load.self_contact else found
 
     def _compared_with(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
         """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
@@ -145,7 +144,7 @@ def carried_to(
 
     Without friction a state does not depend on the way to it.
     """
-    if not isinstance(path.load, IndenterDisplacement) or path.load.goes_on:  # of one carried, walls may meet
+    if path.load.moved_indenter is None or path.load.self_contact:  # of one carried, walls may meet
         return path.canonical(value, [], None)
     name = cache.key("jump", *path.key_parts, RESIDUAL_TOLERANCE, _digest(mesh, displacement), value.tolist())
     with cache.alone(name):

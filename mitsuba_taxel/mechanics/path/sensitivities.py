@@ -23,13 +23,7 @@ from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
 from mitsuba_taxel.mechanics.elements.element_rates import StrainedElements
 from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.elements.load_rates import load_rate
-from mitsuba_taxel.mechanics.elements.loads import (
-    IndenterDisplacement,
-    IndenterForce,
-    Load,
-    PatchForce,
-    PlateDisplacement,
-)
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
@@ -89,7 +83,7 @@ def linearise(state: State) -> LinearisedState:
     if rubs(state.load):
         raise InputError("derivatives with friction are not available: leave friction out, or vary steps.")
     load, value, kind = state.load, state.value, LinearisedState
-    if isinstance(load, IndenterForce):
+    if load.driven is not None:
         assert state.indenter_moved is not None
         load, value, kind = load.driven, state.indenter_moved, PressedState
     with _told(state.load, state.value):
@@ -193,10 +187,10 @@ class LinearisedState:
             if its shape differs, or it is not finite.
         """
         pad, direction = self._pad, array_of("direction", direction, (2,))
-        if isinstance(pad.load, IndenterDisplacement) and not pad.load.indenter.body.unbounded:
-            return self.by_value([*direction, 0.0])
-        if not isinstance(pad.load, PatchForce):
+        if not pad.load.has_position:
             return np.zeros_like(self.displacement)
+        if pad.load.moved_indenter is not None:
+            return self.by_value([*direction, 0.0])
         velocity = np.zeros_like(self.displacement)
         velocity[:, :2] = -direction  # of the pad below a patch that stays
         loads = load_rate(pad.whole, pad.material, pad.load, self.displacement, self._value, velocity)
@@ -244,7 +238,7 @@ class LinearisedState:
 
     @property
     def _driven(self) -> bool:
-        return isinstance(self._pad.load, PlateDisplacement)
+        return self._pad.load.moves_plate
 
     def _answer(self, push: Push, gaps: Push | None = None) -> np.ndarray:
         """(N, 3) displacement due to forces; a driven plate moves by ``gaps``, or is fixed."""
@@ -346,7 +340,7 @@ class PressedState(LinearisedState):
 
     def by_place(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
         moved = np.append(array_of("direction", direction, (2,)), 0.0)
-        if self._body.indenter.body.unbounded:  # it has no position
+        if not self._pad.load.has_position:
             return np.zeros_like(self.displacement)
         rate = super().by_value(moved)
         return self._under_force(rate, float(self._body.force_rate(self._pressing, moved, np.zeros_like(rate))[2]))
@@ -380,8 +374,8 @@ class PressedState(LinearisedState):
 
     @cached_property
     def _body(self) -> Indentation:
-        assert isinstance(self._pad.load, IndenterDisplacement)
-        return Indentation(self._pad.whole, self._pad.load.indenter, self._pad.material.youngs_modulus)
+        assert self._pad.load.moved_indenter is not None
+        return Indentation(self._pad.whole, self._pad.load.moved_indenter, self._pad.material.youngs_modulus)
 
     @cached_property
     def _pressing(self) -> Pressing:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE
-from mitsuba_taxel.mechanics.elements.loads import IndenterForce
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
@@ -77,7 +76,7 @@ def _solved_closer(
     path: PadPath, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Displacement and pressure of the state with half the reach; raises Rejected if it is not found."""
-    if isinstance(path.load, IndenterForce):  # the body moves on until it presses as before
+    if path.load.driven is not None:  # the body moves on until it presses as before
         driven, moved = path.driven, path.driven_to(value, None)
         closer, squeezed = _solved_closer(driven, moved, displacement, pressure)
         missing = float((value - driven.force(moved, closer, squeezed))[2])

@@ -57,7 +57,7 @@ class SolvedStates:
         pad touches itself or the board: then the segment must be followed.
         """
         small = segment.direction[:-1].any() and s <= FURTHEST_BESIDE * segment.step
-        if not self._path.judge or not small or self._path.load.goes_on or self._path.load.gives_displacement:
+        if not self._path.judge or not small or self._path.load.self_contact or self._path.load.gives_displacement:
             return None
         asked = self._beside.setdefault(segment, {})
         if s not in asked:

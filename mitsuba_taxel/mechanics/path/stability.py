@@ -22,7 +22,6 @@ import numpy as np
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import TET_FACES, VolumeMesh
 from mitsuba_taxel.mechanics.elements.held import Held
-from mitsuba_taxel.mechanics.elements.loads import PlateDisplacement
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.pressure import pressure_stiffness
@@ -175,7 +174,7 @@ class _Block:
 
 def _block(model: Model, part: SymmetricPart, signs: Mapping[Mirror, int], solver: str | None) -> _Block:
     """The block with ``signs`` at the walls of a part of the pad of ``model``; a moved plate is fixed."""
-    held_plate, material = isinstance(model.load, PlateDisplacement), model.assembly.elements.material
+    held_plate, material = model.load.moves_plate, model.assembly.elements.material
     like = model if part is model.part else None
     of_block = Model(part, material, model.load, signs, held_plate, like, model.linear)
     return _Block(of_block, make_solver(solver))

@@ -24,7 +24,6 @@ from mitsuba_taxel.mechanics.contact.feet import said_of, where_linear
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.past import Past, Relaxing, spread
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
@@ -75,7 +74,7 @@ class TimedPath:
 
     def __init__(self, path: PadPath, material: Viscoelastic, coarsening: int = 1, share: float = 1.0) -> None:
         self._path, self._material, self._coarsening, self._share = path, material, coarsening, share
-        self._moving = path.driven.load if isinstance(path.load, IndenterForce) else path.load
+        self._moving = path.load.driven or path.load
         self._response = response(self._moving, material)
         self._known: OrderedDict[tuple[Row, ...], Reached] = OrderedDict()
         self._count: dict[tuple[Row, ...], int] = {(): 0}
@@ -108,12 +107,12 @@ class TimedPath:
         return State(
             path.mesh, path.material, path.load, np.array(value), at.displacement, at.pressure, *figures,
             second_mesh=partial(self._comparison, rows), memory=memory, traction=at.traction,
-            indenter_moved=at.moved if isinstance(self._moving, IndenterDisplacement) else None, bodies=path.bodies,
+            indenter_moved=None if self._moving.indenter is None else at.moved, bodies=path.bodies,
         )  # fmt: skip
 
     def _refuse_unresolved(self, displacement: np.ndarray | None, moved: np.ndarray) -> None:
-        if isinstance(self._moving, IndenterDisplacement):
-            driven = self._path.driven if isinstance(self._path.load, IndenterForce) else self._path
+        if self._moving.indenter is not None:
+            driven = self._path if self._path.load.driven is None else self._path.driven
             driven.refuse_unresolved(moved, displacement)
 
     def reached(self, rows: tuple[Row, ...]) -> Reached:
@@ -372,7 +371,7 @@ class TimedPath:
 
     def _touch(self, pad: LoadedPad, unknowns: np.ndarray) -> Contact | None:
         displacement = pad.split(unknowns)[0]
-        return (self._path.contact.find_package if pad.load.goes_on else pad.contact.find)(displacement)
+        return (self._path.contact.find_package if pad.load.self_contact else pad.contact.find)(displacement)
 
     def _end(self, ended: Ended, start: float, duration: float) -> str:
         load = self._moving
@@ -435,7 +434,7 @@ class TimedPath:
     @cached_property
     def _closer(self) -> TimedPath:
         """The path with half the reach of contact where it goes on; else this path."""
-        return type(self)(self._path, self._material, 1, 0.5) if self._path.load.goes_on else self
+        return type(self)(self._path, self._material, 1, 0.5) if self._path.load.self_contact else self
 
     def _deviations(
         self, deviations: Callable[..., np.ndarray], at: Reached, there: Reached, longer: Reached, closer: Reached
@@ -453,13 +452,13 @@ class TimedPath:
         return spread(at.relaxing.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
 
     def _board_force(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
-        goes_on = self._path.load.goes_on  # where the board may hold the pad beside the glue, too
-        if goes_on and isinstance(self._moving, IndenterDisplacement):
+        self_contact = self._path.load.self_contact  # where the board may hold the pad beside the glue, too
+        if self_contact and self._moving.indenter is not None:
             body = Indentation(self._path.mesh, self._moving.indenter, self._path.material.youngs_modulus)
             return -body.pressing(at.displacement, at.moved, traction=body.at_nodes(at.traction)).force
         overstress, path = self._overstress(rows, at) if self._material.prony else None, self._path
         solved = path.mesh, path.material, at.displacement, at.pressure, overstress
-        if not goes_on:
+        if not self_contact:
             return glued_force(*solved)
         return -glued_force(*solved, region="top", linear=where_linear(path.mesh, path.load, self._share))
 

@@ -6,14 +6,14 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import array_of, refusal
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 
 
 def rubs(load: Load) -> bool:
     """Whether a load has friction, so that states depend on earlier ones."""
-    return isinstance(load, IndenterDisplacement | IndenterForce) and load.indenter.friction > 0
+    return load.indenter is not None and load.indenter.friction > 0
 
 
 Row = tuple[float, tuple[float, ...]]
@@ -30,16 +30,14 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
             raise refusal("times", times, f"{material} is elastic, and only a Viscoelastic has times; none are needed")
         if not rubs(load):
             return ()
-        if isinstance(load, IndenterForce):
-            for value in values:
-                load.check(value)
+        for value in values:
+            load.check(value)
         first = [(0.0, 0.0, values[0][2])] if values[0][:2].any() else []
         return tuple((0.0, tuple(map(float, value))) for value in [*first, *values])
     if times is None:
         raise InputError("times are missing: a viscoelastic silicone needs the time of each value of its load.")
-    if isinstance(load, IndenterForce):
-        for value in values:
-            load.check(value)
+    for value in values:
+        load.check(value)
     when = array_of("times", times, (len(values),))
     before = np.concatenate([[0.0], when[:-1]])
     wrong = np.flatnonzero(when < before)

@@ -6,7 +6,7 @@ import math
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.rim_corners import has_right_angled_top
-from mitsuba_taxel.mechanics.elements.loads import Load, SpreadForce, loaded_area
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.corner_limit import corner_limit
 from mitsuba_taxel.mechanics.materials.laws import Material
 
@@ -22,9 +22,9 @@ def gives_way(force: float, mesh: VolumeMesh, material: Material, load: Load) ->
     force : float
         In N, with which the load presses.
     """
-    if not isinstance(load, SpreadForce):
+    if not load.loads_rim:
         return math.inf
-    pressure = force / loaded_area(mesh, load)
+    pressure = force / load.loaded_area(mesh)
     if pressure < HARMLESS * material.shear_modulus or not has_right_angled_top(mesh):
         return math.inf
     limit = corner_limit(material)

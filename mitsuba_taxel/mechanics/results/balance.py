@@ -12,14 +12,6 @@ import numpy as np
 
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.feet import couple_held, where_linear
-from mitsuba_taxel.mechanics.elements.loads import (
-    IndenterDisplacement,
-    IndenterForce,
-    PatchForce,
-    PlateForce,
-    Pressure,
-    SpreadForce,
-)
 from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces, nodes_of
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 from mitsuba_taxel.mechanics.path.state import State
@@ -98,7 +90,7 @@ def reactions(state: State) -> Reactions:
     bottom = nodes_of(mesh, "bottom")
     board = np.zeros_like(places)
     board[bottom] = (internal - applied)[bottom]
-    if state.load.goes_on:
+    if state.load.self_contact:
         own, touched = Contacts(mesh, state.material.youngs_modulus, state.bodies).forces(state.displacement)
         board[bottom] -= own[bottom] + touched[bottom]
         board += touched
@@ -119,19 +111,19 @@ def reactions(state: State) -> Reactions:
 def _applied_forces(state: State, places: np.ndarray, internal: np.ndarray) -> np.ndarray:
     """(N, 3) N, force of the load at each node, including those of the board's rim."""
     mesh, load = state.mesh, state.load
-    if isinstance(load, SpreadForce | PatchForce):
+    if load.dead:
         share = load.nodal(mesh)
         return share[:, None] / share.sum() * state.value
-    if isinstance(load, IndenterDisplacement | IndenterForce):
+    if load.indenter is not None:
         return indentation_of(state)[1].pushed
     forces = np.zeros_like(places)
-    if isinstance(load, Pressure):
+    if load.follows_surface:
         wet = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]
         np.add.at(forces, wet, state.value[0] * pressure_forces(places[wet]))
         return forces
     # The distribution of a plate's force is a reaction: only the sum can be out of balance.
     top = nodes_of(mesh, "top")
     forces[top] = internal[top]
-    if isinstance(load, PlateForce):
+    if not load.gives_displacement:
         forces[top] += (state.value - internal[top].sum(axis=0)) / len(top)
     return forces

@@ -6,7 +6,6 @@ import numpy as np
 
 from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
 from mitsuba_taxel.mechanics.contact.smooth_pressure import smooth_pressure
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.path.state import State
 
 
@@ -17,7 +16,7 @@ def contact_pressure(state: State) -> np.ndarray:
     linear between the nodes of faces that are cut into four; where top and outside meet, it is the larger one.
     """
     found = np.zeros(len(state.mesh.points))
-    if isinstance(state.load, IndenterDisplacement | IndenterForce):
+    if state.load.indenter is not None:
         body, pressing = indentation_of(state)
         np.maximum.at(found, body.node, smooth_pressure(body, pressing.pressure))
     return found
@@ -25,6 +24,6 @@ def contact_pressure(state: State) -> np.ndarray:
 
 def indentation_of(state: State) -> tuple[Indentation, Pressing]:
     """The indenter of a state, and how it presses."""
-    assert isinstance(state.load, IndenterDisplacement | IndenterForce) and state.indenter_moved is not None
+    assert state.load.indenter is not None and state.indenter_moved is not None
     body = Indentation(state.mesh, state.load.indenter, state.material.youngs_modulus)
     return body, body.pressing(state.displacement, state.indenter_moved, traction=body.at_nodes(state.traction))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.kernels.protocols import PadShape
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 
 
 def indenter_surface(pad: PadShape, magnify: float = 1.0) -> tuple[np.ndarray, np.ndarray] | None:
@@ -19,7 +18,7 @@ def indenter_surface(pad: PadShape, magnify: float = 1.0) -> tuple[np.ndarray, n
         What its displacement is multiplied by.
     """
     load, state = pad.load, pad.state
-    if not isinstance(load, IndenterDisplacement | IndenterForce):
+    if load.indenter is None:
         return None
     assert state.indenter_moved is not None
     points, body = state.mesh.points, load.indenter.body

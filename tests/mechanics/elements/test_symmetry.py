@@ -15,7 +15,6 @@ from mitsuba_taxel.mechanics import (
     SpreadForce,
     load_path,
 )
-from mitsuba_taxel.mechanics.elements.loads import keeps
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between, unsymmetric_blocks
@@ -222,7 +221,7 @@ PATCHES = [
 
 @pytest.mark.parametrize(("patch", "mirrors"), PATCHES, ids=[str(patch) for patch, _ in PATCHES])
 def test_a_patch_keeps_the_mirrors_that_it_has_itself(patch, mirrors, mesh, images):
-    assert {mirror for mirror, image in images.items() if keeps(patch, mesh, mirror, image)} == mirrors
+    assert {mirror for mirror, image in images.items() if patch.is_symmetric(mesh, mirror, image)} == mirrors
 
 
 @pytest.mark.parametrize(("patch", "value"), [(PATCHES[2][0], (-0.1, 0, 0)), (PATCHES[-1][0], (0, 0.1, -0.1))])

@@ -20,7 +20,7 @@ class Curve:
 
     solves_between = False
     numbering = SimpleNamespace(displacements=1)
-    load = SimpleNamespace(goes_on=False)
+    load = SimpleNamespace(self_contact=False)
 
     def __init__(self, at, slope, end=np.inf):
         self.at, self.slope, self.end, self.solved = at, slope, end, []

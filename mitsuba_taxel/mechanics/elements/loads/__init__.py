@@ -1,0 +1,26 @@
+"""Loads of a pad: their base class, and a file for each; every load here is one of scenes under its name."""
+
+from mitsuba_taxel.base.kinds import import_all
+from mitsuba_taxel.mechanics.elements.loads.indenter_displacement import IndenterDisplacement
+from mitsuba_taxel.mechanics.elements.loads.indenter_force import IndenterForce
+from mitsuba_taxel.mechanics.elements.loads.load import DeadForce, Load
+from mitsuba_taxel.mechanics.elements.loads.patch_force import PatchForce
+from mitsuba_taxel.mechanics.elements.loads.plate_displacement import PlateDisplacement
+from mitsuba_taxel.mechanics.elements.loads.plate_force import PlateForce
+from mitsuba_taxel.mechanics.elements.loads.pressure import Pressure
+from mitsuba_taxel.mechanics.elements.loads.spread_force import SPREAD_FORCE, SpreadForce
+
+__all__ = [
+    "SPREAD_FORCE",
+    "DeadForce",
+    "IndenterDisplacement",
+    "IndenterForce",
+    "Load",
+    "PatchForce",
+    "PlateDisplacement",
+    "PlateForce",
+    "Pressure",
+    "SpreadForce",
+]
+
+import_all(__name__, __path__)

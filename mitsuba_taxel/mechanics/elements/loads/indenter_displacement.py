@@ -1,0 +1,39 @@
+"""A displacement of a rigid indenter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from mitsuba_taxel.base.arguments import require
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.elements.loads.load import Load
+from mitsuba_taxel.parameters import values_of
+
+USES = ("indenter", "indenter_x", "indenter_y", "friction")
+
+
+@dataclass(frozen=True)
+class IndenterDisplacement(Load, name="indenter_displacement", rank=5):
+    """A displacement of a rigid indenter, which does not rotate."""
+
+    indenter: Indenter = field()  # type: ignore[misc]
+
+    meaning = "of a rigid body that touches the pad from above"
+    quantity = "displacement"
+    unit = "mm"
+    components = 3
+    loads_rim = False
+    uses = ("displacement", *USES)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require("indenter", self.indenter, Indenter, "an Indenter")
+
+    @classmethod
+    def of_scene(cls, pad: Any, find: Any, **about: Any) -> IndenterDisplacement:
+        return cls(pad.build_indenter(find), **about)
+
+    def scene_values(self) -> dict[str, Any]:
+        x, y = self.indenter.at
+        return {"indenter_x": x, "indenter_y": y, **values_of(self.indenter)}

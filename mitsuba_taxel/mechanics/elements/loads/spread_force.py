@@ -1,0 +1,45 @@
+"""A force on the whole top."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.loads.load import DeadForce, Load, face_areas, top_faces
+
+
+@dataclass(frozen=True)
+class SpreadForce(DeadForce, name="spread_force", rank=0):
+    """A total force, spread evenly over the undeformed top; it keeps its direction (a dead load).
+
+    Parameters
+    ----------
+    self_contact : bool
+        Whether paths go on where the pad touches itself, the board or obstacles, by contact without friction.
+    """
+
+    meaning = "on the whole top"
+    loads_rim = True
+    has_position = False
+
+    def nodal(self, mesh: VolumeMesh) -> np.ndarray:
+        """(N,) loaded area in mm² of each node.
+
+        The consistent load of a flat six-node triangle lies on its mid-edge nodes, a third of the area each.
+        """
+        top = top_faces(mesh)
+        third = face_areas(mesh, top) / 3
+        return np.bincount(top[:, 3:].ravel(), weights=np.repeat(third, 3), minlength=len(mesh.points))
+
+    def loaded_area(self, mesh: VolumeMesh) -> float:
+        return Load.loaded_area(self, mesh)
+
+    def is_symmetric(self, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
+        """True: it covers a region of the surface, symmetric like the mesh."""
+        return True
+
+
+SPREAD_FORCE = SpreadForce()
