@@ -12,7 +12,7 @@ from mitsuba_taxel.base.activities import activity
 from mitsuba_taxel.base.arguments import as_numbers, check_whole
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.pads.cells import CellShape
+from mitsuba_taxel.pads.cells import CellShape, Shaft
 from mitsuba_taxel.pads.cells.meridian import as_text
 from mitsuba_taxel.pads.cells.profile import MOST_POINTS, Profile
 from mitsuba_taxel.parameters import REQUIRED, Kinded, Points, choice, kind, number, stated, text, whole
@@ -20,8 +20,8 @@ from mitsuba_taxel.parameters import REQUIRED, Kinded, Points, choice, kind, num
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
-CELL_SHAPES = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
-"""The shapes of the paper."""
+CELL_SHAPES = tuple(name for name, shape in CellShape.kinds().items() if issubclass(shape, Shaft))
+"""The shapes with a vertical side, as in the paper."""
 LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height", "top_x", "top_y")
 """Names of the dimensions of all pads."""
 

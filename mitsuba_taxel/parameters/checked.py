@@ -80,6 +80,10 @@ class Kinded(Checked, metaclass=_TakesOwnParameters):
 
     kind_values: tuple[tuple[str, Any], ...] = field(default=(), kw_only=True, repr=False)
 
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.__repr__ = _shown  # type: ignore[method-assign]  # a dataclass makes none that knows them otherwise
+
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
@@ -87,6 +91,12 @@ class Kinded(Checked, metaclass=_TakesOwnParameters):
             if name in own or (not name.startswith("_") and name in _own_parameters(type(self))):
                 return own.get(name)
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+
+def _shown(part: Any) -> str:
+    """A `Kinded` object as it is made, with the parameters of its kinds."""
+    values = {one.name: getattr(part, one.name) for one in fields(part) if one.repr} | dict(part.kind_values)
+    return f"{type(part).__qualname__}({', '.join(f'{name}={value!r}' for name, value in values.items())})"
 
 
 def parameters_of(cls: Any) -> Mapping[str, Parameter]:

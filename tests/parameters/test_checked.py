@@ -57,6 +57,7 @@ def test_parameters_of_a_kind_are_arguments_attributes_and_parameters():
     assert replace(probe, tip_angle=30.0).tip_angle == 30.0 and replace(probe, width=2).tip_angle == 60.0
     assert pickle.loads(pickle.dumps(probe)) == probe and hash(probe) == hash(Probe("cone", tip_angle=60.0))
     assert Probe("cone", tip_angle=61) != probe
+    assert repr(probe) == "Probe(tip='cone', width=1.0, tip_angle=60.0, tip_length=2.0)" and eval(repr(probe)) == probe
     rod = Rod("cone", angle=60, length=3)
     assert (rod.angle, rod.length) == (60.0, 3.0) and parameters_of(Rod)["angle"].name == "tip_angle"
 

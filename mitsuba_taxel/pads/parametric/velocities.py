@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.cells import CellShape
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.parametric.lean import AXES, lean, lean_rate, leans, on_round_walls, upright_nodes
+from mitsuba_taxel.parameters import parameters_of
 
 STEP = 1e-3
 """Relative change of the difference quotient: positions are linear in each length."""
@@ -49,7 +49,7 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     require("pad", pad, Pad, "a Pad")
     require("mesh", mesh, VolumeMesh, "a VolumeMesh")
     if not (isinstance(parameter, str) and parameter in pad.dimensions):
-        whole = isinstance(parameter, str) and parameter in (field.name for field in fields(pad))
+        whole = isinstance(parameter, str) and parameter in parameters_of(Pad)
         reason = "it does not change continuously" if whole else f"one of {', '.join(pad.dimensions)} is needed"
         raise refusal("parameter", parameter, reason)
     upright = upright_nodes(pad, mesh)
