@@ -63,3 +63,9 @@ def test_tests_have_the_names_of_files(room):
     names = {place.stem for folder in (folder_of(room), ROOT / "scenes") for place in folder.rglob("*")}
     tests = {file.stem.removeprefix("test_") for file in (ROOT / "tests" / room).rglob("test_*.py")}
     assert tests - names == TOGETHER.get(room, set())
+
+
+def test_units_keep_their_case_at_the_start_of_a_sentence():
+    """Mm is a megametre."""
+    texts = {file: file.read_text() for room in ("mitsuba_taxel", "plugins") for file in (ROOT / room).rglob("*.py")}
+    assert [str(file) for file, text in texts.items() if re.search(r"\b(Mm|MPA|Nm|Mw)\b", text)] == []

@@ -22,7 +22,7 @@ def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarr
     Parameters
     ----------
     points : (V, 3) ndarray
-        Mm.
+        In mm.
     triangles : ndarray
         (T, 3).
     """

@@ -41,7 +41,7 @@ class PadFile(Displayed):
         Rules that assign regions to faces, or a TOML file of them (see :func:`read_rules`); the first matching
         rule applies. Other faces are guessed: see :func:`mitsuba_taxel.pads.imported.regions.tagged`.
     scale : float
-        Mm per unit of length of the file; STEP files state their unit, and are in mm as they are read.
+        Length of the file's unit in mm; STEP files state their unit, and are in mm as they are read.
     up : str
         Direction in the file that points up, ``x``, ``y``, ``z``, ``-x``, ``-y`` or ``-z``: the pad is turned, the
         middle of the box around it moved to x = y = 0, and its lowest point to z = 0. ``as drawn`` leaves it.
@@ -57,7 +57,7 @@ class PadFile(Displayed):
     scale: float = number(
         1.0,
         "",
-        "Mm per unit of length of the file: 25.4 for inches, 1000 for m. A STEP file states its unit, which counts "
+        "Length of the file's unit in mm: 25.4 for inches, 1000 for m. A STEP file states its unit, which counts "
         "already.",
         above=0,
         name="file_scale",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -211,23 +210,6 @@ class AnnularLed(mi.Emitter):
         return f"AnnularLed[power = {self.power[0]:g} W at {self.wavelength:g} nm, {size}]"
 
 
-class _Annulus(Protocol):
-    """The emitting area of one LED about its centre, in world lengths.
-
-    Both outlines map the unit square continuously and with equal areas, which preserves low discrepancy: the first
-    coordinate runs from the hole to the rim, the second once round.
-    """
-
-    outer: mi.Float
-    area: mi.Float
-
-    def sample(self, sample: mi.Point2f) -> mi.Point2f:
-        """A point uniform on the area for a point uniform on the unit square."""
-
-    def contains(self, offset: mi.Point2f) -> mi.Bool:
-        """Whether a point lies on the area."""
-
-
 class _SquareAnnulus:
     """Between two concentric squares of half-sides ``inner`` and ``outer``."""
 
@@ -270,6 +252,11 @@ _ANNULI: dict[str, type[_SquareAnnulus] | type[_CircularAnnulus]] = {
     "square": _SquareAnnulus,
     "circular": _CircularAnnulus,
 }
+"""The emitting area of one LED about its centre, in world lengths.
+
+Both outlines map the unit square continuously and with equal areas, which preserves low discrepancy: the first
+coordinate runs from the hole to the rim, the second once round.
+"""
 
 
 def _pick(sample: mi.Float, count: int) -> tuple[mi.UInt32, mi.Float]:

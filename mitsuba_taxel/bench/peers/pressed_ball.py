@@ -31,7 +31,7 @@ COLUMNS = (
 STIFFNESS = 2e4
 """MPa/mm, pressure over penetration: a tenth of a micrometre."""
 INCREMENT = 0.1
-"""Mm, way of the ball in one increment."""
+"""Way of the ball in one increment, in mm."""
 CUTS = 6
 """Number of halvings of an icosahedron's edges: sides of 0.045 mm, whose facets lean by half a degree."""
 CAP, LARGEST_CAP = 1.06, 0.95

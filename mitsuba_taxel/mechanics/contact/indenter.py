@@ -86,7 +86,7 @@ class Indenter(Kinded):
     file_scale: float | None = number(
         1.0,
         "",
-        "Mm per unit of length of the file: 25.4 for inches, 1000 for m.",
+        "Length of the file's unit in mm: 25.4 for inches, 1000 for m.",
         above=0,
         when=_SHAPE,
         name="indenter_file_scale",

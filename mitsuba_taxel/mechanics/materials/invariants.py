@@ -62,7 +62,7 @@ class IsochoricInvariants:
         Parameters
         ----------
         pull : Any
-            P J (...).
+            Mean stress times volume ratio, p J (...), in MPa.
         """
         f, g = self.gradient, self.inverse_transpose
         with_g = _tensor(0.5 * pull) * g

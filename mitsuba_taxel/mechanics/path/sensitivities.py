@@ -53,9 +53,9 @@ class Gradient:
     value : (3,) ndarray
         Per N or mm, or (1,) per MPa: dL by each component of the load's value.
     material : dict[str, float]
-        DL by each parameter of the material, by name.
+        Derivatives of L by each parameter of the material, by name.
     shape : dict[str, float]
-        DL by each requested change of shape, by name: through the displacement alone.
+        Derivatives of L by each requested change of shape, by name: through the displacement alone.
     """
 
     value: np.ndarray
@@ -204,7 +204,7 @@ class LinearisedState:
         Parameters
         ----------
         gradient : (N, 3) ndarray
-            DL/d(displacement) of each node, per mm; values on nodes of the board are ignored.
+            Derivative of L by the displacement of each node, per mm; values on nodes of the board are ignored.
         shapes : Mapping[str, ndarray], optional
             Velocities (N, 3) as for :meth:`by_shape`, by arbitrary names. If L depends on the positions of nodes, add
             the sum of ``gradient * velocity``: the undeformed nodes move too.

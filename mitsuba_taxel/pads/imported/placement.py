@@ -18,13 +18,13 @@ DIRECTIONS = {
 SMALLEST_EXTENT, LARGEST_EXTENT = 0.1, 1000.0
 """Least and greatest longest side in mm; outside, the file is of another scale."""
 UNITS = {"m": 1000.0, "inches": 25.4, "cm": 10.0, "um": 1e-3}
-"""Mm of units of length that files are in."""
+"""Units of length that files are in, in mm."""
 LIKELY = 1.0, 500.0
-"""Mm, longest side of a body that a unit gives for which it is proposed."""
+"""Longest side in mm of a body that a unit gives for which it is proposed."""
 USUAL = 2.0, 300.0
-"""Mm, longest side for which no other unit is proposed."""
+"""Longest side in mm for which no other unit is proposed."""
 COMMON = 10.0
-"""Mm, longest side of a body: the unit that comes nearest to it is named first."""
+"""Longest side in mm of a body: the unit that comes nearest to it is named first."""
 
 MOST_CENTRES = 4
 """Cells whose centres are stated."""
@@ -38,7 +38,7 @@ class Placement(NamedTuple):
     Attributes
     ----------
     scale : float
-        Mm per unit of length of the file.
+        Length of the file's unit in mm.
     up : str
         Direction in the file that points up, one of `DIRECTIONS`; the box around the body is then centred at x = y = 0,
         and stands on z = 0.

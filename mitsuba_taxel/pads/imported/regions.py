@@ -40,7 +40,7 @@ class FacedSurface:
     Attributes
     ----------
     vertices : (V, 3) ndarray
-        Mm.
+        In mm.
     triangles : (T, 3) ndarray
         Vertex numbers.
     face : (T,) ndarray

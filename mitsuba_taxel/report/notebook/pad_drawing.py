@@ -71,7 +71,7 @@ class _View:
     corner : Point
         Lowest coordinates of the view, mm.
     height : float
-        Mm.
+        In mm.
     scale : float
         Pixels per mm.
     top : float

@@ -34,7 +34,7 @@ def coarsened(
     Parameters
     ----------
     vertices : (N, 3) ndarray
-        Mm.
+        In mm.
     triangles : (M, 3) ndarray
         Int.
     regions : (M,) ndarray

@@ -35,7 +35,7 @@ class Punch(IndenterShape, name="punch", rank=1):
 
     @property
     def edge(self) -> float:
-        """Mm, radius of the edge."""
+        """Radius of the edge, in mm."""
         return EDGE * self.indenter.radius if self.indenter.edge_radius is None else self.indenter.edge_radius
 
     def own_gap(self, points: np.ndarray) -> Gap:

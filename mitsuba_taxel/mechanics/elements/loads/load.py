@@ -105,7 +105,7 @@ class Load(Kind, family="load"):
 
     @property
     def area(self) -> float | None:
-        """Mm² that a force is spread over, where that does not depend on the pad; else None."""
+        """Area in mm² that a force is spread over, where that does not depend on the pad; else None."""
         return None
 
     @property
