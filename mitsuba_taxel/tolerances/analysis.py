@@ -45,15 +45,16 @@ class Tolerance:
         ``linear_error`` and ``explained`` over the exact ones; and ``linear_explained``, the share of their variance
         explained by their linear answer.
     shares : DataFrame
-        One row per figure, taxel and parameter: ``rate``, the figure's derivative in ``unit``; its ``linear`` share of
-        the variance; the ``first`` and ``total`` Sobol' indices with their errors; NaN where they are not known, as
-        too little is explained.
+        One row per figure, taxel and parameter, or factor that scales several: ``rate``, the figure's derivative in
+        ``unit``; its ``linear`` share of the variance; the ``first`` and ``total`` Sobol' indices with their errors;
+        NaN where they are not known, as too little is explained.
     parameters : DataFrame
-        One row per parameter: its ``law``, ``mean`` and ``sd``, and for each figure its ``total`` index, the mean of
-        all taxels, weighted by their variances, and ``total_error``, that of this mean.
+        One row per parameter or factor: its ``law``, ``mean`` and ``sd``, and for each figure its ``total`` index, the
+        mean of all taxels, weighted by their variances, and ``total_error``, that of this mean.
     samples : DataFrame
-        One row per sample: its parameters, and the figures of all taxels. With ``exact`` below the number of samples:
-        whether it is ``exact``, its figures if so, else NaN, and the linear answer, such as ``linear_rest_1``.
+        One row per sample: its parameters and factors, and the figures of all taxels. With ``exact`` below the number
+        of samples: whether it is ``exact``, its figures if so, else NaN, and the linear answer, such as
+        ``linear_rest_1``.
     notes : list[str]
         Notes for the reader.
     """
@@ -112,8 +113,9 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
         every = np.concatenate([z, others])
         linear = {f"linear_{name}": _linear(plan, at_mean[name], slopes[name], every) for name in found}
         table = _samples(plan, {**found, **linear}, every)
-        table.insert(len(plan.laws), "exact", np.arange(len(every)) < len(z))
-    notes.append(LEFT_OUT["tolerance"])
+        varied = {law.name for law in plan.laws} | set(plan.factors.products)
+        table.insert(len(varied), "exact", np.arange(len(every)) < len(z))
+    notes += [*plan.factors.notes(), LEFT_OUT["tolerance"]]
     return Tolerance(spread, shares, _parameters(plan, spread, shares), table, notes)
 
 
@@ -123,10 +125,11 @@ def is_smooth(mean: xr.Dataset) -> bool:
 
 
 def _samples(plan: TolerancePlan, found: dict[str, np.ndarray], z: np.ndarray) -> pandas.DataFrame:
-    """One row per sample: its parameters, and its figures (samples, taxels), of which there may be fewer."""
+    """One row per sample: its parameters and factors, and its figures (samples, taxels), which may be of fewer."""
     import pandas
 
-    columns = {law.name: law.mean + z[:, number] * law.deviation for number, law in enumerate(plan.laws)}
+    laws = {law.name: law.mean + z[:, number] * law.deviation for number, law in enumerate(plan.laws)}
+    columns = {**laws, **plan.factors.parameters(laws)}
     for name, values in found.items():
         padded = np.full((len(z), values.shape[1]), math.nan)
         padded[: len(values)] = values
@@ -197,16 +200,17 @@ def _readings(plan: TolerancePlan, study: xr.Dataset, name: str) -> np.ndarray:
 
 
 def _rates(plan: TolerancePlan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
-    """(forces, taxels, parameters) of readings in W, NaN where there is no derivative."""
+    """(forces, taxels, laws) of readings in W, NaN where a parameter that depends on the law has no derivative."""
     rates = np.full((*nominal.shape, len(plan.laws)), math.nan)
     if "derivative" in mean:
         derivative = mean.derivative.isel({STEP: 0})
         if not plan.force:
             derivative = derivative.expand_dims("force")
+        known = derivative.transpose("parameter", plan.force or "force", "taxel")
         for number, law in enumerate(plan.laws):
-            if law.name in derivative.parameter.values:
-                one = derivative.sel(parameter=law.name)
-                rates[..., number] = one.transpose(plan.force or "force", "taxel").values
+            chain = plan.factors.partial_derivatives(law.name)
+            if set(chain) <= set(derivative.parameter.values):
+                rates[..., number] = sum(known.sel(parameter=name).values * by for name, by in chain.items())
     return rates
 
 

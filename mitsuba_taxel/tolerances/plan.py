@@ -11,9 +11,10 @@ import numpy as np
 from mitsuba_taxel.base.arguments import check_whole, is_whole
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing.parsed_parts import refusal_of
-from mitsuba_taxel.studies.plan.batch import Batch, batch_from, read_study_of
+from mitsuba_taxel.studies.plan.batch import Batch, batch_from, parameters_in, read_study_of
 from mitsuba_taxel.studies.plan.vary import STEP
-from mitsuba_taxel.tolerances.laws import Law, law_of
+from mitsuba_taxel.tolerances.factors import Factors, read_factors
+from mitsuba_taxel.tolerances.laws import Law
 
 KEYS = ("exact", "of", "samples", "sampling")
 SAMPLES = 64
@@ -29,11 +30,11 @@ class TolerancePlan:
 
     Attributes
     ----------
-    laws : list[Law]
-        Distributions of the parameters with tolerances.
+    factors : Factors
+        Distributions, and the parameters with tolerances as products of them.
     force : str
         The varied force; empty if none is.
-    shares : (samples, parameters) ndarray
+    shares : (samples, laws) ndarray
         Cumulative probabilities of the samples.
     exact : int
         Samples computed by the whole chain: the first ones.
@@ -41,16 +42,21 @@ class TolerancePlan:
         The sensor with all parameters at their mean.
     """
 
-    laws: list[Law]
+    factors: Factors
     force: str
     shares: np.ndarray
     exact: int
     batch: Batch
 
     @property
+    def laws(self) -> list[Law]:
+        """The distributions."""
+        return self.factors.laws
+
+    @property
     def standardised(self) -> np.ndarray:
-        """(samples, parameters) relative to the mean, in standard deviations, with values rounded as written."""
-        values = np.array([[float(word) for word in column] for column in self._words().values()]).T
+        """(samples, laws) relative to the mean, in standard deviations, with values rounded as written."""
+        values = np.array(list(self._columns().values())).T
         return (values - [law.mean for law in self.laws]) / [law.deviation for law in self.laws]
 
     def samples(self, points: int, mesh_size: float | None) -> Batch:
@@ -61,8 +67,14 @@ class TolerancePlan:
         return replace(batch, points=points, mesh_size=mesh_size, target_error=None, time_budget=None)
 
     def _words(self) -> dict[str, list[str]]:
+        values = self.factors.parameters(self._columns())
+        return {name: [f"{value:.12g}" for value in column] for name, column in values.items()}
+
+    def _columns(self) -> dict[str, np.ndarray]:
+        """Values of the laws."""
         columns = (law.values(column) for law, column in zip(self.laws, self.shares.T, strict=True))
-        return {law.name: [f"{v:.12g}" for v in column] for law, column in zip(self.laws, columns, strict=True)}
+        rounded = [np.array([float(f"{value:.12g}") for value in column]) for column in columns]
+        return {law.name: column for law, column in zip(self.laws, rounded, strict=True)}
 
 
 def read_plan(file: Path, exact: int | None = None) -> TolerancePlan:
@@ -83,14 +95,19 @@ def read_plan(file: Path, exact: int | None = None) -> TolerancePlan:
     for name in ("together", "steps", "derivatives", "target_slope"):
         if name in scene or name in content:
             raise InputError(f"{name} is not allowed in a tolerance study.")
-    laws = [law_of(name, given) for name, given in table["of"].items()]
-    scene["together"] = {law.name: [f"{law.mean:.12g}"] for law in laws}
-    batch = batch_from(content, 0, file.resolve().parent)
-    shares = _shares(table.get("samples", SAMPLES), table.get("sampling", SAMPLINGS[0]), len(laws), batch.seed)
+    folder = file.resolve().parent
+    given = scene.get("define", {})
+    factors = read_factors(table["of"], {**parameters_in(str(scene.get("scene")), folder), **given})
+    # What is scaled varies, and so has no other value.
+    scene["define"] = {name: value for name, value in given.items() if name not in factors.constants}
+    at_mean = factors.parameters({law.name: law.mean for law in factors.laws})
+    scene["together"] = {name: [f"{value:.12g}"] for name, value in at_mean.items()}
+    batch = batch_from(content, 0, folder)
+    shares = _shares(table.get("samples", SAMPLES), table.get("sampling", SAMPLINGS[0]), len(factors.laws), batch.seed)
     count = _exact(table.get("exact", len(shares)) if exact is None else exact, len(shares))
-    plan = TolerancePlan(laws, _force(batch), shares, count, replace(batch, name="nominal"))
-    for law in laws:
-        _check_range(batch, law)
+    plan = TolerancePlan(factors, _force(batch), shares, count, replace(batch, name="nominal"))
+    for law in factors.laws:
+        _check_range(plan, law)
     return plan
 
 
@@ -134,11 +151,12 @@ def _force(batch: Batch) -> str:
     return first.dim
 
 
-def _check_range(batch: Batch, law: Law) -> None:
+def _check_range(plan: TolerancePlan, law: Law) -> None:
     """Refuse a distribution that exceeds the range of its parameter, with others at their mean."""
-    mean = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
+    mean = {each.name: each.mean for each in plan.laws}
     for end in (BEYOND, 1 - BEYOND):
         value = float(law.values(np.array(end)))
-        reason = refusal_of(batch.scene({**mean, law.name: f"{value:.12g}"}))
+        parameters = plan.factors.parameters({**mean, law.name: value})
+        reason = refusal_of(plan.batch.scene({name: f"{number:.12g}" for name, number in parameters.items()}))
         if reason:
             raise InputError(f"tolerance of {law.name}: {law.words} leaves what is allowed at {value:.4g}: {reason}")

@@ -96,7 +96,7 @@ def _as_tree(plan: TolerancePlan) -> dict[str, Any]:
 def _with_derivatives(plan: TolerancePlan) -> tuple[Batch, list[str]]:
     """The mean batch with derivatives with respect to all parameters that have one, and a note for each other one."""
     values = {name: words[0] for axis in plan.batch.axes for name, words in axis.values.items()}
-    names = [law.name for law in plan.laws]
+    names = list(plan.factors.products)
     refused = without_derivative(plan.batch.scene(values), names)
     notes = [f"no linear answer for {name}: {reason}" for name, reason in refused.items()]
     return replace(plan.batch, derivatives=tuple(name for name in names if name not in refused)), notes

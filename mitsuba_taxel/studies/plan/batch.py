@@ -329,13 +329,13 @@ def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
     )
 
 
-def parameters_in(source: str, folder: Path = Path()) -> Collection[str]:
-    """Names of the parameters of a scene as a study states it; none if there is no such scene."""
+def parameters_in(source: str, folder: Path = Path()) -> Mapping[str, str]:
+    """Defaults of the parameters of a scene as a study states it; none if there is no such scene."""
     try:
         beside = folder / source
         return Scene(beside if is_file(beside) else source).defaults
     except InputError:  # which is reported where the scene is needed
-        return ()
+        return {}
 
 
 def columns_of(file: Path, what: str = "steps", known: Collection[str] = ()) -> dict[str, list[str]]:
