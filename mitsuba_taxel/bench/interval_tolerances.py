@@ -36,7 +36,7 @@ def _deviations(kind: str, seed: int) -> dict[str, float]:
     polynomial = fitted(z, outputs)
     assert polynomial is not None
     laws = [law_of(name, {"law": "normal", "mean": 0.0, "sd": 1.0}) for name in "abc"]
-    first, total, first_error, total_error = (float(each[0, 0]) for each in indices(polynomial, laws, 0))
+    first, total, first_error, total_error = (float(each[0, 0]) for each in indices(polynomial, laws))
     deviation, of_deviation = deviations(outputs)
     errors = spreads(outputs, seed)
     found = {

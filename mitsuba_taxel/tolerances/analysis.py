@@ -18,13 +18,11 @@ from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.tolerances.control import LITTLE, corrected, spreads
 from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel, shown_readings
 from mitsuba_taxel.tolerances.plan import FEWEST, TolerancePlan
-from mitsuba_taxel.tolerances.shares import ENOUGH, Indices, fewest_of, fitted, indices
+from mitsuba_taxel.tolerances.shares import ENOUGH, Indices, fewest_of, fitted, indices, more_samples
 
 if TYPE_CHECKING:
     import pandas
 
-FINE = 10
-"""Exact samples per squared number of parameters beyond which more do not help a polynomial of second degree."""
 NOISY = "samples are read with random numbers, whose noise is part of the spread: what is not explained may be that"
 
 
@@ -145,10 +143,13 @@ def _notes_of_indices(spread: pandas.DataFrame, shares: pandas.DataFrame, exact:
         if len(unknown) and (rows.sd > 0).any():
             worst = rows.explained.min()
             why = f"the polynomial explains {max(worst, 0):.0%} of the variance" if worst == worst else "few are exact"
-            help_ = f"more exact samples, {2 * exact} say" if exact < FINE * parameters**2 else "a smaller spread"
+            more = more_samples(parameters, exact)
+            help_ = "a smaller spread"
+            if more is not None:
+                help_ = f"exact = {more[0]} or more, through which one of degree {more[1]} is fitted,"
             notes.append(
                 f"Sobol' indices of {name} are not known of {len(unknown)} of {len(rows)} taxels: {why}, {ENOUGH:.0%} "
-                f"are needed; {help_}, may explain more"
+                f"are needed; {help_} may explain more"
             )
     return notes
 
@@ -240,7 +241,7 @@ def _of_figure(
         few = _corrected(plan, at_mean, of_samples, slopes, z, others)
     found = Indices(*np.full((4, *slopes.shape), math.nan))
     if polynomial is not None:
-        found = indices(polynomial, plan.laws, plan.batch.seed)
+        found = indices(polynomial, plan.laws)
     elif len(others):
         # Of the linear answer, as far as it explains the samples.
         missed = 1 - few["linear_explained"][:, None]
