@@ -31,10 +31,7 @@ from .measurement import (
     read_measurement as read_measurement,
 )
 from .ranking_rows import (
-    comparison_rows as comparison_rows,
-)
-from .ranking_rows import (
-    ranking_notes as ranking_notes,
+    printed_comparison as printed_comparison,
 )
 from .recorded_runs import recorded_experiment as recorded_experiment
 from .resolution import resolution as resolution

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from mitsuba_taxel.base.printed import Printed, figures_table
 from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise.comparison import DRAWS, Comparison
-from mitsuba_taxel.characterise.wording import as_word, with_error
+from mitsuba_taxel.characterise.wording import AS_SHOWN, as_word, figure_rows, with_error
 
 
 def varied_names(found: Comparison) -> list[str]:
@@ -33,6 +34,16 @@ def comparison_rows(found: Comparison) -> tuple[list[str], list[list[str]]]:
         cells += [f"{record['allowed']:.0%}"] if limited else []
         rows.append([*cells, f"{record['first']:.1%}", "-" if record["rank"] == 1 else numbers["behind"]])
     return headings, rows
+
+
+def printed_comparison(found: Comparison) -> Printed:
+    """A comparison as it is printed."""
+    of = "" if found.volts is None else "readings in V"
+    title = ", ".join(filter(None, (f"By {found.by.replace('_', ' ')}", of, found.channel)))
+    shown: Printed = [figures_table(title, *comparison_rows(found)), *ranking_notes(found)]
+    if found.volts is not None and len(found.volts):
+        shown.append(figures_table(AS_SHOWN, *figure_rows(found.volts)))
+    return [*shown, *found.notes]
 
 
 def ranking_notes(found: Comparison) -> list[str]:

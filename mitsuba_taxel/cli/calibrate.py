@@ -29,14 +29,13 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
     a fit has not seen.
     """
     from mitsuba_taxel import open_study
-    from mitsuba_taxel.base.left_out import LEFT_OUT
     from mitsuba_taxel.characterise import read_measurement
     from mitsuba_taxel.surrogates import calibrate, write_calibration
+    from mitsuba_taxel.surrogates.wording import printed_calibration
 
-    from .tables import print_json
+    from .tables import print_json, print_result
 
-    measured = source.suffix.lower() == ".csv"
-    data = read_measurement(source) if measured else open_study(source)
+    data = read_measurement(source) if source.suffix.lower() == ".csv" else open_study(source)
     found = calibrate(data, coverage=coverage, noise=noise)
     write_calibration(found, output)
     widths = dict(zip(found.forces, found.half_width.tolist(), strict=True))
@@ -45,12 +44,5 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
         about |= {"covered": found.covered, "tested": found.tested}
         print_json({**about, "rms_of_range": found.polynomial.rms, "file": str(output)})
         return
-    for name, width in widths.items():
-        print(f"{name}: +- {width:.3g} N holds {found.coverage:.0%}")
-    print(f"Tested on {found.tested}: intervals by the others hold {found.covered:.1%}.")
-    if not measured:
-        both = " of the light and that of the circuit" if found.unit == "V" else ""
-        noise_in_words = f"{found.noise:.2g} relative noise{both}"
-        print(f"Readings in {found.unit} with {noise_in_words}; the study's own errors are not in it.")
-    print(LEFT_OUT["calibration"])
+    print_result(printed_calibration(found))
     print(f"Results: {output}")

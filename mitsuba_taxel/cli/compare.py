@@ -51,17 +51,18 @@ def command(
     readings are volts.
     """
     from mitsuba_taxel import open_study
-    from mitsuba_taxel.characterise import compare, comparison_rows, ranking_notes
-    from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows
+    from mitsuba_taxel.characterise import compare, printed_comparison
     from mitsuba_taxel.studies.plan.files import make_folder
 
-    from .tables import circuit_in, print_figures, print_json, records
+    from .tables import circuit_in, print_json, print_result, records
 
     limits = {name: _number(name, word) for name, word in at_most.items()}
     studies = {str(folder): open_study(folder) for folder in folders}
     found = compare(studies, by, limits, force=force, up_to=up_to, circuit=circuit_in(circuit))
+    printed = printed_comparison(found)
     if output is not None:
         from mitsuba_taxel.base.atomic import replacing, write_text
+        from mitsuba_taxel.base.printed import write_printed
         from mitsuba_taxel.plots.ranking import plot_ranking
 
         make_folder(output)
@@ -71,6 +72,7 @@ def command(
             with replacing(output / "volts.csv") as file:
                 found.volts.to_csv(file, index=False)
         write_text(output / "notes.txt", "".join(f"{note}\n" for note in found.notes))
+        write_printed(printed, output)
         with replacing(output / "comparison.png") as file:
             plot_ranking(found).savefig(file)
     if as_json:
@@ -79,15 +81,7 @@ def command(
         print_json({"variants": records(found.table), **about, **volts})
         _require_ranked(found)
         return
-    of = "" if found.volts is None else "readings in V"
-    title = ", ".join(filter(None, (f"By {by.replace('_', ' ')}", of, found.channel)))
-    print_figures(title, *comparison_rows(found))
-    for line in ranking_notes(found):
-        print(line)
-    if found.volts is not None:
-        print_figures(AS_SHOWN, *figure_rows(found.volts))
-    for note in found.notes:
-        print(note)
+    print_result(printed)
     if output is not None:
         print(f"Results: {output}")
     _require_ranked(found)

@@ -52,6 +52,7 @@ def command(
     """
     from mitsuba_taxel.studies import open_study
     from mitsuba_taxel.studies.run.training import training_set
+    from mitsuba_taxel.studies.store.datasheet import rows_line
 
     from .tables import print_json
 
@@ -62,5 +63,5 @@ def command(
     if as_json:
         print_json({"output": str(folder), "rows": rows})
         return
-    click.echo(f"Rows: {', '.join(f'{name} {count}' for name, count in rows.items())}")
+    click.echo(rows_line(rows))
     click.echo(f"Results: {folder}")

@@ -23,8 +23,9 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.surrogates import export
+    from mitsuba_taxel.surrogates.wording import printed_model
 
-    from .tables import print_json
+    from .tables import print_json, print_result
 
     found, notes = export(open_study(folder), output)
     if as_json:
@@ -32,9 +33,5 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
         error = {"rms": found.rms, "worst": found.worst, "tested": found.tested}
         print_json({**about, "error": error, "notes": notes, "file": str(output)})
         return
-    for name, unit, low, high in zip(found.names, found.units, found.low, found.high, strict=True):
-        print(f"{name}: {low:g} to {high:g} {unit}".rstrip())
-    print(f"Error of the fit: {found.rms:.2%} of full scale (at worst {found.worst:.2%}), on {found.tested}.")
-    for note in notes:
-        print(note)
+    print_result(printed_model(found, notes))
     print(f"Results: {output}")

@@ -24,8 +24,9 @@ def command(
     Tables, a plot, a page optimum.md, the best design as a scene, and drawings of its pad and mould are written to DIR.
     """
     from mitsuba_taxel.optimum import optimise
+    from mitsuba_taxel.optimum.outputs import printed_optimum
 
-    from .tables import print_json
+    from .tables import print_json, print_result
 
     with _best_so_far() as progress:
         result = optimise(
@@ -34,7 +35,7 @@ def command(
     if as_json:
         print_json({**_as_json(result), "output": str(folder)})
         return
-    _show(result)
+    print_result(printed_optimum(result))
     print(f"Results: {folder}")
 
 
@@ -66,30 +67,3 @@ def _as_json(result) -> dict[str, object]:
             value = records(value)
         shown[name] = known(value) if isinstance(value, float) else value
     return shown
-
-
-def _show(result) -> None:
-    from mitsuba_taxel.optimum.outputs import changes, cost_line, gain_line, shown, slope_line
-
-    from .tables import print_notes, print_table
-
-    finer = "best_finer" in result.figures
-    columns = ["before", "best", *(["before_finer", "best_finer"] if finer else [])]
-    print_table(
-        ("figure", "unit", *(name.replace("_", ", ") for name in columns), "binds"),
-        (
-            (
-                row["figure"],
-                row["unit"],
-                *(shown(row[name]) for name in columns),
-                f"{row['multiplier']:.2g}" if row["multiplier"] > 0 else "",
-            )
-            for row in result.figures.to_dict("records")
-        ),
-    )
-    print()
-    print_table(("parameter", "before", "best", "bound"), changes(result))
-    print(gain_line(result))
-    print(slope_line(result))
-    print(cost_line(result))
-    print_notes(result)

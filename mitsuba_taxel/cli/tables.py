@@ -8,11 +8,15 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.base.printed import Printed
 
 
 def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
@@ -69,12 +73,22 @@ def _show(table: Table) -> None:
 
 def print_figures(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table of figures of merit under a title, which names the force if there is only one; units below names."""
-    if not rows:
-        return
-    forces = {row[0] for row in rows} if headings[0] == "force" else set()
-    first = 1 if len(forces) == 1 else 0
-    print(f"{title}{f', {forces.pop()}' if first else ''}:")
-    print_table([heading.replace(" [", "\n[") for heading in headings[first:]], [row[first:] for row in rows])
+    from mitsuba_taxel.base.printed import figures_table
+
+    print_result([figures_table(title, headings, rows)] if rows else [])
+
+
+def print_result(printed: Printed) -> None:
+    """The tables and lines of a result, units below names; warnings on stderr."""
+    from mitsuba_taxel.base.printed import WARNING
+
+    for number, block in enumerate(printed):
+        if isinstance(block, str):
+            click.echo(block, err=block.startswith(WARNING))
+            continue
+        if block.title or number:
+            print(block.title)
+        print_table([heading.replace(" [", "\n[") for heading in block.headings], block.rows)
 
 
 def circuit_in(file):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.printed import WARNING, Printed, PrintedTable, write_printed
 from mitsuba_taxel.optimum.designs import pads_of
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.optimum.result import Optimum
@@ -38,6 +39,7 @@ def write(plan: Plan, before: Design, best: Design, result: Optimum, folder: Pat
         write_drawings(pad, folder)
         save_figure(plot_sections(first, pad), folder, "section")
     write_text(folder / "optimum.md", page(result, bool(pads[0])))
+    write_printed(printed_optimum(result), folder)
 
 
 def page(result: Optimum, has_section: bool) -> str:
@@ -57,6 +59,30 @@ def page(result: Optimum, has_section: bool) -> str:
             *(["## Trade-offs\n![Two objectives](front.png)", as_markdown(result.front)] if len(result.front) else []),
         ]
     )
+
+
+def printed_optimum(result: Optimum) -> Printed:
+    """The result as it is printed."""
+    finer = "best_finer" in result.figures
+    columns = ["before", "best", *(["before_finer", "best_finer"] if finer else [])]
+    figures = [
+        [
+            row["figure"],
+            row["unit"],
+            *(shown(row[name]) for name in columns),
+            f"{row['multiplier']:.2g}" if row["multiplier"] > 0 else "",
+        ]
+        for row in result.figures.to_dict("records")
+    ]
+    return [
+        PrintedTable("", ["figure", "unit", *(name.replace("_", ", ") for name in columns), "binds"], figures),
+        PrintedTable("", ["parameter", "before", "best", "bound"], [list(row) for row in changes(result)]),
+        gain_line(result),
+        slope_line(result),
+        cost_line(result),
+        *(f"{WARNING}{line}" for line in result.warnings),
+        *result.notes,
+    ]
 
 
 def changes(result: Optimum) -> list[tuple[str, str, str, str]]:

@@ -43,8 +43,8 @@ MOST_TERMS = 300
 class Calibration(NamedTuple):
     """``polynomial`` : from readings to forces in N; ``forces`` : their names; ``half_width`` (forces,) in N, of the
     intervals that contain a share ``coverage`` of the forces; ``covered`` : the share contained on left-out paths, with
-    the width from the others; ``unit`` of the readings; ``noise`` added to the light, relative; ``tested``, a
-    description of the test."""
+    the width from the others; ``unit`` of the readings; ``noise`` added to the light, relative, NaN of a measurement,
+    which has its own; ``tested``, a description of the test."""
 
     polynomial: Polynomial
     forces: tuple[str, ...]
@@ -91,7 +91,7 @@ def calibrate(
     if find_spec("sklearn") is None:
         raise InputError("calibrations need scikit-learn: install mitsuba_taxel[calibrate].")
     if isinstance(source, Measurement):
-        noise, (names, unit, rows) = 0.0, _measured(source)
+        noise, (names, unit, rows) = math.nan, _measured(source)
     else:
         source = single(source)
         if noise is None:

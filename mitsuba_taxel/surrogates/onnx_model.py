@@ -14,6 +14,7 @@ import xarray as xr
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.left_out import LEFT_OUT
+from mitsuba_taxel.base.printed import Printed, as_json, from_json
 from mitsuba_taxel.base.units import in_percent
 from mitsuba_taxel.electronics import Circuit, respond, saturated_words
 from mitsuba_taxel.electronics.pieces import straight_pieces
@@ -21,6 +22,7 @@ from mitsuba_taxel.electronics.response import lit
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.surrogates.calibration import Calibration
 from mitsuba_taxel.surrogates.polynomial import Polynomial, Unseen, polynomial_of, single
+from mitsuba_taxel.surrogates.wording import printed_calibration, printed_model
 
 _Step = tuple[str, list[str], str, dict[str, Any]]
 
@@ -30,6 +32,8 @@ TARGET = 0.01
 """Relative to full scale: a larger error gives a note."""
 ROUNDING = 1e-9
 """Relative to the box: inputs this little outside are inside, such as an unloaded pad of 1e-12 N."""
+PRINTED = "printed"
+"""Key of the metadata with what the command prints."""
 BEYOND = 2.0
 """Largest power of a circuit's pieces, relative to the largest of the study; the last piece goes on."""
 
@@ -97,10 +101,12 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
         volts = {"rms": rms, "worst": worst, "total": known(in_all), "of": "V", "tested": found.tested}
         about["voltage_error"] = json.dumps(volts)
         about["circuit"] = study.attrs["circuit"]
+    notes.append(LEFT_OUT["model"])
+    about[PRINTED] = as_json(printed_model(found, notes))
     content = _model(found, about, volts=None if circuit is None else _volts(circuit, float(study.power.max())))
     with replacing(Path(file)) as temporary:
         temporary.write_bytes(content)
-    return found, [*notes, LEFT_OUT["model"]]
+    return found, notes
 
 
 class StudyError(NamedTuple):
@@ -154,10 +160,30 @@ def write_calibration(found: Calibration, file: str | Path) -> None:
         "half_width": json.dumps(found.half_width.tolist()),
         "coverage": json.dumps({"wanted": found.coverage, "found": found.covered, "tested": found.tested}),
         "errors_leave_out": LEFT_OUT["calibration"],
+        PRINTED: as_json(printed_calibration(found)),
     }
     content = _model(model, about, "force", found.half_width)
     with replacing(Path(file)) as temporary:
         temporary.write_bytes(content)
+
+
+def read_printed(file: Path) -> Printed | None:
+    """What was printed of a model or a calibration in a file; None if it is neither.
+
+    Raises
+    ------
+    InputError
+        if onnx is not installed.
+    """
+    check_onnx()
+    import onnx
+    from google.protobuf.message import DecodeError
+
+    try:
+        about = {entry.key: entry.value for entry in onnx.load(file, load_external_data=False).metadata_props}
+        return from_json(about[PRINTED])
+    except (OSError, DecodeError, KeyError, ValueError, TypeError):
+        return None
 
 
 def check_onnx() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
+from pages import assert_on_its_page
 from plate_scenes import PLATE_FILE
 from taxel_cli import compare
 
@@ -20,8 +21,9 @@ def test_a_study_is_ranked(taxel, tmp_path):
     done = taxel("compare", "out", "--by", "mean_slope", "-o", "ranking")
     assert done.returncode == 0 and done.stderr == ""
     assert {file.name for file in (tmp_path / "ranking").iterdir()} == {
-        "comparison.csv", "comparison.png", "notes.txt",
+        "comparison.csv", "comparison.png", "notes.txt", "printed.json",
     }  # fmt: skip
+    assert_on_its_page(done, tmp_path / "ranking")
     title, _, _, first, *_ = done.stdout.splitlines()
     assert title == "By mean slope:" and first.split()[:2] == ["1", "1"] and "100.0%" in first
     rows = json.loads(taxel("compare", "out", "--at-most", "nonlinearity=100", "--json").stdout)["variants"]
@@ -46,7 +48,7 @@ def test_a_study_is_ranked_in_volts(taxel, tmp_path):
     assert done.returncode == 0 and done.stdout.startswith("By mean slope, readings in V:"), done.stderr
     assert "As the circuit shows it, fz:" in done.stdout
     assert {file.name for file in (tmp_path / "ranking").iterdir()} == {
-        "comparison.csv", "comparison.png", "notes.txt", "volts.csv",
+        "comparison.csv", "comparison.png", "notes.txt", "printed.json", "volts.csv",
     }  # fmt: skip
     volts = json.loads(taxel("compare", "out", "--by", "mean_slope", "--circuit", "circuit.toml", "--json").stdout)
     first = {"watts": json.loads(watts.stdout)["variants"][0], "volts": volts["variants"][0]}

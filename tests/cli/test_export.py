@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from pages import assert_on_its_page
 
 from mitsuba_taxel import sweep
 
@@ -15,6 +16,7 @@ def test_the_program_exports_a_study(taxel, tmp_path):
     sweep("plate.xml", {"offset_x": "-0.2,0,0.2", "z": "0.6,0.7,0.8,0.9"}, points=256, output=tmp_path / "out")
     done = taxel("export", "out", "-o", "plate.onnx")
     assert done.returncode == 0 and done.stderr == "" and "offset_x: -0.2 to 0.2 mm" in done.stdout
+    assert_on_its_page(done, tmp_path)
     assert "of full scale" in done.stdout and (tmp_path / "plate.onnx").stat().st_size
     about = json.loads(taxel("export", "out", "-o", "plate.onnx", "--json").stdout)
     assert about["inputs"] == ["offset_x", "z"] and about["high"] == [0.2, 0.9]
@@ -30,6 +32,7 @@ def test_the_program_calibrates_a_study_and_a_bench(taxel, tmp_path):
     table = np.stack([time, force, 1 - 0.05 * force + 1e-3 * np.random.default_rng(0).normal(size=len(time))], axis=1)
     np.savetxt(tmp_path / "bench.csv", table, delimiter=",", header="time_s,fz_N,v1_V", comments="")
     done = taxel("calibrate", "bench.csv", "--coverage", "80%")
+    assert_on_its_page(done, tmp_path)
     assert done.returncode == 0 and done.stderr == "" and "N holds 80%" in done.stdout
     assert (tmp_path / "calibration.onnx").stat().st_size
     about = json.loads(taxel("calibrate", "bench.csv", "--json").stdout)

@@ -170,7 +170,7 @@ def test_what_is_on_disk(cell):
     tables = {f"{name}.csv" for name in ("figures", "variables", "slopes", "history")}
     drawn = {f"{name}.{form}" for name in ("pad", "mould_base", "mould_frame") for form in ("step", "stl")}
     plots = {f"{name}.{form}" for name in ("optimum", "section") for form in ("png", "svg")}
-    assert made == tables | drawn | plots | {"designs", "judged", "best.xml", "optimum.md"}
+    assert made == tables | drawn | plots | {"designs", "judged", "best.xml", "optimum.md", "printed.json"}
     study = open_study(folder / "out" / "designs")
     assert study.sizes["step"] == found["load_steps"] == 2 * len(found["history"]) and found["load_steps"] <= 24
 

@@ -1,16 +1,25 @@
-"""Sections of a page with what `taxel tolerance`, `fit`, `optimise`, `compare` or `dataset` left in a folder."""
+"""Sections of a page with what `taxel tolerance`, `fit`, `optimise`, `compare`, `dataset`, `export` or `calibrate` left
+in a folder."""
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from html import escape
+from importlib.util import find_spec
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from mitsuba_taxel.base.printed import Printed, read_printed
 from mitsuba_taxel.fitting.wording import UNKNOWN_HEADINGS, unknown_rows
-from mitsuba_taxel.report.page.markup import bullets, folded, section, table
+from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, section, table
+from mitsuba_taxel.report.page.model_plot import has_readings, plot_model
+from mitsuba_taxel.studies.run.training import PARTS
+from mitsuba_taxel.studies.store.datasheet import rows_line
+from mitsuba_taxel.surrogates import onnx_model
 from mitsuba_taxel.tolerances.wording import INDICES, SPREAD_HEADINGS, SPREADS, index_rows, spread_rows
 
 if TYPE_CHECKING:
@@ -18,6 +27,9 @@ if TYPE_CHECKING:
 
 MOST_ROWS, MOST_COLUMNS = 50, 12
 """Of a table on the page; the rest is in the file."""
+
+
+MODEL = "Readings against each input, with the others in the middle of their ranges."
 
 
 class Outcome(NamedTuple):
@@ -107,11 +119,36 @@ AS_PRINTED: dict[str, tuple[str, _Rows]] = {
 
 def outcome_sections(folder: Path) -> list[str]:
     """Sections for the files of these commands in a folder; none if there are none."""
-    return [_section(kind, folder) for kind in OUTCOMES if (folder / kind.file).is_file()]
+    made = [_section(kind, folder) for kind in OUTCOMES if (folder / kind.file).is_file()]
+    models = sorted(folder.glob("*.onnx"))
+    if models and find_spec("onnx") is None:
+        return [*made, section("models", "Models", paragraph("To show them, install mitsuba_taxel[export]."))]
+    for number, file in enumerate(models):
+        if (printed := onnx_model.read_printed(file)) is not None:
+            shown = plot(partial(plot_model, file), MODEL, MODEL) if has_readings(file) else ""
+            made.append(section(f"model-{number}", f"Model {file.name}", *_printed(printed), shown))
+    return made
+
+
+def _printed(printed: Printed) -> list[str]:
+    """Tables and lines as the command prints them."""
+    parts: list[str] = []
+    for lines, blocks in groupby(printed, lambda block: isinstance(block, str)):
+        if lines:
+            parts.append(bullets([str(block) for block in blocks]))
+        else:
+            parts += [
+                table(block.title.removesuffix(":"), *block[1:]) for block in blocks if not isinstance(block, str)
+            ]
+    return parts
 
 
 def _section(kind: Outcome, folder: Path) -> str:
-    parts = [bullets(_lines(folder / kind.verdict))]
+    printed = read_printed(folder)
+    parts = [bullets(_lines(folder / kind.verdict))] if printed is None else _printed(printed)
+    if kind.file == "train.csv":
+        files = {part: folder / f"{part}.csv" for part in PARTS}
+        parts.insert(0, paragraph(rows_line({part: _count(file) for part, file in files.items() if file.is_file()})))
     for name, caption in kind.plots.items():
         kinds = {folder / f"{name}.svg": "svg+xml", folder / f"{name}.png": "png"}
         for file, of in [each for each in kinds.items() if each[0].is_file()][:1]:
@@ -123,8 +160,14 @@ def _section(kind: Outcome, folder: Path) -> str:
     for number, (name, caption) in enumerate(kind.tables.items()):
         if (file := folder / f"{name}.csv").is_file():
             made = _table(file, caption)
-            parts.append(made if number < 2 else folded(caption, made))
+            parts.append(made if number < 2 and printed is None else folded(caption, made))
     return section(kind.title.lower(), kind.title, *parts)
+
+
+def _count(file: Path) -> int:
+    """Rows of a table, without its heading."""
+    with file.open("rb") as lines:
+        return sum(1 for _ in lines) - 1
 
 
 def _lines(file: Path) -> list[str]:

@@ -36,8 +36,8 @@ def write_report(
     Parameters
     ----------
     folder : Path
-        That of a study of one or several scenes, or what `taxel tolerance`, `fit`, `optimise`, `compare` or `dataset`
-        wrote.
+        That of a study of one or several scenes, or what `taxel tolerance`, `fit`, `optimise`, `compare`, `dataset`,
+        `export` or `calibrate` wrote.
     file : Path
         Must end in ``.html``; replaced when the page is complete.
     progress : Callable[[int, int], None]

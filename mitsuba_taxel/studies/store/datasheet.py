@@ -56,6 +56,11 @@ def datasheet(
     return f"# Force and readings of {', '.join(_distinct(s.attrs['scene'] for s in studies.values()))}\n\n{body}\n"
 
 
+def rows_line(counts: Mapping[str, int]) -> str:
+    """The numbers of rows of the parts, as they are printed."""
+    return f"Rows: {', '.join(f'{name} {count}' for name, count in counts.items())}"
+
+
 def _source(studies: Mapping[str, xr.Dataset]) -> str:
     """Scene, fixed parameters, seed and versions of each study, and the circuit."""
     lines = [

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas
 import pytest
 
-from mitsuba_taxel import InputError
+from mitsuba_taxel import InputError, sweep
+from mitsuba_taxel.base.printed import PrintedTable, write_printed
 from mitsuba_taxel.fitting import run_fit
 from mitsuba_taxel.report.page import write_report
+from mitsuba_taxel.report.page.model_plot import plot_model
 from mitsuba_taxel.report.page.outcome import MOST_ROWS, outcome_sections
+from mitsuba_taxel.surrogates import export
 
 
 def test_the_page_of_a_fit_has_its_unknowns_residuals_and_warnings(tmp_path, llvm_mono):
@@ -70,7 +74,7 @@ def test_folders_of_comparisons_and_training_sets_have_pages(tmp_path):
     write_report(tmp_path / "other", tmp_path / "other.html")
     one, other = ((tmp_path / f"{name}.html").read_text() for name in ("one", "other"))
     assert "data:image/png;base64,cGljdHVyZQ==" in one and "<li>a note</li>" in one and "<td>a</td>" in one
-    assert "<li>a caveat</li>" in other and "2 more columns in train.csv" in other
+    assert "<p>Rows: train 1</p>" in other and "<li>a caveat</li>" in other and "2 more columns in train.csv" in other
 
 
 def test_the_page_of_an_optimum_has_its_verdict(tmp_path):
@@ -79,6 +83,35 @@ def test_the_page_of_an_optimum_has_its_verdict(tmp_path):
     write_report(tmp_path, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
     assert "<li>Improvement: 12%</li><li>a local optimum</li>" in page and "<td>range</td><td>2</td>" in page
+
+
+def test_what_was_printed_is_on_the_page_in_its_order(tmp_path):
+    (tmp_path / "optimum.md").write_text("- Improvement: 12%\n")
+    table = PrintedTable("By slope:", ["variant", "slope [W/N]"], [["a", "1.2 ± 0.1"]])
+    write_printed([table, "first: <of those>", "warning: few", table], tmp_path)
+    (part,) = outcome_sections(tmp_path)
+    lines = "<ul><li>first: &lt;of those&gt;</li><li>warning: few</li></ul>"
+    before, after = part.split(lines)
+    assert before.count("<td>1.2 ± 0.1</td>") == after.count("<td>1.2 ± 0.1</td>") == 1 and "Improvement" not in part
+    (tmp_path / "printed.json").write_text("[{}]")
+    assert "<li>Improvement: 12%</li>" in outcome_sections(tmp_path)[0]  # of another version
+
+
+def test_the_page_of_a_model_has_its_curves(tmp_path):
+    """A calibration has none; another file of the same ending is no result."""
+    pytest.importorskip("onnx")
+    (tmp_path / "foreign.onnx").write_bytes(b"no model")
+    assert outcome_sections(tmp_path) == []
+    study = sweep("plate.xml", {"z": "0.6,0.7,0.8,0.9", "width": "3,3.5,4"}, points=64)
+    found, _ = export(study, tmp_path / "model.onnx")
+    left, right = plot_model(tmp_path / "model.onnx").axes
+    (line,) = left.lines
+    assert left.get_xlabel() == "z [mm]"
+    expected = study.power.sel(width=3.5, z=[0.6, 0.9]).values.ravel()
+    np.testing.assert_allclose(line.get_ydata()[[0, -1]], expected, atol=2 * found.worst * np.ptp(study.power.values))
+    assert right.get_xlabel() == "width"
+    (part,) = outcome_sections(tmp_path)
+    assert "Model model.onnx" in part and "data:image/svg+xml;base64," in part
 
 
 def test_a_folder_without_results_is_refused(tmp_path):

@@ -1,0 +1,64 @@
+"""What a command prints of a result, kept beside the result, so that its page shows the same."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from mitsuba_taxel.base.atomic import write_text
+
+FILE = "printed.json"
+"""Name of the file in a folder of results."""
+WARNING = "warning: "
+"""Beginning of lines that a command prints on stderr."""
+
+
+class PrintedTable(NamedTuple):
+    """A table in words: its title, which may be empty, headings and rows."""
+
+    title: str
+    headings: list[str]
+    rows: list[list[str]]
+
+
+Printed = list[PrintedTable | str]
+"""Tables and lines in the order in which they are printed."""
+
+
+def figures_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> PrintedTable:
+    """A table of figures of merit, whose title names the force if there is only one."""
+    forces = {row[0] for row in rows} if headings and headings[0] == "force" else set()
+    first = 1 if len(forces) == 1 else 0
+    named = f"{title}{f', {forces.pop()}' if first else ''}:"
+    return PrintedTable(named, list(headings[first:]), [list(row[first:]) for row in rows])
+
+
+def as_json(printed: Printed) -> str:
+    """As text."""
+    return json.dumps([block if isinstance(block, str) else block._asdict() for block in printed])
+
+
+def from_json(text: str) -> Printed:
+    """The reverse of :func:`as_json`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        if it is no such text.
+    """
+    return [block if isinstance(block, str) else PrintedTable(**block) for block in json.loads(text)]
+
+
+def write_printed(printed: Printed, folder: Path) -> None:
+    """Write what is printed of the results in a folder."""
+    write_text(folder / FILE, as_json(printed))
+
+
+def read_printed(folder: Path) -> Printed | None:
+    """What was printed of the results in a folder; None if there is no such file, or one of another version."""
+    try:
+        return from_json((folder / FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError, TypeError):
+        return None
