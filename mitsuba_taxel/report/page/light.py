@@ -48,13 +48,10 @@ class LitScene:
             solids.append({**packed, "kind": kind, "y": float(inside[:, 1].max())})
         return solids
 
-    def indenters(self, packing: Packing) -> list[dict[str, str]]:
-        """Packed bodies that press on pads."""
+    def indenters(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Vertices (V, 3) and triangles (T, 3) of the bodies that press on pads."""
         surfaces = (indenter_surface(shape) for shape in self._live.shapes() if is_pad(shape))
-        return [
-            {"vertices": packing.lengths(vertices), "triangles": packing.indices(triangles)}
-            for vertices, triangles in filter(None, surfaces)
-        ]
+        return list(filter(None, surfaces))
 
     def _parts(self) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
         """Kind, vertices and triangles of each connected surface."""

@@ -96,6 +96,7 @@ def _panel(
         "unit": packing.unit,
         "name": ", ".join(f"{name} = {value}" for name, value in where.items()),
         "box": box.round(4).tolist(),
+        "frame": box.round(4).tolist(),
         "rest": rest,
         "topologies": [packing.topology(coarse) for coarse in topologies.coarse],
         "steps": [],
@@ -134,11 +135,18 @@ def _light(
     try:
         lit = LitScene(batch.scene(values).load(), box)
         panel["steps"][number]["rays"] = lit.paths(packing)
-        panel["steps"][number]["indenters"] = lit.indenters(packing)
+        bodies = lit.indenters()
     except (InputError, ComputationError) as error:
         line = f"light paths: {error}"
         left_out += [line] if line not in left_out else []
         return
+    panel["steps"][number]["indenters"] = [
+        {"vertices": packing.lengths(vertices), "triangles": packing.indices(triangles)}
+        for vertices, triangles in bodies
+    ]
+    # The picture has room for the bodies of all steps.
+    ends = np.array([panel["frame"], *([vertices.min(axis=0), vertices.max(axis=0)] for vertices, _ in bodies)])
+    panel["frame"] = [ends[:, 0].min(axis=0).round(4).tolist(), ends[:, 1].max(axis=0).round(4).tolist()]
     if not panel["fixed"]:
         panel["fixed"] = lit.fixed(packing)
         panel["cut"] = round(100 * float((lit.y - box[0, 1]) / np.ptp(box[:, 1])))

@@ -66,7 +66,7 @@
       this.pixels = new Uint32Array(this.image.data.buffer).fill(ground);
       this.depth = new Float32Array(width * height).fill(-Infinity);
       this.inside = new Uint8Array(width * height); // whether the silicone's inside is seen
-      const [lower, upper] = panel().box;
+      const [lower, upper] = panel().frame;
       this.centre = lower.map((low, i) => 0.5 * (low + upper[i]));
       const [long, deep, high] = upper.map((end, i) => end - lower[i]), across = Math.hypot(long, deep);
       const tall = across * Math.sin(PITCH) + high * Math.cos(PITCH); // as it stands before it is turned
