@@ -35,9 +35,15 @@ def common_channel(compared: Sequence[Experiment]) -> Channel:
         return Channel(np.ones(1), "")
     if not compared[0].direction[:2].any():
         return Channel(np.full(count, 1 / count), f"mean of {count} taxels")
+    return most_affected(compared)
+
+
+def most_affected(compared: Sequence[Experiment]) -> Channel:
+    """The taxel that changes most, on average over experiments with equally many taxels."""
     largest = np.mean([one.largest_change.mean(axis=0) for one in compared], axis=0)
     most = int(largest.argmax())
-    return Channel(np.eye(count)[most], f"taxel {compared[0].taxel[most]}")
+    words = f"taxel {compared[0].taxel[most]}" if len(largest) > 1 else ""
+    return Channel(np.eye(len(largest))[most], words)
 
 
 def slope_summary(study: xr.Dataset) -> tuple[str, pandas.DataFrame]:

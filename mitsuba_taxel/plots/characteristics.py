@@ -17,7 +17,7 @@ from mitsuba_taxel.characterise.characteristics import DEVIATIONS, NOT_RESOLVED,
 from mitsuba_taxel.characterise.equations import from_line
 from mitsuba_taxel.characterise.experiment import Branch, Experiment
 from mitsuba_taxel.characterise.slopes import relative_slope, slopes
-from mitsuba_taxel.characterise.summary import Channel, common_channel
+from mitsuba_taxel.characterise.summary import Channel, most_affected
 from mitsuba_taxel.characterise.tangential import TangentialMap
 from mitsuba_taxel.characterise.wording import by_reading, latex_table, pair_rows, table_rows, with_error
 from mitsuba_taxel.plots.figures import (
@@ -93,8 +93,7 @@ def plot_sensitivity(experiments: Sequence[Experiment], narrow: bool = False) ->
 
     Top: change of the readings since the start; bottom: their slopes, between neighbouring points or from derivatives.
     Right: the same in percent of the reading at rest, if known. Bars are 1 sigma of the light. For one experiment, a
-    line is a taxel. For several, a line is an experiment: the mean of its taxels, or under a tangential load the taxel
-    that changes most.
+    line is a taxel. For several, a line is an experiment, of the taxel that changes most in all of them.
     """
     groups = _groups([one for one in experiments if one.loading_runs])
     relative = all(one.rest is not None for group in groups for one in group.lines.values())
@@ -152,7 +151,7 @@ def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Fig
     axes = panel_axes(len(by_unit) * len(names), 1 + relative, size=(4.6, 3.0), sharex=False, narrow=narrow)
     panels = ((shown, name) for shown in by_unit for name in names)
     for (shown, name), places in zip(panels, axes, strict=True):
-        channel = common_channel(shown)
+        channel = most_affected(shown)
         of = f"readings in {shown[0].unit}" if len(by_unit) > 1 else ""
         title = ", ".join(filter(None, (of, channel.words)))
         lines: dict[str, list[Experiment]] = {}
@@ -237,7 +236,7 @@ def _groups(experiments: Sequence[Experiment]) -> list[_Group]:
         alike.setdefault((one.force, one.unit, len(one.taxel)), []).append(one)
     groups = []
     for (force, unit, taxels), together in alike.items():
-        channel = common_channel(together)
+        channel = most_affected(together)
         panels, left_out = compared(together, lambda one: one.where)
         for panel in panels:
             lines = {label: one.weighted(channel.weights) for label, one in panel.cases.items()}

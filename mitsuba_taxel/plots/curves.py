@@ -181,7 +181,7 @@ def _plot_compared(study: xr.Dataset, curves: list[Curve], narrow: bool) -> Figu
     blocks = _blocks(len(panels), lines, narrow)
     for block, panel in zip(blocks, panels, strict=True):
         for number, (label, curve) in enumerate(panel.cases.items()):
-            taxel = shown[id(curve)]
+            taxel = shown[_key(curve)]
             words = ", ".join(filter(None, (label, f"taxel {names[taxel]}"))) if own else label
             line = curve.weighted(np.eye(len(names))[:, [taxel]])
             _draw_lines(block[0], line, [words], number)
@@ -189,7 +189,7 @@ def _plot_compared(study: xr.Dataset, curves: list[Curve], narrow: bool) -> Figu
                 _draw_lines(block[1], line.relative(), [words], number)
         block[0].set_title(panel.title, fontsize="medium")
     quantity = _quantity(study)
-    which = "the taxel that changes most" if own else f"taxel {names[shown[id(curves[0])]]}, which changes most"
+    which = "the taxel that changes most" if own else f"taxel {names[shown[_key(curves[0])]]}, which changes most"
     taxels = f" of {which}" if len(names) > 1 else ""
     _label(blocks[:, 0], study, f"{quantity.split()[-1]}{taxels}" if taxels else quantity)
     if lines > 1:
@@ -199,9 +199,14 @@ def _plot_compared(study: xr.Dataset, curves: list[Curve], narrow: bool) -> Figu
     return blocks[0, 0].figure
 
 
-def most_affected(study: xr.Dataset, curves: list[Curve]) -> dict[int, int]:
-    """For each curve, by its ``id``, the position of the taxel that changes most: along the curve if places are varied,
-    else in all curves."""
+def _key(curve: Curve) -> tuple[tuple[str, Any], ...]:
+    """The values of its other parameters, by which a curve differs from all others."""
+    return tuple(curve.where.items())
+
+
+def most_affected(study: xr.Dataset, curves: list[Curve]) -> dict[tuple[tuple[str, Any], ...], int]:
+    """For each curve, by the values of its other parameters, the position of the taxel that changes most: along the
+    curve if places are varied, else in all curves."""
     means = [np.ma.masked_invalid(curve.samples.mean(axis=1)) for curve in curves]
     change = np.array([np.ma.ptp(mean, axis=0).filled(0.0) for mean in means])
     if not change.any():  # of single points
@@ -209,7 +214,7 @@ def most_affected(study: xr.Dataset, curves: list[Curve]) -> dict[int, int]:
     roles = roles_of_study(study)
     touched = any(roles.get(name) in TOUCH for curve in curves for name in curve.where)
     most = change.argmax(axis=1) if touched else np.full(len(curves), change.max(axis=0).argmax())
-    return dict(zip(map(id, curves), most.tolist(), strict=True))
+    return dict(zip(map(_key, curves), most.tolist(), strict=True))
 
 
 def plot_taxels(study: xr.Dataset, narrow: bool = False) -> Figure:

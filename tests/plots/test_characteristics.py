@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pandas
@@ -11,7 +12,7 @@ from PIL import Image
 
 from mitsuba_taxel.characterise import Branch, Experiment, characteristics, symmetric_pairs, tangential_map
 from mitsuba_taxel.plots import figures
-from mitsuba_taxel.plots.characteristics import write_characteristics
+from mitsuba_taxel.plots.characteristics import plot_against, plot_sensitivity, write_characteristics
 
 UP = np.linspace(0, -8, 9)
 RNG = np.random.default_rng(1)
@@ -73,3 +74,17 @@ def test_panels_beyond_the_most_are_left_out_of_the_plot_and_not_of_the_table(tm
     experiments = KINDS["panels"]
     table = characteristics(experiments)
     assert table.nu.nunique() == 4 and len(table) == 4 * 2 * 4
+
+
+def test_several_experiments_are_lines_of_the_taxel_that_changes_most():
+    """The mean of its nine taxels, which change in opposite directions, is none: taxel 9 changes most."""
+    pair = [experiment(run(UP, 9), cell=cell) for cell in "ab"]
+    pair = [
+        replace(one, runs=tuple(replace(r, samples=r.samples * np.linspace(1, 2, 9)) for r in one.runs)) for one in pair
+    ]
+    change, _ = plot_sensitivity(pair).axes[:2]
+    drawn = [line.get_ydata() for line in change.lines if len(line.get_ydata()) == len(UP)]
+    for line, one in zip(drawn, pair, strict=True):
+        np.testing.assert_allclose(line, one.runs[0].value[:, 8])
+    against = plot_against([replace(one, where={"nu": n}) for n, one in enumerate(pair)]).axes[0]
+    assert against.get_title() == "taxel 9" and "taxel 9" in change.get_ylabel()

@@ -121,7 +121,7 @@ def test_slopes_are_compared_absolute_and_relative():
     figure = plot_sensitivity([experiment(-1e-5, cell="a"), experiment(-3e-5, cell="b")])
     change, percent, slope, relative = figure.axes
     labels = [ax.get_ylabel() for ax in (change, percent, slope, relative)]
-    assert labels == [f"{word}, mean of 3 taxels [{unit}]" for word, unit in zip(
+    assert labels == [f"{word}, taxel 1 [{unit}]" for word, unit in zip(
         ("change", "change", "slope", "slope"), ("µW", "%", "µW/N", "%/N"), strict=True)]  # fmt: skip
     np.testing.assert_allclose(percent.containers[1].lines[0].get_ydata(), [0, 7.5, 15])
     np.testing.assert_allclose(relative.containers[1].lines[0].get_ydata(), [-1.5, -1.5])
@@ -140,7 +140,7 @@ def test_slopes_against_a_dimension_in_watts_and_volts():
     figure = plot_against(watts + volts)
     absolute = figure.axes[::2]
     assert [ax.get_ylabel() for ax in absolute] == ["mean slope by fz [µW/N]", "mean slope by fz [mV/N]"]
-    assert [ax.get_title() for ax in absolute] == [f"readings in {unit}, mean of 3 taxels" for unit in "WV"]
+    assert [ax.get_title() for ax in absolute] == [f"readings in {unit}, taxel 1" for unit in "WV"]
     np.testing.assert_allclose(absolute[1].containers[0].lines[0].get_xydata(), [[1, -3e-3], [2, -1.5e-3]])
 
 
