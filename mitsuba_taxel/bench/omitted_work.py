@@ -172,7 +172,7 @@ def _unknowns() -> int:
     import gc
 
     pads = [thing for thing in gc.get_objects() if type(thing).__name__ == "LoadedPad"]
-    return max((pad.unknowns for pad in pads if pad._solver._symbolic is not None), default=0)
+    return max((pad.unknowns for pad in pads if "_pattern" in vars(pad.model.assembly)), default=0)
 
 
 def with_seconds(scene: str, added: list[str]) -> dict:

@@ -50,7 +50,7 @@ bonded on top. For comparison: the paper's solver stopped at tangential forces o
 - **residual**, **imbalance**: largest out-of-balance force at the steps, relative to the load; and the imbalance of
   reaction and load in the last state, interpolated between steps, from reassembled forces.
 - **stability**: `stable` if the factored tangent had the expected number of negative pivots at every step, in each
-  block of the symmetric pad; `not checked` if the solver does not count them.
+  block of the symmetric pad; `not checked` under friction.
 - **mean roof**: length of the roofs' mean displacement. **stated error**: that of the state, root mean square
   over the roofs, relative to it; not computed with self_contact. **finer mesh**: change of the mean displacement on
   elements smaller by 1.5.

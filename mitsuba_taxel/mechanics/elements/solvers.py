@@ -1,7 +1,6 @@
 """Direct solvers for symmetric indefinite matrices, with a common interface.
 
-`rslab` factors L D L^T and gives the inertia. Without it, PARDISO of Intel's MKL does so, by `pypardiso` (the extra
-``pardiso``). SuperLU of scipy is always available, and gives none. They are preferred in this order.
+All give the inertia: `rslab`, which is preferred, and SuperLU of scipy, which is always available.
 
 Single precision is used where it suffices. Its rounding error E does not change the inertia of A if no matrix between A
 and A + E is singular, for which it suffices that all eigenvalues of E (A + E)^-1 lie within the unit circle (R. A. Horn
@@ -10,8 +9,8 @@ and C. R. Johnson, Matrix Analysis, 2nd ed., 2013, section 5.6). Iterative refin
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
-from copy import copy
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -35,18 +34,19 @@ that."""
 ANALYSIS_BYTES = 150
 """Memory per entry for the analysis of a pattern, as measured."""
 
-
 MOST_LEFT_OUT = 0.05
 """Largest estimated norm of E (A + E)^-1 for which a single-precision factor is used; it is typically 1e-3."""
 REFINEMENTS = 10
 """Maximum, for a solution in full precision."""
+MOST_BACKWARD_ERROR = 1e-11
+"""Of factors without exchanges of rows: more than rounding, much less than what their growth would leave."""
 
 
 class Factorisation(Protocol):
     """A factored matrix."""
 
-    negative_pivots: int | None
-    """Number of negative eigenvalues, or None if the solver does not provide it."""
+    negative_pivots: int
+    """Number of negative eigenvalues."""
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Solution for one right-hand side (n,)."""
@@ -64,15 +64,13 @@ class Solver(Protocol):
     It raises RuntimeError for a singular matrix, and MemoryError for lack of memory.
     """
 
-    knows_inertia: bool
-
     def factor(self, lower: sparse.csc_matrix) -> Factorisation: ...
 
 
 class _RslabFactorisation:
     def __init__(self, factor: Any) -> None:
         self._factor = factor
-        self.negative_pivots: int | None = int(factor.inertia[1])
+        self.negative_pivots = int(factor.inertia[1])
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         return self._factor.solve(rhs, refine=REFINEMENTS, target=np.finfo(float).eps)
@@ -93,8 +91,6 @@ _ANALYSED: Recent[Any] = Recent(32)
 class Rslab:
     """L D L^T by `rslab`; the pattern is analysed once."""
 
-    knows_inertia = True
-
     def __init__(self) -> None:
         self._symbolic: Any = None
         self._peak = 0.0
@@ -112,19 +108,19 @@ class Rslab:
             self._peak = self._symbolic.memory_plan(threads=threads)["factor_peak_bytes"]
         require_memory(self._peak, "a factored matrix")
         try:
-            factor = self._symbolic.factor(lower.data, threads=threads, factor_dtype="float32")
-            if _left_out(factor, lower) < MOST_LEFT_OUT:
-                return _RslabFactorisation(factor)
-            del factor
+            found = _RslabFactorisation(self._symbolic.factor(lower.data, threads=threads, factor_dtype="float32"))
+            if _left_out(found, lower) < MOST_LEFT_OUT:
+                return found
+            del found
         except RuntimeError:  # singular in single precision
             pass
         return _RslabFactorisation(self._symbolic.factor(lower.data, threads=threads))
 
 
-def _left_out(factor: Any, lower: sparse.csc_matrix) -> float:
+def _left_out(factor: Factorisation, lower: sparse.csc_matrix) -> float:
     """Estimate of the Frobenius norm of E (A + E)^-1, from the factored A + E and the lower triangle of A."""
     noise = np.random.default_rng(0).standard_normal(lower.shape[0])
-    found = factor.solve(noise)
+    found = factor.solve_roughly(noise)
     return float(np.linalg.norm(noise - symmetric_product(lower, found)))
 
 
@@ -143,120 +139,82 @@ def sum_of_triangles(lower: sparse.csc_matrix, further: sparse.csr_array) -> spa
     return found
 
 
-class _PardisoFactorisation:
-    def __init__(self, handle: Any, upper: sparse.csr_matrix) -> None:
-        self._handle, self._upper = handle, upper
-        handle.set_phase(22)
-        _call_pardiso(handle, upper, np.zeros(upper.shape[0]))
-        self.negative_pivots: int | None = int(handle.get_iparm(23))
-        perturbed = bool(handle.get_iparm(14))
-        handle.set_phase(33)
-        if perturbed and self._unconverged() > MOST_UNCONVERGED:
-            raise RuntimeError("the matrix is singular")
-
-    def __del__(self) -> None:
-        with suppress(Exception):  # its memory is not numpy's
-            self._handle.free_memory(everything=True)
+class _SuperLuFactorisation:
+    def __init__(self, factor: SuperLU, lower: sparse.csc_matrix) -> None:
+        self._factor, self._lower, self._precision = factor, lower, factor.U.dtype
+        # Without row exchanges, signs of pivots are those of eigenvalues (Sylvester). SciPy keeps its copies of both
+        # triangles, as large as the factor.
+        upper, unit = factor.U, factor.L
+        self.negative_pivots = int(np.count_nonzero(upper.diagonal() < 0))
+        for copied in (upper, unit):
+            copied.data = copied.indices = np.zeros(0, dtype=np.int32)
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
-        self._handle.set_iparm(8, REFINEMENTS)
-        return _call_pardiso(self._handle, self._upper, np.asfortranarray(rhs, dtype=float))
+        solution, last = self.solve_roughly(rhs), math.inf
+        for _ in range(REFINEMENTS):
+            residual = rhs - symmetric_product(self._lower, solution)
+            size = float(np.linalg.norm(residual))
+            if not size < 0.5 * last:
+                break
+            solution, last = solution + self.solve_roughly(residual), size
+        return solution
+
+    def backward_error(self) -> float:
+        """Relative size of the error of the factored matrix, estimated from one solution."""
+        noise = np.random.default_rng(0).standard_normal(self._lower.shape[0])
+        solution = self.solve_roughly(noise)
+        residual = noise - symmetric_product(self._lower, solution)
+        return float(np.linalg.norm(residual) / (sparse.linalg.norm(self._lower) * np.linalg.norm(solution)))
 
     def solve_roughly(self, rhs: np.ndarray) -> np.ndarray:
-        self._handle.set_iparm(8, 0)
-        return _call_pardiso(self._handle, self._upper, np.asfortranarray(rhs, dtype=float))
+        return self._factor.solve(rhs.astype(self._precision)).astype(float)
 
-    solve_many = solve
-
-    def _unconverged(self) -> float:
-        """Residual of a random right-hand side, as a share of it, after refinement."""
-        noise = np.random.default_rng(0).standard_normal(self._upper.shape[0])
-        residual = noise - symmetric_product(self._upper.T, self.solve(noise))
-        return float(np.linalg.norm(residual) / np.linalg.norm(noise))
+    solve_many = solve_roughly
 
 
-class Pardiso:
-    """L D L^T by PARDISO of Intel's MKL, through `pypardiso`.
-
-    Rows are matched and scaled first, as PARDISO's manual advises for saddle points (O. Schenk and K. Gärtner,
-    Electron. Trans. Numer. Anal. 23, 2006). Where it perturbs pivots, the inertia counts only if refinement converges.
-    """
-
-    knows_inertia = True
-
-    def factor(self, lower: sparse.csc_matrix) -> Factorisation:
-        import pypardiso
-
-        # PARDISO wants rows of the upper triangle, each with its diagonal entry, zero or not.
-        count = lower.shape[0]
-        if (lower.indices == np.repeat(np.arange(count), np.diff(lower.indptr))).sum() < count:
-            lower = sum_of_triangles(lower, sparse.csr_array(sparse.coo_array((np.zeros(count), (range(count),) * 2))))
-        upper = sparse.csr_matrix((lower.data.copy(), lower.indices, lower.indptr), shape=lower.shape)
-
-        # A handle of its own, as factors of one pattern are used side by side; the search for MKL's library is not
-        # repeated.
-        handle = copy(pypardiso.ps)
-        handle.pt, handle.iparm = np.zeros_like(handle.pt), np.zeros_like(handle.iparm)
-        handle.set_matrix_type(-2)
-        for index, value in PARDISO_SETTINGS.items():
-            handle.set_iparm(index, value)
-        handle.libmkl.MKL_Set_Num_Threads(min(thread_count(), MOST_THREADS))
-        require_memory(ANALYSIS_BYTES * lower.nnz, "the analysis of a matrix")
-        handle.set_phase(11)
-        _call_pardiso(handle, upper, np.zeros(count))
-        peak = max(handle.get_iparm(15), handle.get_iparm(16) + handle.get_iparm(17))
-        require_memory(1024.0 * peak, "a factored matrix")
-        return _PardisoFactorisation(handle, upper)
-
-
-PARDISO_SETTINGS = {1: 1, 2: 2, 10: 13, 11: 1, 13: 1, 21: 1}
-"""Nested dissection; pivots below 1e-13 are perturbed; scaling, matching, and pivots of one or two rows."""
-MOST_UNCONVERGED = 1e-8
-"""Largest residual, as a share, of a refinement that converges."""
-
-
-def _call_pardiso(handle: Any, upper: sparse.csr_matrix, rhs: np.ndarray) -> np.ndarray:
-    """What a handle's phase does. Its own ``solve`` would compare the matrix with the factored one each time."""
-    import pypardiso
-
-    try:
-        return handle._call_pardiso(upper, rhs)
-    except pypardiso.PyPardisoError as error:
-        if error.value == -2:
-            raise MemoryError("not enough memory for PARDISO") from error
-        raise RuntimeError(f"PARDISO ends with error {error.value}") from error
-
-
-class _SuperLuFactorisation:
-    negative_pivots: int | None = None
-
-    def __init__(self, factor: SuperLU) -> None:
-        self._factor = factor
-
-    def solve(self, rhs: np.ndarray) -> np.ndarray:
-        return self._factor.solve(rhs)
-
-    solve_roughly = solve_many = solve
+WITHOUT_EXCHANGES: dict[str, Any] = {
+    "permc_spec": "MMD_AT_PLUS_A",
+    "diag_pivot_thresh": 0.0,
+    "options": {"SymmetricMode": True},
+}
 
 
 class SuperLu:
-    """L U by scipy: slower, and without inertia.
+    """L U by scipy, without exchanges of rows, so that it gives the inertia.
 
-    Columns are ordered by approximate minimum degree (T. A. Davis et al., ACM Trans. Math. Softw. 30, 2004). The
-    symmetric mode suits tangents of pads less, whose pressures have next to no diagonal: 3 x 3 domes take four times as
-    long by that.
+    Tangents of pads are quasidefinite: positive over displacements, negative over pressures. Such matrices need no
+    pivoting, in any order (R. J. Vanderbei, SIAM J. Optim. 5, 1995), and fill in as little as positive ones do in that
+    of minimum degree. Diagonal entries that are too small for that, as pressures have without compressibility, are
+    enlarged; refinement removes the effect.
     """
-
-    knows_inertia = False
 
     def factor(self, lower: sparse.csc_matrix) -> Factorisation:
         from scipy.sparse.linalg import splu
 
-        full = lower + sparse.tril(lower, k=-1).T
-        return _SuperLuFactorisation(splu(full.tocsc(), permc_spec="COLAMD"))
+        require_memory(ANALYSIS_BYTES * lower.nnz, "the analysis of a matrix")
+        full = sparse.csc_matrix(lower + sparse.tril(lower, k=-1).T)
+        diagonal = full.diagonal()
+
+        # What the elimination of positive pivots subtracts from each diagonal entry, to first order.
+        inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
+        eliminated = full.power(2) @ inverse
+        for precision in (np.float32, np.float64):
+            least = np.sqrt(np.finfo(precision).eps) * eliminated
+            enlarged = np.where(np.abs(diagonal) < least, np.where(diagonal > 0, least, -least), diagonal)
+            matrix = full + sparse.diags_array(enlarged - diagonal, dtype=float)
+            with suppress(RuntimeError):  # singular in this precision
+                factor = splu(sparse.csc_matrix(matrix, dtype=precision), **WITHOUT_EXCHANGES)
+                if np.array_equal(factor.perm_r, factor.perm_c):  # no pivot was zero
+                    found = _SuperLuFactorisation(factor, lower)
+                    if _left_out(found, lower) < MOST_LEFT_OUT:
+                        return found
+                    # Next to a singular matrix, rounding is as large as what decides, with any factor.
+                    if precision is np.float64 and found.backward_error() < MOST_BACKWARD_ERROR:
+                        return found
+        raise RuntimeError("the matrix is singular")
 
 
-SOLVERS: dict[str, type] = {"rslab": Rslab, "pypardiso": Pardiso, "superlu": SuperLu}
+SOLVERS: dict[str, type] = {"rslab": Rslab, "superlu": SuperLu}
 
 
 def available_solvers() -> list[str]:

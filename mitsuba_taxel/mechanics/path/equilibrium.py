@@ -153,7 +153,7 @@ class LoadedPad:
         """
         found = self._balanced(start, value)
         entries = self._entries(found, value)
-        if found.linearised is not None and self._solver.knows_inertia and self._stability.of_all:
+        if found.linearised is not None and self._stability.of_all:
             linearised = self._linearised(entries, found.unknowns, value, found.linearised)
             return self._accepted(found, True), linearised
         found = replace(found, linearised=None)  # frees its memory for the next one
@@ -168,11 +168,10 @@ class LoadedPad:
         entries : ndarray
             Of the tangent there, :attr:`Linearised.entries`.
         """
-        if self._solver.knows_inertia:
-            try:
-                refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value, self.past))
-            except RuntimeError as failure:
-                raise singular(failure) from failure
+        try:
+            refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value, self.past))
+        except RuntimeError as failure:
+            raise singular(failure) from failure
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         """As :meth:`solve`, at rest or between states of a path that :meth:`solve` has found stable.
@@ -203,7 +202,7 @@ class LoadedPad:
         linearised = self.tangent_at(found.unknowns, value, None)
         correction = linearised.step(self._left(found.state), self._gap(found.unknowns, value))
         found = replace(found, unknowns=found.unknowns - correction, linearised=None)
-        return self._accepted(found, self._solver.knows_inertia), linearised
+        return self._accepted(found, True), linearised
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
         """(m, q, 6) MPa, second Piola-Kirchhoff stress of the law in the part, at a displacement of the whole pad."""
@@ -236,7 +235,7 @@ class LoadedPad:
         The factor is that of a state ``near`` by if :class:`Stability` checks displacements with the symmetry of the
         load too.
         """
-        of_all = self._solver.knows_inertia and self._stability.of_all
+        of_all = self._stability.of_all
         linearised = self.tangent_at(unknowns, value, near if of_all else None)
         if not of_all:
             self.is_stable(linearised, unknowns, value)
@@ -436,8 +435,6 @@ class LoadedPad:
 
     def is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
         """Whether stability was checked for displacements of the part; raises Rejected if it is unstable."""
-        if linearised.negative is None:
-            return False
         refuse_surplus(linearised.negative - self.numbering.pressures)
         return True
 

@@ -148,9 +148,7 @@ class IndentedPad(LoadedPad):
 
     def _contact(self, factor: Factorisation, state: Configuration) -> _LinearContact:
         """The pad linearised at a state, by a factor of its tangent."""
-        negative = factor.negative_pivots
-        surplus = 0 if negative is None else negative - self.numbering.pressures
-        return _LinearContact(self, factor, _pressing_of(state), surplus)
+        return _LinearContact(self, factor, _pressing_of(state), factor.negative_pivots - self.numbering.pressures)
 
     def _with_straight_pushes(self, unknowns: np.ndarray, value: np.ndarray) -> Factorisation:
         """Factor of the tangent at a state under pressures whose directions do not follow the indenter's normals.

@@ -97,8 +97,6 @@ class Linearised:
         return float(mode @ symmetric_product(self._lower, mode))
 
     @cached_property
-    def negative(self) -> int | None:
-        """Number of negative eigenvalues of the constrained tangent (Haynsworth, 1968); None if unknown."""
-        if self.factor.negative_pivots is None:
-            return None
+    def negative(self) -> int:
+        """Number of negative eigenvalues of the constrained tangent (Haynsworth, 1968)."""
         return self.factor.negative_pivots - int(np.count_nonzero(np.linalg.eigvalsh(self._flexibility) < 0))

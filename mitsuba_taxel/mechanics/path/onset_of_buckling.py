@@ -68,8 +68,7 @@ def _unstable(pad: LoadedPad, segment: LoadSegment, node: Node) -> Iterator[Tang
     for block in tangent_blocks(pad):
         if block.model not in seen:
             seen.add(block.model)
-            negative = _tangent(pad, segment, block, node).negative
-            if negative is not None and negative > block.model.numbering.pressures:
+            if _tangent(pad, segment, block, node).negative > block.model.numbering.pressures:
                 yield block
 
 

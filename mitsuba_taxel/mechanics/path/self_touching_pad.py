@@ -70,7 +70,7 @@ class SelfTouchingPad(LoadedPad):
         displacement, pressure = self.split(unknowns)
         if not self.contacts.stiffness(displacement).nnz:
             super().refuse_unstable(unknowns, entries, value)
-        elif self.mirrors and self._solver.knows_inertia:
+        elif self.mirrors:
             whole = self._of_whole
             whole.past = self.past and self.past.on(whole.part, self.whole)
             alike = whole.gather(displacement, pressure)
@@ -105,7 +105,7 @@ class SelfTouchingPad(LoadedPad):
             first = first or error
             assert state.entries is not None  # no element is inverted
             linearised = self._linearised(state.entries, unknowns, value)
-            if (linearised.negative or 0) > self.numbering.pressures:  # a step would lead to a saddle
+            if linearised.negative > self.numbering.pressures:  # a step would lead to a saddle
                 linearised = self._linearised(state.entries, unknowns, value, steady=True)
             step = linearised.step(self._left(state), self._gap(unknowns, value))
             unknowns = self._along(unknowns, -step, state, value)

@@ -45,7 +45,7 @@ class Stability:
     model : Model
         Of the part between the mirrors.
     solver : str or None
-        Name of a linear solver that provides the inertia.
+        Name of a linear solver; None for the best available.
 
     Attributes
     ----------
@@ -167,7 +167,6 @@ class _Block:
         """Number of negative eigenvalues of the tangent beyond those of the pressures, with the constraints
         ``held``."""
         factor = self.solver.factor(self.model.assembly.matrix(entries))
-        assert factor.negative_pivots is not None  # checked before
         surplus = factor.negative_pivots - self.model.numbering.pressures
         return surplus - held.negative(factor) if surplus and held else surplus
 

@@ -120,11 +120,11 @@ class TangentBlock:
         Rejected
             if the state is unstable.
         """
-        held, stable = self.model.held(displacement, value), (None, self.model.numbering.pressures)
+        held, stable = self.model.held(displacement, value), self.model.numbering.pressures
         found = self.tangent(entries, displacement, value, contacts)
-        if found.negative not in stable:
+        if found.negative != stable:
             steady = contacts and self._linearised(entries, self._lower(entries, displacement, contacts, True), held)
-            if not steady or steady.negative not in stable:
+            if not steady or steady.negative != stable:
                 raise Rejected("the equilibrium is unstable")
         return found
 

@@ -158,15 +158,15 @@ def test_stretching_a_bar_between_two_free_ends_agrees_with_the_closed_form(bloc
     assert law.shear_modulus * (stretch - stretch**-2) == pytest.approx(stress, rel=1e-3)
 
 
-def test_solvers_agree_and_say_what_they_know():
+def test_solvers_agree():
     mesh, force, states = mesh_pad(SMALL, 1.6), np.array([0.3, 0.0, -1.0]), {}
-    assert [name for name in available_solvers() if name != "pypardiso"] == ["rslab", "superlu"]
+    assert available_solvers() == ["rslab", "superlu"]
     for name in available_solvers():
         pad = LoadedPad(mesh, NeoHookean(), solver=name)
         states[name], _ = pad.solve(np.zeros(pad.unknowns), force)
-    for name, state in states.items():
+    for state in states.values():
         np.testing.assert_allclose(state.unknowns, states["superlu"].unknowns, atol=1e-9)
-        assert state.stability_checked == (name != "superlu")
+        assert state.stability_checked
 
 
 @pytest.mark.parametrize("load", [SpreadForce(), PlateDisplacement()], ids=["force", "driven plate"])
