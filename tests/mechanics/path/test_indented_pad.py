@@ -304,7 +304,15 @@ def test_friction_holds_until_it_slips_and_remembers_the_way(few_elements_under_
     np.testing.assert_array_equal(again[1].displacement, states[1].displacement)
 
 
-def test_the_length_of_steps_under_friction_is_in_the_stated_error(monkeypatch):
+def test_the_length_of_steps_under_friction_is_in_the_stated_error(few_elements_under_bodies, monkeypatch):
+    """The error is proportional to their length at worst, and stated as the change from steps of twice the length.
+
+    By steps of a twentieth, on elements of the usual size, it is 0.42 of that for the force, 0.45 root mean square over
+    the displacements, and 0.41 for the largest. The latter is an error of single nodes at the edge of contact, which
+    are dragged along from the step on in which they touch: 1.4 % of the largest displacement where elements are small,
+    with a root mean square of 0.15 %.
+    """
+
     class SameMesh:
         def error(self, displacement, other):
             return NO_ERROR
@@ -321,10 +329,10 @@ def test_the_length_of_steps_under_friction_is_in_the_stated_error(monkeypatch):
     (_, state), (_, force) = dragged(down, aside)
     shares = np.arange(1, 6)[:, None] / 5
     (*_, fine), (*_, expected) = dragged(*(shares * down), *(down + shares * (aside - down)))
-    assert np.linalg.norm(force - expected) / 1.5 < state.force_error < 2e-3 * np.linalg.norm(force)
+    assert np.linalg.norm(force - expected) < state.force_error < 2e-3 * np.linalg.norm(force)
     missed, stated = fine.displacement - state.displacement, ERROR_SHARE * state.deviations[1]
-    assert np.abs(missed).max() / 1.5 < np.abs(stated).max()  # at single nodes, the more the smaller elements are
-    assert np.sqrt(np.square(stated).mean()) < 2e-3 * np.abs(state.displacement).max()
+    assert np.abs(missed).max() < np.abs(stated).max() < 0.01 * np.abs(state.displacement).max()
+    assert np.linalg.norm(missed) < np.linalg.norm(stated)
 
 
 def test_meshes_finer_than_one_whose_path_ends_are_not_tried(monkeypatch):
