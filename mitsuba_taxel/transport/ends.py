@@ -71,9 +71,9 @@ class CosineFactor:
         return min(POWER / math.sqrt(max(self.exponent, 1.0)), ROUND * self.spread)
 
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        cosine = np.maximum(cosine, np.finfo(float).tiny)
+        above, cosine = cosine > 0, np.maximum(cosine, np.finfo(float).tiny)
         slope = self.factor * self.exponent * cosine ** (self.exponent - 1) if self.exponent else np.zeros_like(cosine)
-        return self.factor * cosine**self.exponent, slope
+        return self.factor * cosine**self.exponent, np.where(above, slope, 0)
 
     def within(self, cosine: np.ndarray) -> np.ndarray:
         power, cosine = self.exponent + 1, np.clip(cosine, max(self.cutoff, np.finfo(float).tiny), 1)
