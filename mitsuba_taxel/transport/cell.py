@@ -24,7 +24,7 @@ from mitsuba_taxel.transport.exchange import Exchange, LightRates, Starts
 from mitsuba_taxel.transport.horizon import PiecesAtHorizon, pieces_at_horizon
 from mitsuba_taxel.transport.pairs import pairs_of
 from mitsuba_taxel.transport.patches import PatchPoints
-from mitsuba_taxel.transport.reception import CHECKED, Reception, acceptance
+from mitsuba_taxel.transport.reception import Reception, accepted, radiance
 from mitsuba_taxel.transport.rules import triangle_rule
 
 DISTANCE = 0.8
@@ -121,7 +121,7 @@ class Cell:
         self._normal = self._area / self._length
         self._starts = Starts(self._at, self._normal, walls.isotropic[mesh.own], walls.lambertian[mesh.own])
         self._seen = slice(len(walls.seen) * len(mesh.own) // len(walls.places))
-        self._emission = self._emission_of(led)
+        self._emission = self._emission_of(led, phototransistor)
         self._reception = Reception(phototransistor, self._seen_starts)
         self._direct = self._direct_of(self._emission, phototransistor, self._reception)
         self._box, self._exchange = box, self._exchanged(self._between_walls(box))
@@ -154,8 +154,7 @@ class Cell:
 
         It is that of all patches together, and of each as if they were independent.
         """
-        by_rule, by_outline = self._accepted
-        errors = self._radiance * (by_rule - by_outline)
+        errors = self._reception_errors(self._walls.seen)
         return float(np.hypot(errors.sum(), np.linalg.norm(errors)))
 
     def conservation_slope_error(self, velocity: np.ndarray) -> float:
@@ -169,36 +168,32 @@ class Cell:
         if not fastest:
             return abs(float(by_emission))
         step = STEP / fastest
-        moved = (self._acceptance(self._walls.seen + sign * step * velocity) for sign in (1, -1))
-        ahead, behind = (by_rule - by_outline for by_rule, by_outline in moved)
-        return float(np.hypot(by_emission, self._radiance @ (ahead - behind) / (2 * step)))
+        ahead, behind = (self._reception_errors(self._walls.seen + sign * step * velocity) for sign in (1, -1))
+        return float(np.hypot(by_emission, (ahead - behind).sum() / (2 * step)))
 
-    @cached_property
-    def _accepted(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._acceptance(self._walls.seen)
-
-    def _acceptance(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the phototransistor accepts from the patches that it sees; see :func:`acceptance`."""
-        rule, weights = triangle_rule(self._mesh.degree)
-        faces = np.repeat(np.arange(len(places)), len(rule))
-        points = PatchPoints(faces, np.tile(rule, (len(places), 1)))
-        return acceptance(self._phototransistor, places, points, np.tile(weights, len(places)))
+    def _reception_errors(self, places: np.ndarray) -> np.ndarray:
+        """Errors by what the phototransistor accepts from each patch that it sees, with all of its light, or with what
+        comes from other walls alone if the light of the LED is followed on parts of patches, and from each of these."""
+        by_rule, by_outline = accepted(self._phototransistor, places, self._mesh.degree)
+        errors = self._radiance * (by_rule - by_outline)
+        return np.concatenate([errors, self._direct.reception_errors(places)]) if self._direct.is_finer else errors
 
     @cached_property
     def _radiance(self) -> np.ndarray:
-        """(F,) radiance of each patch towards the phototransistor, in W per W, mm² and sr; of those that seem to be
-        hidden from it, that of all directions."""
-        count = len(self._walls.seen)
+        """(F,) radiance of each patch towards the phototransistor, in the light of :meth:`_reception_errors`."""
+        count, degree = len(self._walls.seen), self._mesh.degree
         power, received = self._adjoint[self._seen], self._reception.value
-        by_rule, by_outline = self._accepted
-        some = self._phototransistor.weights[CHECKED // 2 :: CHECKED].sum() / self._phototransistor.weights.sum()
-        towards = some * (power * received).reshape(count, -1).sum(axis=1)
-        _, weights = triangle_rule(self._mesh.degree)
-        area = self._length[self._seen].reshape(count, -1) @ weights
+        if self._direct.is_finer:
+            power = power - self._emission.power
+        area = self._length[self._seen].reshape(count, -1) @ triangle_rule(degree)[1]
         scattered = (self._walls.isotropic + self._walls.lambertian)[:count]
-        on_average = scattered * power.reshape(count, -1).sum(axis=1) / (np.pi * area)
-        known = by_rule > np.abs(by_outline) / 2
-        return np.where(known, towards / np.where(known, by_rule, 1), on_average)
+        return radiance(
+            self._phototransistor,
+            (power * received).reshape(count, -1).sum(axis=1),
+            scattered * power.reshape(count, -1).sum(axis=1),
+            area,
+            *accepted(self._phototransistor, self._walls.seen, degree),
+        )
 
     @cached_property
     def _mean_response(self) -> np.ndarray:
@@ -257,9 +252,9 @@ class Cell:
     def _direct_of(self, emission: Emission, phototransistor: End, reception: Reception) -> Direct:
         return Direct(emission, phototransistor, self._walls.isotropic, self._walls.lambertian, reception.value)
 
-    def _emission_of(self, led: End) -> Emission:
+    def _emission_of(self, led: End, phototransistor: End) -> Emission:
         seen = self._walls.seen
-        return emission(led, seen, self._walls.rest[: len(seen)], self._mesh.degree)
+        return emission(led, seen, self._walls.rest[: len(seen)], self._mesh.degree, phototransistor)
 
     def _exchanged(self, between: Exchange) -> np.ndarray:
         """(T, T) K."""
@@ -363,7 +358,7 @@ class Cell:
         """
         change = 0.0
         if led != self._led:
-            lit = self._emission_of(led)
+            lit = self._emission_of(led, self._phototransistor)
             change += (lit.power - self._emission.power) @ self.response[self._seen]
             change += self._direct_of(lit, self._phototransistor, self._reception).value - self._direct.value
         if phototransistor != self._phototransistor:

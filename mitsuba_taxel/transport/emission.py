@@ -189,23 +189,28 @@ class _Rays:
         return per_square * lit * (fall + (self.slope * self.facing)[:, None] * self.of_cosine)
 
 
-def emission(led: End, places: np.ndarray, rest: np.ndarray, degree: int) -> Emission:
-    """Power of ``led`` on patches with ``places`` (F, 15, 3).
+def emission(
+    led: End, places: np.ndarray, rest: np.ndarray, degree: int, phototransistor: End | None = None
+) -> Emission:
+    """Power of ``led`` on patches with ``places`` (F, 15, 3), for the response of a ``phototransistor``.
 
-    They are subdivided as needed at ``rest``, for sums that are smooth in the load, or at ``places`` if the law is
+    They are subdivided as needed at ``rest``, for sums that are smooth in the load, or at ``places`` if a law is
     peaked, as walls move along below the peak.
     """
-    source, pieces = _lit_pieces(led, places if led.law.is_peaked else rest)
+    ends = [led] if phototransistor is None else [led, phototransistor]
+    source, pieces = _lit_pieces(ends, places if any(end.law.is_peaked for end in ends) else rest)
     inside, edge = _clipped(led, places, source, pieces, degree)
     return Emission(led, places, degree, inside, edge)
 
 
-def _lit_pieces(led: End, places: np.ndarray) -> tuple[np.ndarray, Pieces]:
-    """Points of the LED (M,), each with a piece that it may light, as small as its distance and the law ask for.
+def _lit_pieces(ends: Sequence[End], places: np.ndarray) -> tuple[np.ndarray, Pieces]:
+    """Points of an LED (M,), each with a piece that it may light, as small as its distance and the law ask for, and
+    the response of a phototransistor behind it in ``ends``.
 
     What lies wholly outside the law's spread is left out, so that the number of pieces depends neither on the width of
     the beam nor on the size of the patches.
     """
+    led, *others = ends
     face, source = (numbers.ravel() for numbers in np.indices((len(places), len(led.points))))
     pieces = Pieces(face, np.broadcast_to(WHOLE, (len(face), 3, 2)))
     kept = []
@@ -218,6 +223,8 @@ def _lit_pieces(led: End, places: np.ndarray) -> tuple[np.ndarray, Pieces]:
         angular_radius = np.arcsin(np.minimum(size / distance, 1))
         lit = (np.arccos(np.clip(cosine, -1, 1)) - angular_radius < led.law.spread) | (size >= distance)
         near = distance < size * DISTANCE / np.minimum(led.law.width(cosine), 1.0)
+        for end in others:
+            near |= led.fineness * end.resolved(middle, size) < size
         ready = lit & ~near if cut < MOST_CUTS else lit
         kept.append((source[ready], pieces.face[ready], pieces.corners[ready]))
         further = lit & ~ready

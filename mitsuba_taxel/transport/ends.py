@@ -42,6 +42,9 @@ class AngularLaw(Protocol):
 TAIL = 1e-9
 NARROW = 0.5
 """Angle in radians up to which a law lights a spot of a wall."""
+FINE, WIDE = 0.3, 2 / 3
+"""Largest side of pieces of walls below a narrow beam, and in wide light, relative to their distance from the
+phototransistor, times the width of its response: readings are right to 1e-5 then."""
 ROUND, POWER = 1.5, 1.5
 """Widths of laws: of one that is even within its spread, relative to that; of a power of the cosine, relative to the
 standard deviation of a narrow one."""
@@ -112,3 +115,21 @@ class End:
         )
 
     __hash__ = None  # type: ignore[assignment]
+
+    @property
+    def fineness(self) -> float:
+        """Largest side of pieces in its light, relative to the distance over which a response varies there."""
+        return FINE if self.law.spread < NARROW else WIDE
+
+    def resolved(self, middle: np.ndarray, size: np.ndarray) -> np.ndarray:
+        """(M,) mm over which its law varies at pieces with a middle (M, 3) and a size (M,), infinite beyond its spread
+        and for laws that vary as slowly as the cosine."""
+        width = float(np.min(self.law.width(np.ones(1))))
+        if width >= POWER:
+            return np.full(len(middle), np.inf)
+        around = np.linalg.norm(self.points - self.points.mean(axis=0), axis=1).max()
+        away = middle - self.points.mean(axis=0)
+        distance = np.linalg.norm(away, axis=1)
+        radius = np.arcsin(np.minimum((size + around) / distance, 1))
+        within = np.arccos(np.clip(away @ self.normal / distance, -1, 1)) - radius < self.law.spread
+        return np.where(within, width * distance, np.inf)

@@ -8,7 +8,7 @@ from mitsuba_taxel.transport.ends import AngularLaw, End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
 from mitsuba_taxel.transport.outline import Cumulative, power_within
 from mitsuba_taxel.transport.patches import PatchPoints
-from mitsuba_taxel.transport.rules import gauss
+from mitsuba_taxel.transport.rules import gauss, triangle_rule
 
 CHECKED, ANGLES = 7, 1024
 """One of so many points of a phototransistor is checked; parts of the angles that its response depends on."""
@@ -76,16 +76,49 @@ def acceptance(end: End, places: np.ndarray, points: PatchPoints, weights: np.nd
     response = np.where(cosine > max(end.law.cutoff, 0.0), end.law(np.maximum(cosine, 0))[0], 0)
     accepted = (facing * response * np.maximum(cosine, 0) / squared) @ end.weights[some]
     by_rule = np.bincount(points.face, weights * accepted, len(places))
-    by_outline = end.weights[some] @ power_within(end.points[some], end.normal, _accepted_within(end.law), places)
+    total, share = _accepted_within(end.law)
+    by_outline = total * end.weights[some] @ power_within(end.points[some], end.normal, share, places)
     return by_rule, by_outline
 
 
-def _accepted_within(law: AngularLaw) -> Cumulative:
-    """Integral of a response times the cosine over the directions of at least some cosines."""
+def accepted(end: End, places: np.ndarray, degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """:func:`acceptance` by the triangle rule of a degree."""
+    rule, weights = triangle_rule(degree)
+    points = PatchPoints(np.repeat(np.arange(len(places)), len(rule)), np.tile(rule, (len(places), 1)))
+    return acceptance(end, places, points, np.tile(weights, len(places)))
+
+
+def radiance(
+    end: End,
+    received: np.ndarray,
+    scattered: np.ndarray,
+    area: np.ndarray,
+    by_rule: np.ndarray,
+    by_outline: np.ndarray,
+) -> np.ndarray:
+    """Radiance of patches towards a phototransistor, in W per mm² and sr.
+
+    Parameters
+    ----------
+    end : End
+    received, scattered : (F,) ndarray
+        Power in W from each patch on the phototransistor, and in all directions.
+    area : (F,) ndarray
+        In mm².
+    by_rule, by_outline : (F,) ndarray
+        From :func:`acceptance`: patches that seem to be hidden have the radiance of all directions.
+    """
+    some = end.weights[CHECKED // 2 :: CHECKED].sum() / end.weights.sum()
+    known = by_rule > np.abs(by_outline) / 2
+    return np.where(known, some * received / np.where(known, by_rule, 1), scattered / (np.pi * area))
+
+
+def _accepted_within(law: AngularLaw) -> tuple[float, Cumulative]:
+    """Integral of a response times the cosine over all directions, and its share in those of at least some cosines."""
     angles = np.linspace(0, min(law.spread, np.pi / 2), ANGLES + 1)
     place, weight = gauss(3)
     theta = angles[:-1, None] + np.diff(angles)[:, None] * place
     values = 2 * np.pi * np.sin(theta) * np.cos(theta) * law(np.cos(theta))[0]
     sums = np.concatenate([[0.0], np.cumsum(np.diff(angles) * (values @ weight))])
     cosines = np.cos(angles)
-    return lambda cosine: np.interp(cosine, cosines[::-1], sums[::-1])
+    return float(sums[-1]), lambda cosine: np.interp(cosine, cosines[::-1], sums[::-1] / sums[-1])
