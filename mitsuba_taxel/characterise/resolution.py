@@ -29,7 +29,8 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
     Returns
     -------
     ``resolution`` over the study's dimensions and ``parameter``, one standard deviation in the parameter's ``unit``;
-    ``covariance`` over ``parameter`` and ``other``. Infinite where readings do not tell all parameters.
+    ``resolution_error``, the standard error of that by the derivatives' errors, see :func:`_error`, NaN where these are
+    not known; ``covariance`` over ``parameter`` and ``other``. Infinite where readings do not tell all parameters.
 
     Raises
     ------
@@ -53,12 +54,16 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
         deviation, shown = np.full(study.smooth_power.transpose(*dims, "taxel").shape, noise), study
     slopes = shown.derivative.transpose(*dims, "taxel", "parameter").values / deviation[..., None]
     covariance = _inverse_information(slopes)
+    errors = np.full_like(slopes, np.nan)
+    if "derivative_error" in shown:
+        errors = shown.derivative_error.transpose(*dims, "taxel", "parameter").values / deviation[..., None]
     unit = [str(each).partition("/")[2] or "1" for each in study.derivative_unit.values]
     names = study.parameter.values.tolist()
     spread = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     return xr.Dataset(
         {
             "resolution": ([*dims, "parameter"], spread, {"long_name": "1 sigma if all are estimated"}),
+            "resolution_error": ([*dims, "parameter"], _error(slopes, errors, covariance), {"long_name": "its error"}),
             "covariance": ([*dims, "parameter", "other"], covariance),
         },
         {
@@ -69,6 +74,23 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
         },
         {name: study.attrs[name] for name in ("forces", "roles") if name in study.attrs},
     )
+
+
+def _error(slopes: np.ndarray, errors: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """(..., P) standard errors of the roots of the covariance's diagonal, by those of slopes (..., T, P) over the noise.
+
+    How the errors of derivatives are correlated is not known. Finite elements change the derivatives by one parameter
+    at all taxels together, as a softer pad would, or each taxel by itself, as meshes are irregular. Effects of both
+    kinds add in squares, so that neither sign nor correlation makes the sum small. To first order, with A the slopes
+    and C the covariance, the root of C_pp changes by -(C_pq (A C)_tp) / sqrt(C_pp) per change of A_tq.
+    """
+    told = np.isfinite(covariance).all(axis=(-2, -1))
+    known = np.where(told[..., None, None], covariance, 0.0)
+    spread = np.sqrt(np.diagonal(known, axis1=-2, axis2=-1))
+    effect = np.einsum("...pq,...tp->...ptq", known, slopes @ known) * errors[..., None, :, :]
+    together = (effect * np.sign(slopes)[..., None, :, :]).sum(axis=-2)
+    squares = (together**2).sum(axis=-1) + (effect**2).sum(axis=(-2, -1))
+    return np.where(told[..., None], np.sqrt(squares) / np.where(spread > 0, spread, 1.0), np.nan)
 
 
 def _inverse_information(slopes: np.ndarray) -> np.ndarray:

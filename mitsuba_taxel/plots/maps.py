@@ -86,7 +86,8 @@ def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
 def plot_resolution(found: xr.Dataset, narrow: bool = False) -> Figure:
     """One standard deviation of each unknown that :func:`resolution` found, over the parameters of :func:`plane_of`.
 
-    Each has a scale of its own, logarithmic; white is where it is not known. Of other parameters that are varied the
+    Each has a scale of its own, logarithmic, and its largest relative error in the title; white is where it is not
+    known. Of other parameters that are varied the
     last values are taken, which the title tells.
     """
     from matplotlib.colors import LogNorm
@@ -108,7 +109,9 @@ def plot_resolution(found: xr.Dataset, narrow: bool = False) -> Figure:
         scale = ax.figure.colorbar(picture, ax=ax, label=f"1 sigma [{unit}]", shrink=0.8).ax.yaxis
         scale.set_major_formatter("{x:g}")
         scale.set_minor_formatter("{x:g}")
-        ax.set_title(name, fontsize="medium")
+        shares = (shown.resolution_error / shown.resolution).sel(parameter=name).values
+        largest = np.max(shares, initial=0.0, where=np.isfinite(shares))
+        ax.set_title(f"{name}, ±{100 * largest:.2g} % at most" if largest else name, fontsize="medium")
     if where := _where(shown, others):
         axes[0].figure.suptitle(where, fontsize="medium")
     return axes[0].figure

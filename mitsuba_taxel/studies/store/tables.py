@@ -52,7 +52,7 @@ def write_resolution(study: xr.Dataset, folder: Path) -> None:
         return
     found = resolution(study)
     with replacing(folder / "resolution.csv") as file:
-        found.resolution.to_dataframe().reset_index().to_csv(file, index=False)
+        found[["resolution", "resolution_error"]].to_dataframe().reset_index().to_csv(file, index=False)
     save_figure(plot_resolution(found), folder, "resolution")
 
 

@@ -47,6 +47,7 @@ def test_the_resolution_is_computed_once(study, tmp_path, monkeypatch):
     assert {file.name for file in tmp_path.iterdir()} == {f"resolution.{form}" for form in ("csv", "png", "svg")}
     table = pd.read_csv(tmp_path / "resolution.csv")
     np.testing.assert_allclose(table.resolution, found.resolution.values.ravel())
+    np.testing.assert_allclose(table.resolution_error, found.resolution_error.values.ravel())
 
 
 @pytest.mark.parametrize("without", ["derivative", "circuit", "patch_y"])
