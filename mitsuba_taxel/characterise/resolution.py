@@ -77,7 +77,7 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
 
 
 def _error(slopes: np.ndarray, errors: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(..., P) standard errors of the roots of the covariance's diagonal, by those of slopes (..., T, P) over the noise.
+    """(..., P) standard errors of the roots of the covariance's diagonal, by those of slopes (..., T, P) over noise.
 
     How the errors of derivatives are correlated is not known. Finite elements change the derivatives by one parameter
     at all taxels together, as a softer pad would, or each taxel by itself, as meshes are irregular. Effects of both

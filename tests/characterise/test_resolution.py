@@ -75,7 +75,9 @@ def test_the_errors_of_resolutions_hold_whatever_the_correlation_of_those_of_der
         dims = ["case", "taxel", "parameter"]
         named = {"parameter": ["fx", "fz", "patch_x"], "derivative_unit": ("parameter", units)}
         readings = {"smooth_power": (dims[:2], np.ones(shape[:2]))}
-        return resolution(xr.Dataset({**readings, "derivative": (dims, slopes), "derivative_error": (dims, size)}, named), 1.0)
+        return resolution(
+            xr.Dataset({**readings, "derivative": (dims, slopes), "derivative_error": (dims, size)}, named), 1.0
+        )
 
     stated, off = found(read).resolution_error, np.abs(found(read).resolution - found(true).resolution)
     assert (off <= 2 * stated).mean() > 0.9545 - 0.03 and 1 < float((stated / off).median()) < 5
@@ -112,7 +114,9 @@ def test_its_map():
     found = resolution(study([[3, 4], [0, 2]]), noise=0.1)
     for name in ("patch_x", "patch_y"):
         found[name].attrs["units"] = "mm"
-    assert "fz, ±1.4 % at most" in [ax.get_title() for ax in plot_resolution(found.assign(resolution_error=0.014 * found.resolution)).axes]
+    assert "fz, ±1.4 % at most" in [
+        ax.get_title() for ax in plot_resolution(found.assign(resolution_error=0.014 * found.resolution)).axes
+    ]
     figure = plot_resolution(found)
     panels = [ax for ax in figure.axes if ax.get_title()]
     assert [ax.get_title() for ax in panels] == ["fz", "patch_x"] and panels[1].get_xlabel() == "patch_x [mm]"
