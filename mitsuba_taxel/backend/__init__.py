@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from types import MappingProxyType
 
 from mitsuba_taxel.backend.llvm import check_llvm, choose_llvm
@@ -18,6 +17,7 @@ from mitsuba_taxel.backend.registry import (
     wanted_variant,
 )
 from mitsuba_taxel.backend.turns import in_turn
+from mitsuba_taxel.base.caches import kept
 
 __all__ = [
     "DEFAULT_VARIANT",
@@ -59,7 +59,7 @@ def report() -> dict[str, object]:
     }
 
 
-@cache
+@kept(None)
 def versions() -> Mapping[str, str]:
     """Versions of Python, this package and what it computes with, by name; read once in a process."""
     import importlib.metadata

@@ -11,8 +11,9 @@ import os
 import re
 import sys
 from collections.abc import Iterable
-from functools import cache
 from pathlib import Path
+
+from mitsuba_taxel.base.caches import kept
 
 OLDEST_LLVM = 19
 """Oldest major version known to render (19, 22 and 23 were tried)."""
@@ -67,7 +68,7 @@ def check_llvm(variant: str) -> None:
         _skip_optional_passes(chosen)
 
 
-@cache
+@kept(None)
 def _skip_optional_passes(library: str) -> None:
     """Have kernels compiled in half the time, by LLVM without the passes that it can do without.
 

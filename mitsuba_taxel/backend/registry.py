@@ -11,10 +11,10 @@ import importlib.util
 import os
 import sys
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
 from mitsuba_taxel.backend.llvm import check_llvm
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 
 DEFAULT_VARIANT = "llvm_ad_mono"
@@ -30,7 +30,7 @@ _REGISTER = {
 }
 
 
-@cache
+@kept(None)
 def plugin_files() -> dict[str, Path]:
     """Plugin name -> its file (the folder is the kind of plugin), without importing any."""
     spec = importlib.util.find_spec(_PACKAGE)

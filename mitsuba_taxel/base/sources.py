@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+
+from mitsuba_taxel.base.caches import kept
 
 PACKAGE = "mitsuba_taxel"
 
 
-@cache
+@kept(None)
 def code_digest(*rooms: str) -> str:
     """Hexadecimal digest of every file of some sub-packages, however deep it lies, and of the modules beside them.
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import clear_caches
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.bench.accuracy_mechanics import POINTS, SEED, FineMeshLimit, from_nothing
 from mitsuba_taxel.bench.work_precision import ErrorCurve, Point, Truth, now, relative_rms
@@ -98,7 +99,7 @@ def chain_curves(
 
 
 def _timed(scene: Scene, target: float, seconds: float) -> tuple[Readings, float]:
-    kept_cell.cache_clear()
+    clear_caches(kept_cell)
     start = now()
     found = measure(scene, target_error=target, time_budget=seconds)
     return found, now() - start

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import clear_caches
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.bench.work_precision import ErrorCurve, Point, Truth, now, relative_rms
@@ -258,5 +259,4 @@ def from_nothing() -> Iterator[None]:
 
 
 def _forget() -> None:
-    for kept in (shared, loaded_pad, mirror_images):
-        kept.cache_clear()
+    clear_caches(shared, loaded_pad, mirror_images)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import clear_caches
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.accuracy_mechanics import from_nothing
 from mitsuba_taxel.bench.accuracy_methods import Estimate, Estimator, of_readings
@@ -181,7 +182,7 @@ def _over_patches(
     for share in PATCHES:
         size = share * usual
         starting(f"{WITHOUT}, patches of {size:.2g} mm")
-        kept_cell.cache_clear()
+        clear_caches(kept_cell)
         start = now()
         try:
             found = estimate(size)
@@ -204,7 +205,7 @@ def _touch(seconds: float, starting: Starting) -> list[ErrorCurve]:
         pad, roof = Pad("cylindrical", 1, 1), Wall("lambertian", 0.9)
         scene = PadSensor(pad, force=(0, 0, -depth), load=load, roof=roof).scene()
         with from_nothing():
-            kept_cell.cache_clear()
+            clear_caches(kept_cell)
             start = now()
             found = measure(scene)
             spent = now() - start

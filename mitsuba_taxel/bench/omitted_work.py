@@ -95,7 +95,7 @@ def _cut_everything_finely() -> None:
         side = np.full_like(mesh.face_region, REGIONS["side"])
         return cut(replace(mesh, face_region=side), int(np.ceil(subdivision * ratio)))
 
-    surface.cut_faces = finely  # type: ignore[assignment]
+    surface.cut_faces = finely
 
 
 def _only_asked_for() -> None:

@@ -20,6 +20,7 @@ import xarray as xr
 
 from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.backend.packets import in_packets
+from mitsuba_taxel.base.caches import clear_caches
 from mitsuba_taxel.bench.peers.cases import CASES
 from mitsuba_taxel.bench.ramp import ROWS, ramp
 from mitsuba_taxel.kernels.wavefronts import trace
@@ -87,7 +88,7 @@ def with_slope(cell: str) -> tuple[float, float]:
 
 def _solved(scene: Any, **how: Any) -> None:
     """Measure without kept solutions of the light."""
-    kept_cell.cache_clear()
+    clear_caches(kept_cell)
     measure(scene, **how)
 
 

@@ -9,10 +9,11 @@ sqrt(12) where the voltage stands still, is that of a point (B. Widrow, I. Kolla
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+
+from mitsuba_taxel.base.caches import kept
 
 CHUNK = 48
 """Most consecutive rows from which residuals are taken."""
@@ -207,7 +208,7 @@ def _sums(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return sum((part**2).sum(axis=0) for part in parts), sum((part[1:] * part[:-1]).sum(axis=0) for part in parts)
 
 
-@lru_cache(maxsize=CHUNK)
+@kept(CHUNK)
 def _expected(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Expected squares, and products of neighbours, of residuals of noise of variance 1, for each of CORRELATIONS."""
     lag = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.replicates import standard_error
 
 HALVES = (slice(0, None, 2), slice(1, None, 2))
@@ -86,7 +86,7 @@ def _choice_error(samples: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(variance - standard_error(magnitude) ** 2, 0.0))
 
 
-@lru_cache(maxsize=8)
+@kept(8)
 def _resampled(*counts: int) -> list[np.ndarray]:
     """Of each half of the replicates, as many as `counts`: (DRAWS, count) weights, the same each time."""
     random = np.random.default_rng(0)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import cache
 from pathlib import Path
 
 import mitsuba as mi
 
 from mitsuba_taxel.backend import plugin_kind
 from mitsuba_taxel.backend.libraries import check_plugin_types
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.spelling import did_you_mean
 from mitsuba_taxel.check.document import ELEMENTS, KINDS, Element, filled_in, used_names
@@ -144,7 +144,7 @@ def _exists(plugin: str) -> bool:
     return True
 
 
-@cache
+@kept(None)
 def _mitsuba_plugins() -> tuple[str, ...]:
     """Names of the plugins that come with Mitsuba."""
     return tuple(sorted(file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.so")))

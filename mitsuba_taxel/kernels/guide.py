@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.backend.packets import in_packets
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.kernels.cell_surface import CellSurface
 from mitsuba_taxel.kernels.protocols import is_pad, is_region
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave
@@ -182,7 +182,7 @@ def _guide_on(mesh: mi.Mesh, pair: TaxelPair) -> Guide | None:
     return None if members is None else Guide(mesh, members, near=not walls["lambertian"])
 
 
-@lru_cache(maxsize=4)  # the scenes of a study share their undeformed pads
+@kept(4)  # the scenes of a study share their undeformed pads
 def _members(surface: CellSurface, regions: tuple[int, ...], taxels: tuple[int, ...], count: int) -> Members | None:
     """The triangles in some regions of the cells of ``taxels``; None if they have no area or are flat."""
     corners, cell = surface.vertices[surface.triangles], surface.cell

@@ -8,10 +8,10 @@ import re
 from abc import ABCMeta
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields, replace
-from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.parameters.parameter import REQUIRED, Choice, Nested, Number, Parameter, named
 
@@ -135,7 +135,7 @@ def _own_parameters(cls: Any) -> dict[str, Parameter]:
     return _merged(cls, tuple((name, *choice.family.kinds().values()) for name, choice in choices.items()))
 
 
-@cache
+@kept(None)
 def _merged(cls: Any, chosen: tuple[tuple[Any, ...], ...]) -> dict[str, Parameter]:
     """As `_own_parameters`, of fields and the kinds that each of them chooses among."""
     stated = _stated_in(cls)
@@ -166,7 +166,7 @@ def _shared(first: Parameter, second: Parameter) -> Parameter:
     return replace(first, when=when, doc=doc, **wider)
 
 
-@cache
+@kept(None)
 def _stated_in(cls: Any) -> Mapping[str, Parameter]:
     stated = {field.name: field.metadata.get("parameter") for field in fields(cls)}
     return MappingProxyType({name: named(one, name) for name, one in stated.items() if one is not None})

@@ -6,7 +6,6 @@ from __future__ import annotations
 import pickle
 import threading
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import drjit as dr
@@ -16,6 +15,7 @@ import numpy as np
 from mitsuba_taxel.backend import llvm
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.backend.plugin_objects import kind_of
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.kernels.protocols import PadShape, is_package, is_pad
 from mitsuba_taxel.kernels.walls import walls_by_region
@@ -320,7 +320,7 @@ def _pad_of(scene: mi.Scene) -> PadShape:
     return pads[0]
 
 
-@lru_cache(maxsize=4)
+@kept(4)
 def _mesh_of(pad: Pad | PadFile, size: float) -> VolumeMesh:
     """The mesh whose faces are the patches for the light."""
     from mitsuba_taxel.mechanics.path.meshes import pad_mesh
@@ -348,7 +348,7 @@ def _places_of(mesh: VolumeMesh, pad: Pad | PadFile, scatters: np.ndarray) -> _P
     return _Places(numbers, np.array([points.mean(axis=(0, 1))[:2] for points in of_cells]), numbers)
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def _have_edges(mesh: VolumeMesh, pad: Pad | PadFile, faces: tuple[int, ...]) -> bool:
     """Cached for all cells with the same faces."""
     from mitsuba_taxel.mechanics.surface.tessellation import have_edges
@@ -356,7 +356,7 @@ def _have_edges(mesh: VolumeMesh, pad: Pad | PadFile, faces: tuple[int, ...]) ->
     return have_edges(mesh, np.array(faces), pad)
 
 
-@lru_cache(maxsize=32)
+@kept(32)
 def _patches(
     elements: VolumeMesh, walls: VolumeMesh, pad: Pad | PadFile, faces: tuple[int, ...], cell: int
 ) -> WallPatches:
@@ -371,13 +371,13 @@ def _kept_mesh(pattern: np.ndarray, degree: int) -> Mesh:
         return _found_mesh(pattern.tobytes(), degree)
 
 
-@lru_cache(maxsize=20)
+@kept(20)
 def _found_mesh(pattern: bytes, degree: int) -> Mesh:
     """Cached for other cells and states of the pad, as its pairs of points take half the time of a solution."""
     return Mesh(np.frombuffer(pattern).reshape(-1, len(LATTICE), 3), degree)
 
 
-@lru_cache(maxsize=80)
+@kept(80)
 def kept_cell(mesh: Mesh, parts: bytes) -> Cell:
     """Cached for the derivatives of a reading, and for studies that read a scene again: enough for three states of nine
     cells, which the search for steps and meshes has solved before."""

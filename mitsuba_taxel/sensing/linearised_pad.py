@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mitsuba_taxel.base.recent import Recent
+from mitsuba_taxel.base.caches import Recent
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.sensing.scene_rates import Rates
@@ -23,7 +23,7 @@ MOST_KEPT = 8
 """Number of the latest rates with a load that are kept: each may need a factor of its own, and a study asks for those
 of its first scene while it chooses steps and mesh, and once more when it reads it."""
 
-_kept: Recent[np.ndarray] = Recent(MOST_KEPT)
+_kept: Recent[np.ndarray] = Recent("responses of linearised pads", MOST_KEPT)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,10 @@ Points of triangles are (s, t): the corners are (0, 0), (1, 0) and (0, 1); weigh
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
+
+from mitsuba_taxel.base.caches import kept
 
 Rule = tuple[np.ndarray, np.ndarray]
 """Points (Q, 2) and weights (Q,)."""
@@ -19,7 +20,7 @@ _ORBITS = {
 }
 
 
-@lru_cache
+@kept(128)
 def triangle_rule(degree: int) -> Rule:
     """The symmetric rule of 3 points for ``degree`` 1, of 6 points for 2: exact for polynomials of twice the degree.
 
@@ -46,7 +47,7 @@ def monomials(points: np.ndarray, degree: int) -> np.ndarray:
     return table.T
 
 
-@lru_cache
+@kept(128)
 def differentiated(degree: int) -> np.ndarray:
     """(3, C, C) matrices from a polynomial's coefficients to themselves, and to those of its derivatives by s and t."""
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
@@ -59,12 +60,12 @@ def differentiated(degree: int) -> np.ndarray:
     return result
 
 
-@lru_cache
+@kept(128)
 def _exponents(degree: int) -> list[tuple[int, int]]:
     return [(i, total - i) for total in range(degree + 1) for i in range(total + 1)]
 
 
-@lru_cache
+@kept(128)
 def coefficients(degree: int) -> np.ndarray:
     """(C, Q) matrix from values at the points of :func:`triangle_rule` to the coefficients of the polynomial through
     them."""

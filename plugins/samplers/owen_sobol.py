@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.backend.packets import in_packets
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.sobol import DIMENSIONS, sobol_points
 from mitsuba_taxel.specification.owen_sobol import MOST_POINTS
@@ -152,7 +151,7 @@ def _hash(x: mi.UInt32) -> mi.UInt32:
     return x ^ (x >> 16)
 
 
-@lru_cache(maxsize=4)
+@kept(4)
 def _table(count: int, variant: str) -> mi.UInt32:
     """All coordinates of the points, bit-reversed, dimension by dimension."""
     points = dr.brev(mi.UInt32(in_packets(sobol_points(count), np.uint32)))

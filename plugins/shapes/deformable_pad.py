@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import found, make_plugin
 from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.cell_surface import CellSurface
 from mitsuba_taxel.kernels.dome_elements import fewer_triangles, size_for_light
@@ -327,7 +328,7 @@ class DeformablePad(mi.Mesh):
         return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"
 
 
-@lru_cache(maxsize=4)  # the pads of a study share their mesh
+@kept(4)  # the pads of a study share their mesh
 def _undeformed(mesh, subdivision, finish, cells, pad, to_world):
     from mitsuba_taxel.mechanics import tessellate
 

@@ -7,7 +7,7 @@ import pytest
 from one_cell import one_cell
 
 from mitsuba_taxel import Scene
-from mitsuba_taxel.base.recent import Recent
+from mitsuba_taxel.base.caches import Recent
 from mitsuba_taxel.mechanics.path.sensitivities import LinearisedState
 from mitsuba_taxel.sensing import linearised_pad
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad
@@ -34,7 +34,7 @@ def rate(tmp_path, monkeypatch):
 
     found.solved = 0
     monkeypatch.setattr(LinearisedState, "by_value", counted)
-    monkeypatch.setattr(linearised_pad, "_kept", Recent(linearised_pad.MOST_KEPT))
+    monkeypatch.setattr(linearised_pad, "_kept", Recent("test", linearised_pad.MOST_KEPT))
     return found
 
 
@@ -55,7 +55,7 @@ def test_another_rate_is_not_taken_for_it(rate, name, other):
 
 
 def test_only_the_latest_are_kept(rate, monkeypatch):
-    monkeypatch.setattr(linearised_pad, "_kept", Recent(1))
+    monkeypatch.setattr(linearised_pad, "_kept", Recent("test", 1))
     for force in (-0.5, -0.6, -0.6, -0.5):
         rate("fx", fz=force)
     assert rate.solved == 3

@@ -6,10 +6,9 @@ through it.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.triangles import area_normals, closest_on_triangles, unit
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
@@ -25,7 +24,7 @@ ALIKE = 1e-9
 POINTS_AT_ONCE = 4096
 
 
-@lru_cache(maxsize=4)  # the states of a path share their mesh
+@kept(4)  # the states of a path share their mesh
 def widest_shut(mesh: VolumeMesh, bodies: RigidBodies) -> float:
     """In mm, width below which a gap is shut."""
     return SHUT * BodyBarrier(mesh, 1.0, bodies).reach

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, VolumeMesh
 from mitsuba_taxel.pads.pad import REGIONS
@@ -21,7 +20,7 @@ CREASE = 150.0
 """Angle of air in degrees at an inner edge of the undeformed pad, below which the edge is singular."""
 
 
-@lru_cache(maxsize=4)  # several tests of contact share a mesh
+@kept(4)  # several tests of contact share a mesh
 def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
     """(N,) mm, distance of nodes of the surface from the singular edges of the undeformed pad, less the width of the
     strip; infinite inside.

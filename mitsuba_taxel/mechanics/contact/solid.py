@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.mechanics.contact.solid_distance import SolidDistance
@@ -51,7 +51,7 @@ def content_of(file: str) -> bytes:
         raise InputError(f"indenter_file = {file} cannot be read ({error.strerror or error}).") from error
 
 
-@lru_cache(maxsize=4)
+@kept(4)
 def solid_in(file: str, digest: str, tilt: float, placement: Placement) -> Solid:
     """The body in a file that holds what it held when its ``digest`` was taken, tilted by degrees; raises `InputError`.
 

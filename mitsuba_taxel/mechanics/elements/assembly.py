@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 import scipy.sparse as sparse
 
-from mitsuba_taxel.base.recent import Recent
+from mitsuba_taxel.base.caches import Recent
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.elements import Elements
@@ -21,8 +21,8 @@ from mitsuba_taxel.mechanics.materials.laws import Material
 MOST_KEPT = 1000
 """Largest number of elements of meshes whose patterns are kept, some 5 MB each: studies and optimisations solve one pad
 after the other on meshes of equal elements."""
-_SPARSITIES: Recent[Sparsity] = Recent(8)
-_PATTERNS: Recent[_Pattern] = Recent(32)
+_SPARSITIES: Recent[Sparsity] = Recent("sparsities of meshes", 8)
+_PATTERNS: Recent[_Pattern] = Recent("patterns of matrices", 32)
 _Made = TypeVar("_Made")
 
 

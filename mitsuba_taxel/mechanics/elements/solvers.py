@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import scipy.sparse as sparse
 
-from mitsuba_taxel.base.recent import Recent
+from mitsuba_taxel.base.caches import Recent
 from mitsuba_taxel.base.threads import thread_count
 from mitsuba_taxel.mechanics.elements.memory import require_memory
 
@@ -85,7 +85,7 @@ class _RslabFactorisation:
 KEPT_UNKNOWNS = 5_000
 """Largest matrices whose analyses are kept, some 5 MB each: studies solve pads that differ in their load, material or
 shape alone, and an analysis, which the pattern determines, takes as long as a factorisation."""
-_ANALYSED: Recent[Any] = Recent(32)
+_ANALYSED: Recent[Any] = Recent("analysed patterns of matrices", 32)
 
 
 class Rslab:

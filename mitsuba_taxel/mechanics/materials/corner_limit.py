@@ -9,11 +9,11 @@ same f over as many decades as it takes to begin and end: the corner is unstable
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from itertools import product
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 DEGREE = 10
@@ -26,7 +26,7 @@ STRETCHES = np.arange(0.95, 0.25, -0.05)
 """Tried in turn for the first that is unstable."""
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def corner_limit(material: Material) -> float:
     """Nominal pressure in MPa at which a corner of a material becomes unstable; infinite if it does not.
 
@@ -87,7 +87,7 @@ def _least(stretch: float, material: Material) -> float:
     return float(np.linalg.eigvalsh(energy + volumes.T @ volumes / compressibility)[0])
 
 
-@lru_cache(maxsize=1)
+@kept(1)
 def _functions() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Weights (q,) of points of the sphere's octant; gradients there (n, q, 3) of functions r^(-1/2) f, orthonormal on
     it; and orthonormal r^(-3/2) f (m, q) of two degrees less, for the pressure."""

@@ -15,10 +15,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.mechanics.materials.viscoelastic import Terms
 
 BISECTIONS = 200
@@ -46,7 +47,7 @@ class CreepResponse:
     creeps: bool
 
     @classmethod
-    @lru_cache(maxsize=16)
+    @kept(16)
     def of(cls, prony: Terms, creeps: bool) -> CreepResponse:
         """Of a Prony series: its relaxation function, or its creep function by the zeros of that in Laplace space."""
         times = np.unique([time for _, time in prony])[::-1]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
@@ -20,13 +20,13 @@ from mitsuba_taxel.mechanics.path.natural_step import TICKS
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
 
 
-@lru_cache(maxsize=4)
+@kept(4)
 def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
     """The common symmetries of mesh and load distribution, with the image (N,) of each node."""
     return {mirror: image for mirror, image in node_images(mesh).items() if load.is_symmetric(mesh, mirror, image)}
 
 
-@lru_cache(maxsize=4)  # normal and tangential segments, also of the coarser mesh: matrices take memory
+@kept(4)  # normal and tangential segments, also of the coarser mesh: matrices take memory
 def loaded_pad(
     mesh: VolumeMesh,
     material: Material,

@@ -7,11 +7,12 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.bezier_patches import Place
 from mitsuba_taxel.geometry.mirror import Mirror
@@ -442,10 +443,10 @@ def pad_path(
     return shared(pad, material, load, mesh_size, judged, judged_on, bodies, step_tolerance, refinement)
 
 
-shared = lru_cache(maxsize=16)(PadPath)
+shared = kept(16)(PadPath)
 """The latest paths, by all arguments."""
 
 
-@lru_cache(maxsize=8)
+@kept(8)
 def _in_the_way(path: PadPath, triangles: bytes, mirrors: tuple[Mirror, ...]) -> Obstacles:
     return Obstacles(path.mesh, np.frombuffer(triangles).reshape(-1, 3, 3), mirrors)

@@ -11,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from mitsuba_taxel.base.arguments import array_of, refusal, require
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
@@ -405,7 +406,7 @@ def mirrors_of_state(state: State) -> tuple[Mirror, ...]:
     return tuple(mirror for mirror in images if keeps_state(mirror))
 
 
-@lru_cache(maxsize=4)  # consecutive states of a path share what does not change
+@kept(4)  # consecutive states of a path share what does not change
 def _blocks(pad: LoadedPad) -> Sequence[TangentBlock]:
     return tangent_blocks(pad)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
@@ -99,6 +99,6 @@ class SolvedStates:
         return PushedStates(pad, pad.gather(displacement, pressure), normal)
 
 
-@lru_cache(maxsize=1)  # factors take memory
+@kept(1)  # factors take memory
 def _pushed_from(states: SolvedStates, normal: tuple[float, ...]) -> PushedStates:
     return states.pushed_from(np.array(normal))

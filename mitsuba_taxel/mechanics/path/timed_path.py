@@ -13,10 +13,11 @@ import time as clock
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
@@ -83,7 +84,7 @@ class TimedPath:
         self._last: tuple[tuple[Row, ...], tuple[Reached, Way]] | None = None
 
     @classmethod
-    @lru_cache(maxsize=4)
+    @kept(4)
     def of(cls, path: PadPath, material: Viscoelastic) -> TimedPath:
         """The shared path of a pad and material."""
         return cls(path, material)

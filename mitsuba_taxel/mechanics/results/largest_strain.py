@@ -7,16 +7,15 @@ superquantile, or conditional value at risk: R. T. Rockafellar and S. Uryasev, J
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.path.state import State
 
 SHARE = 0.01
 """Share of the volume of the undeformed silicone over which the largest strains are averaged."""
-_elements = lru_cache(maxsize=1)(Elements)  # the states of a study follow each other on one mesh
+_elements = kept(1)(Elements)  # the states of a study follow each other on one mesh
 
 
 class LargestStrain:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.box_tree import BoxTree
 from mitsuba_taxel.geometry.point_tree import PointTree
@@ -305,7 +306,7 @@ def displacement_at(
     InputError
         as :meth:`PointLocator.locate`.
     """
-    return _locator(mesh).locate(points, tolerance).interpolate(displacement)
+    return locator_of(mesh).locate(points, tolerance).interpolate(displacement)
 
 
 def displacement_gradient_at(
@@ -316,10 +317,10 @@ def displacement_gradient_at(
     They are those of the element that contains the point, and discontinuous between elements. Parameters are those of
     :func:`displacement_at`.
     """
-    return _locator(mesh).locate(points, tolerance).gradient(displacement)
+    return locator_of(mesh).locate(points, tolerance).gradient(displacement)
 
 
-_locator = lru_cache(maxsize=2)(PointLocator)  # the states of a path share their mesh
+locator_of = kept(4)(PointLocator)  # the states of a path share their mesh
 
 
 def _checked(points: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:

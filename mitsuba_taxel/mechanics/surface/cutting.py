@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -56,7 +56,7 @@ def weighted(weights: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.n
     return sum(weights[:, k, None] * values[nodes[:, k]] for k in range(6))
 
 
-@lru_cache(maxsize=4)  # the states of a path share their mesh
+@kept(4)  # the states of a path share their mesh
 def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None = None) -> Cut:
     """The subdivided surface of a mesh, fine in ``cells`` (None for all); see :func:`tessellate`."""
     in_cell = in_cells(mesh, cells)

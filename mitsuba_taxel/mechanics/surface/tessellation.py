@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from mitsuba_taxel.base.arguments import is_row, is_whole, refusal, require
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.triangles import area_normals, unit
@@ -172,7 +172,7 @@ def chosen_cells(mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish |
     return tuple(cells)
 
 
-@lru_cache(maxsize=2)  # the states of a path share their mesh
+@kept(2)  # the states of a path share their mesh
 def _relief(mesh: VolumeMesh, subdivision: int, finish: Finish, pad: Pad | PadFile | None) -> Relief:
     cut = cut_faces(mesh, subdivision)
     places = _walls(mesh, subdivision, None, pad).places
@@ -215,7 +215,7 @@ class _Walls:
         return unit(np.einsum("pij,pj->pi", cofactors, self.normals))
 
 
-@lru_cache(maxsize=4)  # the states of a path share their mesh
+@kept(4)  # the states of a path share their mesh
 def _walls(
     mesh: VolumeMesh,
     subdivision: int,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.results.locate import Location, PointLocator
+from mitsuba_taxel.mechanics.results.locate import Location, locator_of
 from mitsuba_taxel.mechanics.surface.tessellation import placed
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
@@ -19,7 +19,6 @@ STEP = 1e-4
 """Step of a dimension in mm, for differences of positions on round walls."""
 BESIDE = 0.1
 """Allowed distance of walls from the elements that approximate them, relative to the height of the pad."""
-_locator = lru_cache(maxsize=2)(PointLocator)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +89,7 @@ class WallPatches:
     def _location(self) -> Location:
         """Location of the points in the elements."""
         beside = BESIDE * np.ptp(self.elements.points[:, 2])
-        return _locator(self.elements).locate(self.rest.reshape(-1, 3), beside)
+        return locator_of(self.elements).locate(self.rest.reshape(-1, 3), beside)
 
     def _shift(self, pad: Pad | PadFile) -> np.ndarray:
         drawn = int(self.walls.face_cell[self.faces[0]])

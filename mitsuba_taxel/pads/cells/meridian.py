@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.point_tree import PointTree
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def as_text(points: np.ndarray) -> str:
     return "; ".join(f"{r:.16g} {z:.16g}" for r, z in points.tolist())
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def roof_meridian(text: str, radius: float, height: float) -> Meridian:
     """The spline of a roof, from the crown to the rim, in mm.
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from functools import lru_cache, partial
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.pads.cells.cell_shape import CellShape, Difference
 from mitsuba_taxel.pads.cells.meridian import (
     PLACES,
@@ -148,7 +149,7 @@ def _places(region: str, u: np.ndarray, shape: MeridianCell) -> np.ndarray:
     return shape.curve(region).at(u)[0]
 
 
-@lru_cache(maxsize=1)  # all cells of a pad are alike
+@kept(1)  # all cells of a pad are alike
 def _upright(shape: MeridianCell) -> Any:
     """A cell about the axis z; a curved roof is interpolated, to some 1e-7 of its size."""
     from netgen.occ import Axis, Face, Pnt, Segment, SplineInterpolation, Wire, Z

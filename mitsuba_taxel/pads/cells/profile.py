@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.pads.cells.cell_shape import LightSizes
 from mitsuba_taxel.pads.cells.meridian import SAMPLES, Meridian, control_points, roof_meridian
@@ -83,7 +83,7 @@ class Profile(MeridianCell, name="profile", rank=5):
             raise _refused(self.text, f"z of the first point must be at least {least / self.cell_height:.3g}")
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def highest(text: str) -> float:
     """The highest point of a profile, relative to the height of the cell."""
     heights = roof_meridian(text, 1.0, 1.0).height

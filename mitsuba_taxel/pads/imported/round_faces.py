@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.radial import put_radially
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import REGIONS
@@ -73,7 +72,7 @@ def onto_round_walls(
     return places, gradient
 
 
-@lru_cache(maxsize=4)  # the states of a path share their mesh
+@kept(4)  # the states of a path share their mesh
 def round_walls(mesh: VolumeMesh) -> list[tuple[int, int, tuple[np.ndarray, float, np.ndarray]]]:
     """Code of the region, number of the cell, and centre, radius and directions across, of each round wall."""
     found = []

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
@@ -120,7 +120,7 @@ class Survey:
     singular: SingularEdges
 
 
-@lru_cache(maxsize=4)  # for the second mesh, of the error estimate
+@kept(4)  # for the second mesh, of the error estimate
 def surveyed(path: Path, digest: str, rules: tuple[Rule, ...], placement: Placement) -> Survey:
     solid = _read_as(path, placement)
     raw = run_isolated("survey_step", {**solid, "curvature_safety": SURVEY_SAFETY})

@@ -7,10 +7,10 @@ of the file.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.mirror import Mirror
@@ -87,7 +87,7 @@ class SurfacePart:
         return exactly_on(points, planes_of(self.mirrors), float(self.vertices[:, 2].max()), ROUNDING * self.diagonal)
 
 
-@lru_cache(maxsize=4)  # for the second mesh, of the error estimate
+@kept(4)  # for the second mesh, of the error estimate
 def parts_of(
     content: bytes, suffix: str, rules: tuple[Rule, ...], placement: Placement
 ) -> tuple[SurfacePart, SurfacePart, SingularEdges]:
