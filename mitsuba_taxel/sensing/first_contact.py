@@ -17,6 +17,7 @@ from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.contact.contact_ahead import ContactAhead
 from mitsuba_taxel.mechanics.contact.self_contact import PACKAGE, Contact
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds
 from mitsuba_taxel.sensing.clearance import packages
 from mitsuba_taxel.sensing.contact_value import FirstContact
@@ -50,10 +51,8 @@ def why_no_contact(scene: Scene, along: str) -> str | None:
     with scene.files_beside_it():
         nodes = [node.props for node in scene.parsed(config).nodes]
     (pad,) = (DeformablePad.read(props) for props in nodes if props.plugin_name() == DeformablePad.plugin)
-    if pad.load == "indenter_force":
-        return f"first contact along {along} cannot be told: paths of an indenter follow its displacement, no force."
-    if pad.load == "indenter_displacement" and change[:2].any():
-        return f"first contact along {along} cannot be told: a dragged indenter has a path of its own at each place."
+    if why := Load.named(pad.load).why_no_first_contact(change):
+        return f"first contact along {along} cannot be told: {why}."
     if not _on_one_path(np.array(pad.load_value), change):
         return f"first contact along {along} cannot be told: its values are not one load path."
     return None

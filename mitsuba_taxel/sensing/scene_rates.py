@@ -19,6 +19,7 @@ from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.arguments import as_numbers, is_number
 from mitsuba_taxel.base.differences import STENCILS
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.parameters import Number, Parameter, parameters_of
 from mitsuba_taxel.sensing.left_out import NONE
@@ -37,9 +38,6 @@ STEP = 1e-3
 NOISE = 1e-9
 """Rates due to rounding."""
 PAD, PACKAGES = DeformablePad.plugin, PhotoReflector.plugin
-_OF_INDENTER = ("indenter_x", "indenter_y")
-_PLACES = {"patch_force": ("patch_x", "patch_y"), "indenter_displacement": _OF_INDENTER, "indenter_force": _OF_INDENTER}
-"""Names of the places of loads, by the load."""
 
 
 @dataclass(frozen=True)
@@ -244,7 +242,8 @@ def _differences(
         _refuse_what_else_changes(parameter, pad, other)
         value = weight * np.array(other.load_value)
         load = load + value if len(load) else value
-        place += weight * np.array([getattr(other, name) or 0.0 for name in _PLACES.get(other.load, ())] or [0.0, 0.0])
+        position = Load.named(other.load).position
+        place += weight * np.array([getattr(other, name) or 0.0 for name in position] or [0.0, 0.0])
         _add(material, weight, _numbers(other.build_material()))
         _add(dimensions, weight, {} if other.filename else _undeformed(other).dimensions)
     others_change = any(_others(base) != _others(state) for _, state in states)
@@ -308,7 +307,7 @@ def _refuse_what_else_changes(parameter: _Parameter, pad: DeformablePad, other: 
 
 def _followed(pad: DeformablePad) -> set[str]:
     """Names of the parameters of a pad on which states depend smoothly."""
-    load = {"force", "displacement", "pressure", "shore_a", *_PLACES.get(pad.load, ())}
+    load = {"force", "displacement", "pressure", "shore_a", *Load.named(pad.load).position}
     return load | {*parameters_of(Pad), *_numbers(pad.build_material())}
 
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from mitsuba_taxel.base.arguments import require
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads.load import Load
 from mitsuba_taxel.parameters import values_of
 
-USES = ("indenter", "indenter_x", "indenter_y", "friction")
+POSITION = "indenter_x", "indenter_y"
+USES = ("indenter", *POSITION, "friction")
 
 
 @dataclass(frozen=True)
@@ -25,10 +28,15 @@ class IndenterDisplacement(Load, name="indenter_displacement", rank=5):
     components = 3
     loads_rim = False
     uses = ("displacement", *USES)
+    position = POSITION
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require("indenter", self.indenter, Indenter, "an Indenter")
+
+    @classmethod
+    def why_no_first_contact(cls, change: np.ndarray) -> str:
+        return "a dragged indenter has a path of its own at each place" if change[:2].any() else ""
 
     @classmethod
     def of_scene(cls, pad: Any, find: Any, **about: Any) -> IndenterDisplacement:

@@ -12,7 +12,7 @@ import numpy as np
 from mitsuba_taxel.base.arguments import require
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
-from mitsuba_taxel.mechanics.elements.loads.indenter_displacement import USES, IndenterDisplacement
+from mitsuba_taxel.mechanics.elements.loads.indenter_displacement import POSITION, USES, IndenterDisplacement
 from mitsuba_taxel.mechanics.elements.loads.load import Load
 from mitsuba_taxel.parameters import values_of
 
@@ -32,6 +32,7 @@ class IndenterForce(Load, name="indenter_force", rank=6):
     components = 3
     loads_rim = False
     uses = ("force", *USES)
+    position = POSITION
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -54,6 +55,10 @@ class IndenterForce(Load, name="indenter_force", rank=6):
                 f"force = ({shown}) is not allowed: with friction = {friction:g} the indenter slips sideways beyond "
                 f"{-friction * z:g} N."
             )
+
+    @classmethod
+    def why_no_first_contact(cls, change: np.ndarray) -> str:
+        return "paths of an indenter follow its displacement, no force"
 
     @classmethod
     def of_scene(cls, pad: Any, find: Any, **about: Any) -> IndenterForce:

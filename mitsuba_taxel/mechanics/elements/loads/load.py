@@ -58,6 +58,9 @@ class Load(Kind, family="load"):
         Whether corners of the free top are loaded, which may turn over by themselves.
     indenter : Indenter or None
         The rigid body that presses, in contact: moved by the value, or by what ``driven`` is.
+    position : tuple of str
+        Two parameters of scenes that are its position over the pad along x and y, by which readings have derivatives;
+        empty for none.
     self_contact : bool
         Whether paths go on where the pad touches itself, the board or obstacles, by contact without friction.
     """
@@ -70,6 +73,7 @@ class Load(Kind, family="load"):
     dead: ClassVar[bool] = False
     loads_rim: ClassVar[bool]
     indenter: ClassVar[Indenter | None] = None
+    position: ClassVar[tuple[str, ...]] = ()
     prefix = "load_"
 
     self_contact: bool = field(default=False, kw_only=True)
@@ -127,6 +131,12 @@ class Load(Kind, family="load"):
     def is_symmetric(self, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
         """Whether its distribution is symmetric in a mirror of the mesh, which maps nodes to their ``image`` (N,)."""
         return True if self.indenter is None else self.indenter.body.keeps(mirror)
+
+    @classmethod
+    def why_no_first_contact(cls, change: np.ndarray) -> str:
+        """Why the load at which a pad first touches something is not told along a change of the value; empty if it
+        is."""
+        return ""
 
     @classmethod
     def own_parameters(cls) -> Mapping[str, Parameter]:

@@ -31,6 +31,7 @@ class PatchForce(DeadForce, name="patch_force", rank=1):
     meaning = "on a rectangle of it"
     uses = ("force", "patch_width", "patch_depth", "patch_x", "patch_y")
     loads_rim = False
+    position = ("patch_x", "patch_y")
 
     centre: tuple[float, float]
     size: tuple[float, float]

@@ -59,7 +59,7 @@ def test_every_load_has_a_value_in_scenes_and_one_boundary_condition(kind):
     used = {name for name, parameter in parameters_of(DeformablePad).items() if kind.name in parameter.when}
     assert kind.quantity in used and len(used & {"force", "displacement", "pressure"}) == 1
     assert [kind.dead, kind.bonded_plate, kind.follows_surface, "indenter" in kind.uses].count(True) == 1
-    assert kind.meaning
+    assert kind.meaning and len(kind.position) in (0, 2) and used.issuperset(kind.position)
 
 
 @pytest.mark.parametrize("kind", Load.kinds(), ids=str)
