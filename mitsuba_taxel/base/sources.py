@@ -1,11 +1,13 @@
-"""Digest of this package's sources, by which results of other code are recognised as stale."""
+"""Digests of sources, by which results of other code are recognised as stale."""
 
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from types import CodeType
 
 from mitsuba_taxel.base.caches import kept
 
@@ -25,6 +27,48 @@ def code_digest(*rooms: str) -> str:
     for name, file in _files(rooms):
         digest.update(f"{name}\n{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
     return digest.hexdigest()
+
+
+@cache
+def own_code(cls: type) -> str:
+    """Hexadecimal digest of the code outside this package by which a class is defined; empty if there is none.
+
+    Parameters
+    ----------
+    cls : type
+        A class of a user, say. Of each class outside this package that it derives from, the whole file counts, with the
+        functions and constants that it may use; where there is no file, as in a notebook, its methods.
+    """
+    digest, foreign = hashlib.sha256(), False
+    for base in cls.__mro__:
+        root = base.__module__.partition(".")[0]
+        if root == PACKAGE or root in sys.stdlib_module_names:
+            continue
+        foreign = True
+        file = getattr(sys.modules.get(base.__module__), "__file__", None)
+        if file and Path(file).is_file():
+            digest.update(hashlib.sha256(Path(file).read_bytes()).digest())
+        else:
+            digest.update("\n".join(_code_of(base)).encode())
+    return digest.hexdigest() if foreign else ""
+
+
+def _code_of(cls: type) -> Iterator[str]:
+    """What the methods and constants of a class are, as far as it does not depend on where they are in memory."""
+    for name, value in sorted(vars(cls).items()):
+        if isinstance(value, property):
+            value = value.fget
+        code = getattr(getattr(value, "func", getattr(value, "__func__", value)), "__code__", None)
+        if code is not None:
+            yield f"{name} {_instructions(code)}"
+        elif isinstance(value, bool | int | float | str | tuple) and not name.startswith("__"):
+            yield f"{name} {value!r}"
+
+
+def _instructions(code: CodeType) -> list[object]:
+    """Instructions, names and constants of a function, and of those within it."""
+    constants = [_instructions(one) if isinstance(one, CodeType) else repr(one) for one in code.co_consts]
+    return [code.co_code.hex(), code.co_names, code.co_varnames, constants]
 
 
 def _files(rooms: tuple[str, ...]) -> Iterator[tuple[str, Path]]:

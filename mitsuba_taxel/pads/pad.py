@@ -12,6 +12,7 @@ from mitsuba_taxel.base.activities import activity
 from mitsuba_taxel.base.arguments import as_numbers, check_whole
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.sources import own_code
 from mitsuba_taxel.pads.cells import CellShape, Shaft
 from mitsuba_taxel.pads.cells.meridian import as_text
 from mitsuba_taxel.pads.cells.profile import MOST_POINTS, Profile
@@ -252,6 +253,7 @@ class Pad(Kinded, Displayed):
         usual: dict[str, tuple] = {"top_x": (0.0,), "top_y": (0.0,), "section": (None, "round"), "meshed_as": ("",)}
         values = asdict(self)
         values |= dict(values.pop("kind_values"))
+        values |= {"code": code} if (code := own_code(type(self.shape))) else {}
         return {name: value for name, value in values.items() if value not in usual.get(name, ())}
 
     def mesh(self, mesh_size: float, of_origin: Callable[[Pad, float], VolumeMesh] | None = None) -> VolumeMesh:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
 
 import mitsuba_taxel
 from mitsuba_taxel.base import sources
-from mitsuba_taxel.base.sources import code_digest
+from mitsuba_taxel.base.sources import code_digest, own_code
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.studies.run import provenance
 
@@ -91,3 +93,50 @@ def test_digests_know_all_that_their_rooms_import(rooms):
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             used = {name.split(".")[1] for name in names if name.startswith("mitsuba_taxel.")}
             assert used <= known, (file, used - known)
+
+
+HELPER = """
+from mitsuba_taxel.mechanics.materials.laws.material import Material
+FACTOR = {factor}
+
+def helped(i1):
+    return FACTOR * (i1 - 3)
+
+class Own(Material):
+    shear = {shear}
+
+    def strain_energy(self, i1, i2):
+        scale = lambda one: {scale} * one
+        return scale(helped(i1))
+"""
+
+
+def in_file(file, monkeypatch, **numbers):
+    file.write_text(HELPER.format(**{"factor": 1.0, "shear": 2.0, "scale": 3.0} | numbers))
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, file.stem, module)
+    spec.loader.exec_module(module)
+    return own_code(module.Own)
+
+
+def in_notebook(**numbers):
+    space = {"__name__": "a_cell_of_a_notebook"}
+    exec(HELPER.format(**{"factor": 1.0, "shear": 2.0, "scale": 3.0} | numbers), space)
+    return own_code(space["Own"])
+
+
+def test_a_class_of_ones_own_has_its_code_in_keys(tmp_path, monkeypatch):
+    """With what stands beside it in its file; of a notebook, its own methods and constants."""
+    same = [in_file(tmp_path / "own_law.py", monkeypatch) for _ in range(2)]
+    others = [in_file(tmp_path / "own_law.py", monkeypatch, **{name: 7.0}) for name in ("factor", "shear", "scale")]
+    assert same[0] == same[1] and len({same[0], *others}) == 4
+    cells = [in_notebook() for _ in range(2)]
+    changed = [in_notebook(**{name: 7.0}) for name in ("shear", "scale")]
+    assert cells[0] == cells[1] and len({cells[0], *changed}) == 3
+
+
+def test_classes_of_the_package_need_no_code_in_keys_beside_that_of_all_of_it():
+    from mitsuba_taxel.mechanics import NeoHookean, SpreadForce
+
+    assert own_code(NeoHookean) == own_code(SpreadForce) == own_code(dict) == ""

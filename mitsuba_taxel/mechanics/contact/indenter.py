@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.sources import own_code
 from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape
 from mitsuba_taxel.mechanics.contact.indenters.file import File
 from mitsuba_taxel.pads.imported.placement import AS_DRAWN, DIRECTIONS
@@ -116,7 +117,7 @@ class Indenter(Kinded):
         if not (math.isfinite(x) and math.isfinite(y)):
             raise InputError(f"indenter at = {self.at!r} is not allowed: two finite numbers are needed.")
         object.__setattr__(self, "at", (x, y))
-        object.__setattr__(self, "digest", self.body.digest())
+        object.__setattr__(self, "digest", self.body.digest() + own_code(type(self.body)))
         self.body.check()
 
     @cached_property

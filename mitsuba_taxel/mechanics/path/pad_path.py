@@ -14,6 +14,7 @@ import numpy as np
 
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.sources import own_code
 from mitsuba_taxel.geometry.bezier_patches import Place
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -425,7 +426,9 @@ def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np
 
 
 def _name_of(part: object) -> str:
-    return f"{type(part).__module__}.{type(part).__qualname__}"
+    """The class of a part, and the code of one that is not of this package."""
+    kind: Any = type(part)
+    return f"{kind.__module__}.{kind.__qualname__}{own_code(kind)}"
 
 
 def pad_path(

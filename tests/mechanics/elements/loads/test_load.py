@@ -11,10 +11,11 @@ from mitsuba_taxel import PadSensor
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import ACROSS_X, ACROSS_Y
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
-from mitsuba_taxel.mechanics import NeoHookean, load_path
+from mitsuba_taxel.mechanics import Indenter, IndenterShape, NeoHookean, load_path
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, DeadForce, Load
 from mitsuba_taxel.mechanics.elements.loads.load import face_areas, top_faces
 from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
+from mitsuba_taxel.mechanics.path.pad_path import pad_path
 from mitsuba_taxel.mechanics.path.sensitivities import linearise
 from mitsuba_taxel.mechanics.results.balance import reactions
 from mitsuba_taxel.pads import Pad
@@ -125,3 +126,41 @@ def test_what_one_lacks_is_named_when_it_is_defined():
         DeformablePad(load="weight")
     with pytest.raises(InputError, match="load = .*a load, such as SpreadForce"):
         load_path(PAD, LAW, [(0, 0, 0)], load="spread_force")
+
+
+def test_states_of_a_load_that_is_defined_anew_are_solved_anew():
+    """Under the same name, in the same file or notebook."""
+    source = """
+@dataclass(frozen=True)
+class Slope(DeadForce, name="slope"):
+    loads_rim = True
+    def nodal(self, mesh):
+        return SPREAD_FORCE.nodal(mesh) * (1 + {slope} * mesh.points[:, 0])
+"""
+    keys, deepest = [], []
+    try:
+        for slope in (0.0, 0.3, 0.3):
+            space = {"__name__": "cell", "dataclass": dataclass, "DeadForce": DeadForce, "SPREAD_FORCE": SPREAD_FORCE}
+            exec(source.format(slope=slope), space)
+            load = space["Slope"]()
+            keys.append(pad_path(PAD, LAW, load, SIZE).key_parts)
+            (state,) = load_path(PAD, LAW, [(0, 0, -0.4)], load=load, mesh_size=SIZE)
+            deepest.append(state.displacement[:, 2].min())
+    finally:
+        del Load._registry["slope"]
+    assert keys[0] != keys[1] == keys[2]
+    assert deepest[1] < 1.05 * deepest[0] and deepest[1] == deepest[2]
+
+
+def test_so_are_those_of_a_body_and_of_a_cell():
+    assert Indenter("sphere", radius=1.0).digest == "" and "code" not in PAD.identity
+    sphere = IndenterShape.named("sphere")
+    try:
+        digests = []
+        for factor in (1.0, 2.0):
+            space = {"__name__": "cell", "Sphere": sphere}
+            exec(f"class Blunt(Sphere, name='blunt'):\n    factor = {factor}", space)
+            digests.append(Indenter("blunt", radius=1.0).digest)
+    finally:
+        del IndenterShape._registry["blunt"]
+    assert digests[0] and digests[0] != digests[1]
