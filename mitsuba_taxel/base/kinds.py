@@ -100,11 +100,11 @@ class Kind(ABC):
         InputError
             If the family has no such kind.
         """
-        kinds = cls.kinds()
-        if name not in kinds:
+        if not isinstance(name, str) or name not in cls._registry:
+            kinds = cls.kinds()
             hint = did_you_mean(name, kinds) if isinstance(name, str) else ""
             raise InputError(f"{cls.family} = {name!r} is not allowed: one of {', '.join(kinds)} is needed{hint}.")
-        return kinds[name]
+        return cls._registry[name][1]
 
 
 def import_all(package: str, path: Iterable[str]) -> None:

@@ -93,14 +93,14 @@ class Pad(Kinded, Displayed):
             doc="Points 'r z', separated by ';', of the B-spline that the roof follows, from its rim to the crown on "
             "the axis, where r = 0; r is relative to half of `cell_size`, z, from the board, to `cell_height`, such "
             "as 1 0.28; 1 0.64; 0 1, a hemisphere. The whole roof must be seen from the middle of the cell's opening.",
-            when=("cell", Profile.name),
+            when=("cell",),
         )
     )
     section: str | None = choice(
         "round",
         {"round": "a solid of revolution", "square": "r is half its side, and walls are cylinders that meet at edges"},
         "Horizontal section of a cell with a profile.",
-        when=("cell", Profile.name),
+        when=("cell",),
     )
     top_x: float = number(
         0.0,

@@ -101,7 +101,13 @@ def _shown(part: Any) -> str:
 
 def parameters_of(cls: Any) -> Mapping[str, Parameter]:
     """The parameters of a dataclass, by field, and those of kinds that it chooses among, by attribute."""
-    own = _own_parameters(cls) if issubclass(cls, Kinded) else {}
+    return _all_parameters(cls, _chosen(cls))
+
+
+@kept(None)
+def _all_parameters(cls: Any, chosen: tuple[tuple[Any, ...], ...]) -> Mapping[str, Parameter]:
+    """As `parameters_of`, of fields and the kinds that each of them chooses among."""
+    own = _merged(cls, chosen) if issubclass(cls, Kinded) else {}
     return MappingProxyType({**_with_users(_stated_in(cls)), **own})
 
 
@@ -127,12 +133,18 @@ def _own_parameters(cls: Any) -> dict[str, Parameter]:
     One that several kinds share applies to all of them; where their ranges differ, the widest is checked here, and each
     kind checks its own.
     """
-    choices = {
-        name: choice
-        for name, choice in _stated_in(cls).items()
-        if isinstance(choice, Choice) and choice.family is not None
-    }
-    return _merged(cls, tuple((name, *choice.family.kinds().values()) for name, choice in choices.items()))
+    return _merged(cls, _chosen(cls))
+
+
+def _chosen(cls: Any) -> tuple[tuple[Any, ...], ...]:
+    """Of each field of a class that chooses a kind, its name and all kinds that there are now."""
+    return tuple((name, *family.kinds().values()) for name, family in _families_of(cls))
+
+
+@kept(None)
+def _families_of(cls: Any) -> tuple[tuple[str, Any], ...]:
+    choices = _stated_in(cls).items()
+    return tuple((name, one.family) for name, one in choices if isinstance(one, Choice) and one.family is not None)
 
 
 @kept(None)

@@ -19,6 +19,7 @@ MOST_POINTS = 20
 class Profile(MeridianCell, name="profile", rank=5):
     """A cell with any smooth roof, by the control points of its meridian, `profile`, of a round or square `section`."""
 
+    uses = ("profile", "section")
     default_height_words = "1.55"
     face_refinement = 2.25
     least_elements = 400
