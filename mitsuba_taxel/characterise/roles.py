@@ -24,6 +24,16 @@ def roles_of_study(study: xr.Dataset) -> dict[str, str]:
     return {**{name: role for name, (role, _) in stated.items()}, **plain}
 
 
+def force_parameters(study: xr.Dataset | xr.DataTree) -> list[str]:
+    """Parameters of a study's scenes that are a component of the force, varied or not; where there are none, what they
+    would be called."""
+    found: dict[str, None] = {}
+    for each in study.subtree if isinstance(study, xr.DataTree) else [study]:
+        names = {*json.loads(each.attrs.get("parameters", "{}")), *map(str, each.dims), *map(str, each.coords)}
+        found |= dict.fromkeys(name for name in json.loads(each.attrs.get("forces", "{}")) if name in names)
+    return list(found or FORCES)
+
+
 def is_load(study: xr.Dataset, name: str) -> bool:
     """Whether a parameter of a study is a component of the force or displacement, or the pressure."""
     return _is_load(roles_of_study(study).get(name, ""))

@@ -34,6 +34,7 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
         volts_notes,
         volts_table,
     )
+    from mitsuba_taxel.characterise.roles import force_parameters
     from mitsuba_taxel.characterise.wording import remarks_explained
     from mitsuba_taxel.electronics.volts import circuit_of_study
     from mitsuba_taxel.plots.characteristics import write_characteristics
@@ -45,16 +46,19 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
     if measured and circuit is not None:
         raise click.UsageError("--circuit is not allowed with a measurement, which is in volts.")
     volts, electronics = None, circuit_in(circuit)
+    forces: list[str] = []
     if measured:
         experiments, off, maps, notes = _measured(source)
     else:
         study = open_study(source)
+        forces = force_parameters(study)
         electronics = electronics or circuit_of_study(study)
         experiments, off, maps, notes = simulated_experiments(study, electronics)
         volts = None if electronics is None else volts_table(study, electronics)
         notes += [] if volts is None else volts_notes(volts, electronics)
     if not experiments:
-        raise InputError(f"{source} holds no readings along a force: a study that varies fx, fy or fz is needed.")
+        wanted = " or ".join(filter(None, (", ".join(forces[:-1]), *forces[-1:])))
+        raise InputError(f"{source} holds no readings along a force: a study that varies {wanted} is needed.")
     folder = folder or (source.parent if measured else source)
     make_folder(folder)
     table, pairs = characteristics(experiments, off), symmetric_pairs(maps)

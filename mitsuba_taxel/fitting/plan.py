@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.base.arguments import is_number
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.units import TIME
+from mitsuba_taxel.base.units import FORCES, TIME
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
 from mitsuba_taxel.fitting.data import Data, read_data
 from mitsuba_taxel.parameters import Number, parameters_of
+from mitsuba_taxel.sensing import find_scene
+from mitsuba_taxel.sensing.parameter_roles import roles_of_parameters
+from mitsuba_taxel.sensing.scene import is_file
 from mitsuba_taxel.studies.plan.batch import parameters_in, read_study_of
 
 OWN = ("gain", "offset")
@@ -72,6 +75,9 @@ def read_plan(file: Path) -> FitPlan:
     folder = file.resolve().parent
     known = parameters_in(str(scene.get("scene", "")), folder)
     data = read_data(folder / table["data"], known)
+    if known:
+        beside = folder / str(scene["scene"])
+        data = _named_by_scene(data, known, find_scene(beside if is_file(beside) else str(scene["scene"])))
     if TIME in data.settings and known and TIME not in known:
         warnings.warn(
             f"data {table['data']!r}: the scene has no parameter {TIME}: that column is not used.", stacklevel=1
@@ -82,6 +88,19 @@ def read_plan(file: Path) -> FitPlan:
     plan = FitPlan(str(scene.get("scene", "")), folder, dict(scene.get("define", {})), content, circuit, unknowns, data)
     _check(plan)
     return plan
+
+
+def _named_by_scene(data: Data, known: Collection[str], scene: Path) -> Data:
+    """Data whose times and components of the force, unless they are ``known`` parameters as they stand, are called as
+    the scene calls them, with its signs."""
+    named = {role: (name, sign) for name, (role, sign) in roles_of_parameters(scene).items() if role in (TIME, *FORCES)}
+    settings = {}
+    for name, words in data.settings.items():
+        own, sign = named.get(name, (name, 1))
+        if name in known or own in data.settings:
+            own, sign = name, 1
+        settings[own] = [f"{-float(word) + 0.0:.12g}" for word in words] if sign < 0 else words
+    return replace(data, settings=settings)
 
 
 def _unknown(name: str, given: object) -> Unknown:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from one_cell import one_cell
 
 from mitsuba_taxel import InputError
 from mitsuba_taxel.fitting.data import read_data
@@ -42,6 +43,20 @@ def test_unknowns_of_a_circuit_stay_in_its_range(plan):
     transfer, temperature = plan(CIRCUIT + HEAD + "[fit.unknowns]\n" + table).unknowns
     assert (transfer.low, transfer.high) == (0, math.inf)
     assert (temperature.low, temperature.high) == (-200, 500)
+
+
+def test_times_and_forces_of_the_data_are_called_as_the_scene_calls_them(plan, tmp_path):
+    """Unless it has parameters of these names, whatever they are."""
+    scene = one_cell(scattering="isotropic", fz=0, time=0, led_power=1).replace("$fz", "-$press")
+    scene = scene.replace('<default name="fz"', '<default name="press"').replace('"time"', '"moment"')
+    scene = scene.replace('<vector name="force"', '<float name="time" value="$moment"/> <vector name="force"')
+    (tmp_path / "cell.xml").write_text(scene)
+    head = HEAD.replace("plate", "cell") + "[fit.unknowns]\nled_power = 1\ngain = 1\n"
+    data = "time_s,fz_mN,v1_V\n0,-100,1\n2,-200.5,2\n3,0,3\n"
+    assert plan(head, data).data.settings == {"moment": ["0", "2", "3"], "press": ["0.1", "0.2005", "0"]}
+    (tmp_path / "cell.xml").write_text(scene.replace("led_power", "fz"))
+    other = plan(head.replace("led_power = 1\n", ""), data.replace("fz_mN", "fz")).data.settings
+    assert other["fz"] == ["-100", "-200.5", "0"] and "press" not in other
 
 
 def test_times_of_the_data_have_their_unit(plan):

@@ -6,6 +6,7 @@ seeds, and prints what differs.
 
 from __future__ import annotations
 
+import json
 import random
 import re
 import sys
@@ -17,9 +18,11 @@ import numpy as np
 VARIED = {
     "pad.xml": ({"fx": [0, 0.5], "fz": [0, -1, -2]}, {"scattering": "lambertian", "law": "lambertian"}),
     "hexagonal.xml": ({"fz": [0, -1, -2]}, {}),
-    "plate.xml": ({"offset_x": [-0.5, 0.5], "offset_y": [0.5, 0.0], "z": [0.9, 0.7]}, {"scattering": "lambertian"}),
+    "plate.xml": ({"offset_x": [-0.5, 0.5], "offset_y": [0.5, 0.0], "z": [0.9, 0.8, 0.7]}, {"scattering": "lambertian"}),
 }
 """For each scene, what is varied, and other values."""
+EXPORTED = ("inputs", "units", "low", "high")
+"""Metadata of models."""
 
 
 def renamed(text: str, seed: int) -> tuple[str, dict[str, str]]:
@@ -51,6 +54,7 @@ def said_of(scene: Path, vary: dict, define: dict, folder: Path, **options) -> d
     tables = [sensitivity_table(study)]
     tables += [characteristics(found.experiments, found.off)] if found.experiments else []
     return {
+        "export": _exported(study, folder / "model.onnx"),
         "power": study.power.values,
         "total": study.total_error.values,
         "tables": [table.select_dtypes("number").to_numpy() for table in tables],
@@ -67,6 +71,26 @@ def said_of(scene: Path, vary: dict, define: dict, folder: Path, **options) -> d
             [_legend(figure) for figure in figures],
         ],
     }
+
+
+def _exported(study, file: Path) -> dict[str, object]:
+    """What a model of the study says of itself, and its readings in the middle of its inputs' ranges; nothing without
+    onnx, or of steps."""
+    from importlib.util import find_spec
+
+    if find_spec("onnx") is None:
+        return {}
+    import onnx
+    from onnx.reference import ReferenceEvaluator
+
+    from mitsuba_taxel.surrogates import export
+
+    export(study, file)
+    model = onnx.load(file)
+    about = {entry.key: json.loads(entry.value) for entry in model.metadata_props if entry.key in EXPORTED}
+    middle = (np.array([about["low"]]) + about["high"]) / 2
+    said = {name: about[name] for name in ("inputs", "units")}
+    return {"said": said, "readings": ReferenceEvaluator(model).run(["readings"], {"inputs": middle})[0]}
 
 
 def _legend(figure) -> list[str]:
@@ -99,6 +123,9 @@ def differences(file: Path, seed: int, folder: Path, **options) -> list[str]:
     for title in one:
         if title in ("power", "total"):
             same = np.allclose(one[title], other[title], rtol=1e-9, equal_nan=True)
+        elif title == "export":
+            (first, second), words = (said[title].get("readings", 0) for said in (one, other)), other[title].get("said")
+            same = np.allclose(first, second, rtol=1e-9) and str(one[title].get("said")) == with_old_names(words)
         elif title == "tables":
             pairs = zip(one[title], other[title], strict=True)
             same = all(np.allclose(*pair, rtol=1e-6, atol=1e-12, equal_nan=True) for pair in pairs)

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from mitsuba_taxel.characterise import experiments, sensitivity, sensitivity_table
-from mitsuba_taxel.characterise.roles import with_forces_named
+from mitsuba_taxel.characterise.roles import force_parameters, with_forces_named
 from mitsuba_taxel.plots.curves import plot_curves
 from mitsuba_taxel.plots.maps import plane_of
 from mitsuba_taxel.sensing import find_scene
@@ -79,6 +79,11 @@ def test_slopes_are_those_of_the_force_under_its_own_name(studies, name):
     (first,), (second,) = experiments(studies["fz"]), experiments(studies[name])
     np.testing.assert_allclose(second.runs[0].force, first.runs[0].force)
     np.testing.assert_allclose(second.runs[0].tangents.slope, first.runs[0].tangents.slope, rtol=1e-9)
+
+
+def test_the_parameter_that_must_be_varied_is_called_as_in_the_scene(studies):
+    assert force_parameters(studies["press"]) == ["press"] and force_parameters(studies["fz"]) == ["fz"]
+    assert force_parameters(xr.DataTree(studies["f"])) == ["f"] and force_parameters(xr.Dataset()) == ["fx", "fy", "fz"]
 
 
 def test_what_is_named_is_left_and_names_that_are_taken_too(studies):

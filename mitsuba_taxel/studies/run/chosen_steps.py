@@ -117,7 +117,7 @@ class _Curve:
         except NotDiffuse as error:
             raise InputError(f"{self._name} needs a step, start:stop:step: {error}") from error
         except (InputError, ComputationError) as error:
-            raise type(error)(f"{describe(values)}: {error}") from error
+            raise type(error)(f"{describe(values, self._batch.roles)}: {error}") from error
         finally:
             gc.collect()
         return {"power": found.power, "slopes": found.values.T}

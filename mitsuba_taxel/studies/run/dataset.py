@@ -98,7 +98,7 @@ def assemble(
             **_provenance(about),
             "curve": curve,
             "notes": "\n".join(notes),
-            "failures": "\n".join(_failures(axes, failures)),
+            "failures": "\n".join(_failures(axes, failures, about.get("roles", {}))),
         },
     )
 
@@ -153,9 +153,9 @@ def _notes(results: Mapping[Place, Kept]) -> list[str]:
     return [*dict.fromkeys(remarks), *(describe_mechanics(errors) if asked else [NOT_COMPUTED])]
 
 
-def _failures(axes: Sequence[Axis], failures: Mapping[Place, Failure]) -> list[str]:
+def _failures(axes: Sequence[Axis], failures: Mapping[Place, Failure], roles: Mapping[str, Sequence[Any]]) -> list[str]:
     values = dict(combinations(axes))
-    return [f"{describe(values[place])}: {failure.message}" for place, failure in failures.items()]
+    return [f"{describe(values[place], roles)}: {failure.message}" for place, failure in failures.items()]
 
 
 def _responsivity(readings: Readings) -> dict[str, tuple]:

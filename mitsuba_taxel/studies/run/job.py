@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mitsuba_taxel.backend import in_turn
@@ -50,8 +51,6 @@ class Job:
         The scene.
     parameters : dict[str, str]
         Values of its parameters, and of `TO_CONTACT`, with which derivatives are those of the first contact instead.
-    varied : dict[str, str]
-        Those of them that the batch varies.
     points, seed : int
         As for ``measure``; 0 if light should be computed without random numbers.
     mesh_size : float or None
@@ -77,7 +76,6 @@ class Job:
     number: int
     file: Path
     parameters: dict[str, str]
-    varied: dict[str, str]
     points: int
     seed: int
     mesh_size: float | None
@@ -90,11 +88,6 @@ class Job:
     continued: Readings | None = None
     sides: dict[str, int] = field(default_factory=dict)
     plugins: tuple[Path, ...] = field(default_factory=loaded_plugins)
-
-    @property
-    def label(self) -> str:
-        """The varied values, in words."""
-        return describe(self.varied)
 
 
 class JobResult(NamedTuple):
@@ -144,10 +137,11 @@ def failure_of(error: BaseException) -> Failure:
     return Failure(" ".join(f"{type(error).__name__}: {error}".split()))
 
 
-def describe(values: Mapping[str, str]) -> str:
+def describe(values: Mapping[str, str], roles: Mapping[str, Sequence[Any]] = MappingProxyType({})) -> str:
     """Values of parameters, in words, without the load history, what meshes are moved from, and the way to contact if
-    any else is told."""
-    shown = {name: value for name, value in values.items() if name not in (HISTORY, MESHED_AS)}
+    any else is told. Parameters without one of the ``roles`` are what they are called."""
+    past = {name for name, (role, *_) in roles.items() if role == HISTORY} or {HISTORY}
+    shown = {name: value for name, value in values.items() if name not in past | {MESHED_AS}}
     if shown.keys() - {TO_CONTACT}:
         shown.pop(TO_CONTACT, None)
     return ", ".join(" ".join(f"{name}={value}".split()) for name, value in shown.items())

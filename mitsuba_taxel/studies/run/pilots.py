@@ -42,7 +42,7 @@ def piloted_settings(batch: Batch, machines: int) -> Settings:
         try:
             pilot.read(values)
         except (InputError, ComputationError) as error:
-            failed.append(type(error)(f"{describe(values)}: {error}"))
+            failed.append(type(error)(f"{describe(values, batch.roles)}: {error}"))
     if not pilot.points:
         raise failed[0]
     return Settings(min(max(pilot.points), pilot.affordable_points()), pilot.mesh_size)

@@ -41,7 +41,7 @@ def mesh_size_for_slopes(batch: Batch, mesh_size: float | None) -> float | None:
             try:
                 mesh_size = _mesh_size(batch.scene(values).with_mesh_size(mesh_size), forces, batch.target_slope)
             except (InputError, ComputationError) as error:
-                raise type(error)(f"{describe(values)}: {error}") from error
+                raise type(error)(f"{describe(values, batch.roles)}: {error}") from error
     return mesh_size
 
 

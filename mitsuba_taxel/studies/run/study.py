@@ -241,7 +241,7 @@ def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr
     if not computed.results:
         index, failure = next(iter(failures.items()))
         values = dict(combinations(batch.axes))[index]
-        raise type(failure.error())(f"{describe(values)}: {failure.message}")
+        raise type(failure.error())(f"{describe(values, batch.roles)}: {failure.message}")
     about = {"scene": batch.file.name, "seed": batch.seed}
     about |= {"target_error": batch.target_error, "target_slope": batch.target_slope}
     run = {**computed.settings._asdict(), "pilot_seconds": computed.pilot_seconds}
@@ -326,7 +326,6 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
             number=number,
             file=batch.file,
             parameters=parameters,
-            varied=values,
             points=settings.points,
             seed=batch.seed,
             mesh_size=settings.mesh_size,

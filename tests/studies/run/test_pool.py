@@ -69,7 +69,7 @@ def test_processes_know_the_plugins_that_the_user_has_loaded(own_walls):
 
 
 def job_of(file, points, seed):
-    return Job(0, file, {}, {}, points, seed, mesh_size=None, mechanics_error=False, meshes=False, maps=False)
+    return Job(0, file, {}, points, seed, mesh_size=None, mechanics_error=False, meshes=False, maps=False)
 
 
 def test_pads_read_the_same_with_any_number_of_threads(tmp_path, monkeypatch):
