@@ -169,7 +169,7 @@ def with_errors(values: list[np.ndarray], errors: PointErrors, replicates: int) 
     for channel in np.flatnonzero(errors.step):
         levels = np.concatenate([value[:, channel] for value in values]) / errors.step[channel]
         level = np.unique(np.round(levels * PHASES), return_inverse=True)[1]
-        drawn = _deviations(replicates, level.max() + 1, random)[level]
+        drawn = _bounded(replicates, level.max() + 1, random)[level]
         parts = np.split(drawn, np.cumsum([len(value) for value in values])[:-1])
         for own, part, error in zip(samples, parts, errors.of_steps, strict=True):
             own[:, :, channel] += size * error[:, channel, None] * part
@@ -183,6 +183,21 @@ def _deviations(replicates: int, count: int, random: np.random.Generator) -> np.
     if count < replicates:
         drawn = np.linalg.qr(drawn)[0]
     return (drawn / np.linalg.norm(drawn, axis=0)).T
+
+
+def _bounded(replicates: int, count: int, random: np.random.Generator) -> np.ndarray:
+    """The same with means of the even replicates that are uniformly distributed, as errors by steps are.
+
+    If the errors of the two halves had another distribution than the actual errors, halves would not be independent:
+    the half that chooses the largest of many numbers would do so by its own tails, which steps do not have, and the
+    other, of the opposite deviation, would be too small there.
+    """
+    contrast = np.resize([1.0, -1.0], replicates) / np.sqrt(replicates)
+    rest = _deviations(replicates, count, random)
+    rest -= np.outer(rest @ contrast, contrast)
+    rest /= np.linalg.norm(rest, axis=1, keepdims=True)
+    along = random.uniform(-1, 1, size=(count, 1)) * np.sqrt(3 / (replicates - 1))
+    return along * contrast + np.sqrt(1 - along**2) * rest
 
 
 ZERO = int(np.abs(CORRELATIONS).argmin())

@@ -27,12 +27,16 @@ class Largest(NamedTuple):
         Place where this mean is largest.
     choice_error : (channels,) ndarray
         Standard error of the mean of ``magnitude`` due to the choice of the place.
+    excess : (channels,) ndarray
+        By how much the largest mean of all samples, which its own noise makes too large, exceeds the mean of
+        ``magnitude``, which is too small where noise misses the largest: the largest number is between them.
     """
 
     magnitude: np.ndarray
     sign: np.ndarray
     place: np.ndarray
     choice_error: np.ndarray
+    excess: np.ndarray
 
     @property
     def value(self) -> np.ndarray:
@@ -49,22 +53,24 @@ def at_largest(samples: np.ndarray) -> Largest:
 
     The largest of many noisy numbers is biased upwards. So each half of the replicates is evaluated where the other
     half is largest, which is independent of its own noise. Halves that choose places of opposite signs agree in the
-    magnitude. As noise may choose a place that is not the largest, the estimate is low by less than its error. With one
-    replicate there is no other half, and the bias remains.
+    magnitude. As noise may choose a place that is not the largest, the estimate is low; of numbers that differ by no
+    more than their noise, as slopes between neighbouring points may, by as much as ``excess``. With one replicate there
+    is no other half, and the bias remains.
     """
     _, replicates, channels = samples.shape
     mean = samples.mean(axis=1)
     place = np.abs(mean).argmax(axis=0)
     sign = np.sign(_at(mean, place))
     if replicates < 2:
-        return Largest(np.abs(_at(mean, place))[None], sign, place, np.zeros(channels))
+        return Largest(np.abs(_at(mean, place))[None], sign, place, *np.zeros((2, channels)))
     magnitude = np.empty((replicates, channels))
     for half, other in (HALVES, HALVES[::-1]):
         guide = samples[:, other].mean(axis=1)
         there = np.abs(guide).argmax(axis=0)
         chosen = samples[there, :, np.arange(channels)].T * np.sign(_at(guide, there))
         magnitude[half] = chosen[half]
-    return Largest(magnitude, sign, place, _choice_error(samples, magnitude))
+    excess = np.maximum(np.abs(_at(mean, place)) - magnitude.mean(axis=0), 0.0)
+    return Largest(magnitude, sign, place, _choice_error(samples, magnitude), excess)
 
 
 def _choice_error(samples: np.ndarray, magnitude: np.ndarray) -> np.ndarray:

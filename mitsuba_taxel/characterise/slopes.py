@@ -55,9 +55,11 @@ def slopes(run: Branch) -> Slopes:
     mean = (run.samples[-1] - run.samples[0]) / (run.force[-1] - run.force[0])
     zero = np.einsum("p,prc->rc", *_at_zero(run))
     middle = (run.force[1:] + run.force[:-1]) / 2
+    # The largest is anywhere within the excess.
+    steepest_error = np.hypot(steepest.error_of(steepest.magnitude), steepest.excess / np.sqrt(12))
     return Slopes(
         steepest.value,
-        steepest.error_of(steepest.magnitude),
+        steepest_error,
         middle[steepest.place],
         mean.mean(axis=0),
         standard_error(mean),

@@ -15,8 +15,6 @@ from mitsuba_taxel.bench.intervals import ALLOWED, TWICE, IntervalCase, interval
 
 ALARM = 1e-4
 """Chance that a case fails although its errors hold within the allowed lack."""
-LACKING = ("record: stairs, noise hidden by steps, 2 cycles", "max_slope")
-"""Holds less, and why is not known: where it misses, the slope is 5 to 10 % too low."""
 
 
 @pytest.mark.parametrize("case", [
@@ -81,6 +79,4 @@ def test_the_page_holds_errors_that_hold():
     rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")][2:]
     shares = [float(row[4].rstrip("%")) / 100 for row in rows]
     assert {row[0] for row in rows} == {case.name for case in interval_cases()}
-    held = {tuple(row[:2]): share for row, share in zip(rows, shares, strict=True)}
-    assert held.pop(LACKING) > 0.84
-    assert sum(share >= TWICE - ALLOWED for share in shares) >= 0.95 * len(shares) and min(held.values()) > 0.88
+    assert sum(share >= TWICE - ALLOWED for share in shares) >= 0.95 * len(shares) and min(shares) > 0.88

@@ -18,7 +18,10 @@ import numpy as np
 VARIED = {
     "pad.xml": ({"fx": [0, 0.5], "fz": [0, -1, -2]}, {"scattering": "lambertian", "law": "lambertian"}),
     "hexagonal.xml": ({"fz": [0, -1, -2]}, {}),
-    "plate.xml": ({"offset_x": [-0.5, 0.5], "offset_y": [0.5, 0.0], "z": [0.9, 0.8, 0.7]}, {"scattering": "lambertian"}),
+    "plate.xml": (
+        {"offset_x": [-0.5, 0.5], "offset_y": [0.5, 0.0], "z": [0.9, 0.8, 0.7]},
+        {"scattering": "lambertian"},
+    ),
 }
 """For each scene, what is varied, and other values."""
 EXPORTED = ("inputs", "units", "low", "high")
