@@ -31,7 +31,13 @@ from .measurement import (
     read_measurement as read_measurement,
 )
 from .ranking_rows import (
+    comparison_rows as comparison_rows,
+)
+from .ranking_rows import (
     printed_comparison as printed_comparison,
+)
+from .ranking_rows import (
+    ranking_notes as ranking_notes,
 )
 from .recorded_runs import recorded_experiment as recorded_experiment
 from .resolution import resolution as resolution
