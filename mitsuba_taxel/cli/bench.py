@@ -127,6 +127,23 @@ def light_command(only: str | None, csv: Path | None, markdown: Path | None) -> 
     _shown(rows, headings(LightRow), partial(map, cells), summary=summary)
 
 
+@command.command("drags", short_help="Balls dragged to a place against balls pressed there.")
+@click.option("--only", metavar="PATTERN", help="Only states whose name contains this; * and ? are wildcards.")
+@csv_option
+@markdown_option
+@debug_option
+def drags_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
+    """Compare forces and roofs below balls that are dragged to a place with those of balls pressed there.
+
+    Each state is solved in its own process; files contain those solved so far, which are not solved again.
+    """
+    from mitsuba_taxel.bench.drags import DragRow, drags, summary
+    from mitsuba_taxel.bench.row import cells, headings
+
+    rows = drags(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
+    _shown(rows, headings(DragRow), partial(map, cells), summary=summary)
+
+
 @command.command("domes", short_help="Domed cells against spheres and fine meshes.")
 @markdown_option
 @debug_option
