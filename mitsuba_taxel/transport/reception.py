@@ -6,7 +6,7 @@ import numpy as np
 
 from mitsuba_taxel.transport.ends import AngularLaw, End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
-from mitsuba_taxel.transport.outline import Cumulative, power_within
+from mitsuba_taxel.transport.outline import TOLERANCE, Cumulative, power_within
 from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.rules import gauss, triangle_rule
 
@@ -106,11 +106,14 @@ def radiance(
     area : (F,) ndarray
         In mm².
     by_rule, by_outline : (F,) ndarray
-        From :func:`acceptance`: patches that seem to be hidden have the radiance of all directions.
+        From :func:`acceptance`: patches that seem to be hidden have the radiance of all directions, and none if the
+        integrals along three sides do not resolve what is accepted from them.
     """
     some = end.weights[CHECKED // 2 :: CHECKED].sum() / end.weights.sum()
     known = by_rule > np.abs(by_outline) / 2
-    return np.where(known, some * received / np.where(known, by_rule, 1), scattered / (np.pi * area))
+    resolved = np.abs(by_outline) > 3 * TOLERANCE * max(by_rule.sum(), by_outline.sum())
+    on_average = np.where(resolved, scattered / (np.pi * area), 0)
+    return np.where(known, some * received / np.where(known, by_rule, 1), on_average)
 
 
 def _accepted_within(law: AngularLaw) -> tuple[float, Cumulative]:
