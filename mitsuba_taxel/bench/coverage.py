@@ -11,9 +11,11 @@ from mitsuba_taxel.base.convergence import ORDER
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.coverage_cases import COARSER, FINE, FINER, coverage_cases
 from mitsuba_taxel.bench.coverage_row import CoverageRow
-from mitsuba_taxel.bench.intervals import IntervalRow, interval_cases, intervals
+from mitsuba_taxel.bench.intervals import IntervalRow, interval_cases
 from mitsuba_taxel.bench.intervals import summary as summary_of_intervals
 from mitsuba_taxel.bench.isolated_process import measure_isolated
+from mitsuba_taxel.bench.probabilities import ProbabilityRow
+from mitsuba_taxel.bench.probabilities import summary as summary_of_probabilities
 from mitsuba_taxel.bench.row import cells, headings
 from mitsuba_taxel.bench.row_files import read_rows, write_rows
 from mitsuba_taxel.bench.stability import chosen
@@ -52,9 +54,10 @@ mixture of ramps and holds, of random numbers of levels and rows, with noise tha
 or below or above the steps of a converter of 12 bits; tolerance studies of sums and products of normal
 parameters with noise; fits of a bent curve by a right model, by one with errors of light and finite elements, of
 correlated unknowns, and with a bound near the truth; calibrations by paths with errors that are common to a path or of
-single rows, tested on new paths; exported models of studies with errors; and forces read from noisy counts. Errors of
-figures are counted over random seeds that served for nothing else; 95.4 % should be within twice what is stated
-(intervals are converted to it).
+single rows, tested on new paths; exported models of studies with errors; forces read from noisy counts; and differences
+of two variants of a sensor by `taxel compare`, whose readings have errors with smooth random courses that the variants
+partly share. Errors of figures are counted over random seeds that served for nothing else; 95.4 % should be within
+twice what is stated (intervals are converted to it).
 
 **{summary}**
 
@@ -62,6 +65,19 @@ figures are counted over random seeds that served for nothing else; 95.4 % shoul
 
 - **coverage**: share of errors within twice the stated one. **none stated**: where the noise cannot be told.
 - **true / stated**: root mean square over the seeds; 1 if stated errors are as large as true ones.
+"""
+_PROBABILITIES = """
+## Probabilities
+
+Three variants of a sensor with made-up figures and errors as above are ranked by `taxel compare`, with a limit of the
+other figure: the probability of being the first, and of being within the limit (**allowed**), against how often either
+is so.
+
+**{summary}**
+
+{table}
+
+- **1 sigma**: standard error of the share that came true, if all probabilities are right.
 """
 
 
@@ -124,24 +140,12 @@ def _root_mean_square(values: Sequence[float]) -> float:
     return math.sqrt(sum(value**2 for value in values) / len(values)) if values else math.nan
 
 
-def coverage_of_figures(
-    rows: Sequence[CoverageRow],
-    only: str | None = None,
-    csv_file: Path | None = None,
-    markdown: Path | None = None,
-    starting: Callable[[str], None] | None = None,
-) -> Iterator[IntervalRow]:
-    """Rows of figures that need no pad, as they are measured; the page is written with those of readings at the end."""
-    counted = []
-    for row in intervals(only, starting):
-        counted.append(row)
-        yield row
-    if markdown:
-        write_page(rows, markdown, csv_file, counted)
-
-
 def write_page(
-    rows: Sequence[CoverageRow], file: Path, csv_file: Path | None, counted: Sequence[IntervalRow] = ()
+    rows: Sequence[CoverageRow],
+    file: Path,
+    csv_file: Path | None,
+    counted: Sequence[IntervalRow] = (),
+    probabilities: Sequence[ProbabilityRow] = (),
 ) -> None:
     """Write the rows as a page with an explanation of its columns, and those of figures that need no pad."""
     text = _PAGE.format(
@@ -158,5 +162,10 @@ def write_page(
         text += _INTERVALS.format(
             summary=summary_of_intervals(counted),
             table=markdown_table(headings(IntervalRow), map(cells, counted), headings(IntervalRow)[:2]),
+        )
+    if probabilities:
+        text += _PROBABILITIES.format(
+            summary=summary_of_probabilities(probabilities),
+            table=markdown_table(headings(ProbabilityRow), map(cells, probabilities), headings(ProbabilityRow)[:3]),
         )
     write_text(file, text)

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mitsuba_taxel.bench.interval_calibrations import calibration_cases
+from mitsuba_taxel.bench.interval_comparisons import comparison_cases
 from mitsuba_taxel.bench.interval_fits import fit_cases
 from mitsuba_taxel.bench.interval_models import model_cases
 from mitsuba_taxel.bench.interval_records import record_cases
@@ -29,6 +30,7 @@ FAMILIES: tuple[tuple[Callable[[], Mapping[str, Callable[[int], Any]]], int], ..
     (fit_cases, 1000),
     (calibration_cases, 30),
     (model_cases, 100),
+    (comparison_cases, 80),
 )
 """Kinds of made-up truth by name, and the number of seeds of each."""
 

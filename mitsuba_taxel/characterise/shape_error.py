@@ -41,7 +41,8 @@ Changed = dict[Mode, list]
 
 def off_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
     """The study with readings changed by each mode of the errors of the pads' shape, up and down."""
-    return {mode: [_changed(study, mode, sign) for sign in SIGNS] for mode in _modes([study])}
+    size = _size(with_forces_named(study)) if {"deviation", "replicate_power"} <= set(study) else None
+    return {mode: [_changed(study, mode, sign, size) for sign in SIGNS] for mode in _modes([study])}
 
 
 def scenes_off_by_shape(study: xr.DataTree) -> dict[Mode, list[xr.DataTree]]:
@@ -81,16 +82,18 @@ def _varied(study: xr.Dataset) -> list[str]:
     return [name for name in FORCES if name in study.coords and study[name].ndim]
 
 
-def _changed(study: xr.Dataset, mode: Mode, sign: float) -> xr.Dataset:
-    """The study with all readings changed by a mode of one kind of error."""
+def _changed(study: xr.Dataset, mode: Mode, sign: float, size: xr.DataArray | None = None) -> xr.Dataset:
+    """The study with all readings changed by a mode of one kind of error; ``size`` is that of :func:`_size`."""
     kind, *powers = mode
     if kind not in study or "replicate_power" not in study:
         return study
     if kind == "geometry_error":
         return _faceted(study, sign)
     named = with_forces_named(study)
-    size = _size(named) * sign * _course(named, powers)
-    return study.assign(replicate_power=(named.replicate_power + size).transpose(*named.replicate_power.dims).variable)
+    size = _size(named) if size is None else size
+    change = size * sign * _course(named, powers)
+    changed = (named.replicate_power + change).transpose(*named.replicate_power.dims)
+    return study.assign(replicate_power=changed.variable)
 
 
 def _size(study: xr.Dataset) -> xr.DataArray:

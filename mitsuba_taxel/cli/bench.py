@@ -94,10 +94,11 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
 
     Settings of pads and loads are read one by one, each in its own process, the fastest first; files contain those read
     so far. Then errors of figures that need no pad are counted on made-up truth: of recordings, tolerances, fits,
-    calibrations, exported models and noise as a force.
+    calibrations, exported models, noise as a force and differences of variants; and how often the probabilities of a
+    comparison come true.
     """
-    from mitsuba_taxel.bench import intervals
-    from mitsuba_taxel.bench.coverage import coverage, coverage_of_figures, summary
+    from mitsuba_taxel.bench import intervals, probabilities
+    from mitsuba_taxel.bench.coverage import coverage, summary, write_page
     from mitsuba_taxel.bench.coverage_row import CoverageRow
     from mitsuba_taxel.bench.row import cells, headings
 
@@ -105,8 +106,14 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
     read = _shown(rows, headings(CoverageRow), partial(map, cells), summary=summary)
     if not intervals.interval_cases(only):
         return
-    counted = coverage_of_figures(read, only, csv, markdown, _say)
-    _shown(counted, headings(intervals.IntervalRow), partial(map, cells), summary=intervals.summary)
+    figures = intervals.intervals(only, _say)
+    counted = _shown(figures, headings(intervals.IntervalRow), partial(map, cells), summary=intervals.summary)
+    compared: list[probabilities.ProbabilityRow] = []
+    if probabilities.chosen_cases(only):
+        true, columns = probabilities.probability_rows(only, _say), headings(probabilities.ProbabilityRow)
+        compared = _shown(true, columns, partial(map, cells), summary=probabilities.summary)
+    if markdown:
+        write_page(read, markdown, csv, counted, compared)
 
 
 @command.command("light", short_help="Readings with and without random numbers, of random optics.")
