@@ -12,6 +12,8 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.left_out import LEFT_OUT
+from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
 from mitsuba_taxel.electronics.noise import resolution_notes, total_noise
 from mitsuba_taxel.electronics.response import lit
 from mitsuba_taxel.studies.plan.vary import STEP
@@ -34,7 +36,8 @@ class Tolerance:
     ----------
     spread : DataFrame
         One row per figure (``rest``, ``sensitivity``, with a circuit ``noise_force`` and ``saturation_force``, and
-        ``crosstalk``) and taxel that all samples have: ``unit``; ``nominal``, with all parameters at their mean;
+        ``crosstalk``) and taxel that all samples have: ``unit``; ``nominal``, with all parameters at their mean, and
+        ``nominal_error``, its standard error by light, mechanics and geometry, NaN where it is not known;
         ``mean``, ``sd``, ``low`` and ``high`` (5 and 95 %) of the samples, each with its standard error such as
         ``mean_error``; ``linear_sd``, from derivatives, and ``linear_error``, the root mean square error of this linear
         prediction over the samples, relative to ``sd``, NaN if that is 0; ``explained``, the cross-validated share of
@@ -97,6 +100,9 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
         notes += resolution_notes(circuit.step, total_noise(circuit, lit(nominal)))
     parts = [_of_figure(plan, name, at_mean[name], found[name], slopes[name], z, others) for name in found]
     spread = pandas.DataFrame([row for rows, _ in parts for row in rows])
+    errors = nominal_errors(plan, mean, force, loaded)
+    of_rows = [float(errors[name][taxel - 1]) for name, taxel in zip(spread.figure, spread.taxel, strict=True)]
+    spread.insert(int(spread.columns.get_indexer(["nominal"])[0]) + 1, "nominal_error", of_rows)
     shares = pandas.DataFrame([row for _, rows in parts for row in rows])
     notes += _notes_of_indices(spread, shares, len(z), len(plan.laws))
     spread.insert(2, "unit", spread.figure.map(_units(plan)))
@@ -177,6 +183,37 @@ def _notes_of_few(
             f"exact = {fewest_of(parameters)} or more is needed"
         )
     return notes
+
+
+def nominal_errors(
+    plan: TolerancePlan, mean: xr.Dataset, force: np.ndarray, loaded: int | None
+) -> dict[str, np.ndarray]:
+    """Standard errors (T,) of the figures of the mean sensor: by the light, from its replicates, and by the shape.
+
+    Errors of the shape have smooth random courses along the force, see `characterise.shape_error`, common to all
+    taxels. Of a cross-talk, such an error cancels where both taxels change alike; as that of irregular meshes does not,
+    changes of the loaded taxel alone, and of the others, are added in squares.
+    """
+
+    def found(study: xr.Dataset) -> dict[str, np.ndarray]:
+        return figures(_readings(plan, study, "replicate_power")[0], force, loaded, plan.batch.circuit)
+
+    value, off = found(mean), off_by_shape(mean)
+    replicates = [found(mean.isel(replicate=[number])) for number in range(mean.sizes["replicate"])]
+    moved = {mode: [found(study) for study in both] for mode, both in off.items()}
+    errors = {}
+    for name, at_mean in value.items():
+        changed = {mode: [each[name] for each in both] for mode, both in moved.items()}
+        if name == "crosstalk":
+            of_loaded = mean.taxel == mean.taxel[loaded]
+            for mode, both in off.items():
+                for words, which in (("loaded", of_loaded), ("others", ~of_loaded)):
+                    parts = (study.replicate_power.where(which, mean.replicate_power) for study in both)
+                    changed[(*mode, words)] = [found(mean.assign(replicate_power=part))[name] for part in parts]
+        with np.errstate(invalid="ignore"):  # what is infinite has no error
+            light = standard_error(np.array([each[name] for each in replicates]))
+            errors[name] = with_shape(light, at_mean, changed)
+    return errors
 
 
 def _note_of_saturation(found: dict[str, np.ndarray], force: np.ndarray) -> list[str]:

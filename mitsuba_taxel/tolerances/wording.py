@@ -20,7 +20,7 @@ def spread_rows(spread: pandas.DataFrame) -> list[tuple[str, ...]]:
             str(row.figure),
             str(row.taxel),
             str(row.unit),
-            f"{row.nominal:.4g}",
+            f"{row.nominal:.4g}{_error_of(row)}",
             _with_error(
                 _relative(row.mean - row.nominal, row.nominal),
                 _relative(getattr(row, "mean_error", math.nan), abs(row.nominal)),
@@ -32,6 +32,11 @@ def spread_rows(spread: pandas.DataFrame) -> list[tuple[str, ...]]:
         )
         for row in spread.itertuples()
     ]
+
+
+def _error_of(row: Any) -> str:
+    error = getattr(row, "nominal_error", math.nan)  # of older studies it is not known
+    return f" ± {error:.1g}" if math.isfinite(error) and error else ""
 
 
 def index_rows(parameters: pandas.DataFrame) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

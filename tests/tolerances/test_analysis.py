@@ -8,11 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pandas
 import pytest
+import xarray as xr
 from one_cell import one_cell
 
+from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.tolerances import law_of, run_tolerance
-from mitsuba_taxel.tolerances.analysis import _note_of_saturation, _notes_of_few, _of_figure
+from mitsuba_taxel.tolerances.analysis import _note_of_saturation, _notes_of_few, _of_figure, nominal_errors
+from mitsuba_taxel.tolerances.figures import figures
 
 CELL = one_cell(scattering="isotropic", fz=0, led_power=1, spacing=0.8).replace(
     '<emitter type="annular_led">', '<float name="spacing" value="$spacing"/> <emitter type="annular_led">'
@@ -108,3 +111,56 @@ def test_the_relative_error_of_what_does_not_vary_is_missing():
     slopes, at_mean = np.array([[0.0], [2.0]]), np.array([3.0, 1.0])
     (still, moved), _ = _of_figure(plan, "rest", at_mean, at_mean + 0.1 * z * [0, 2], slopes, z, z[:0])
     assert math.isnan(still["linear_error"]) and moved["linear_error"] == pytest.approx(0, abs=1e-12)
+
+
+CASES, OTHERS = 15, 8
+LOADS = np.linspace(0.0, -2.0, 4)
+
+
+def sensors_of_many_taxels(seed, own):
+    """Of each: readings in error with stated errors, and right ones, of a loaded taxel and others that change less.
+
+    The error is as large as stated, times a smooth random course; a share ``own`` of its variance is each taxel's own.
+    """
+    random, x = np.random.default_rng(seed), LOADS / LOADS[-1]
+    kernel = np.exp(-((LOADS[:, None] - LOADS) ** 2) / (2 * LOADS[-1] ** 2))
+    change = 0.3 * np.array([1.0, *random.uniform(-0.5, 1.0, OTHERS)])
+    true = 1e-3 * (1 + change * x[:, None])[None]
+    common, alone = (random.multivariate_normal(0 * LOADS, kernel, n, method="eigh").T for n in (1, OTHERS + 1))
+    size = 0.003 * x[:, None]
+    read = true * (1 + size * (np.sqrt(1 - own) * common + np.sqrt(own) * alone))
+    dims = ["step", "fz", "taxel"]
+    coords, about = {"fz": LOADS, "taxel": np.arange(1, OTHERS + 2)}, {"curve": "fz"}
+    studies = []
+    for power in (read, true):
+        replicates = np.repeat(power[..., None], 2, axis=-1)
+        variables = {
+            "replicate_power": ([*dims, "replicate"], replicates),
+            "deviation": (dims, size * power / ERROR_SHARE),
+        }
+        studies.append(xr.Dataset(variables, coords, about))
+    return studies
+
+
+@pytest.mark.parametrize("own", [0.0, 1.0])
+def test_errors_of_the_mean_sensor_hold_whatever_taxels_have_in_common(own):
+    """Of cross-talks of 15 sensors with eight other taxels each: as many are within twice the stated error as of normal
+    ones, but for the 3 points allowed and 3 standard errors of the count of sensors; stated errors are at most 5 times
+    the true ones in the median."""
+    plan, ratio = SimpleNamespace(force="fz", batch=SimpleNamespace(circuit=None)), []
+    for seed in range(CASES):
+        read, true = sensors_of_many_taxels(seed, own)
+        values = [figures(one.replicate_power.values[0, ..., 0], LOADS, 0)["crosstalk"] for one in (read, true)]
+        ratio.append(((values[0] - values[1]) / nominal_errors(plan, read, LOADS, 0)["crosstalk"])[1:])
+    ratio = np.abs(ratio)
+    assert (ratio <= 2).mean() > 0.9545 - 0.03 - 3 * np.sqrt(0.0455 * 0.9545 / CASES)
+    assert 1 < np.median(1 / ratio) < 5
+
+
+def test_errors_of_the_mean_sensor_have_a_closed_form():
+    """A sensitivity of readings that are off by c of their power at the last load is off by c of it over the force; the
+    reading at rest, without an error, is exact; and nothing is known of the loaded taxel's cross-talk with itself."""
+    plan, (_, true) = SimpleNamespace(force="fz", batch=SimpleNamespace(circuit=None)), sensors_of_many_taxels(0, 0.0)
+    errors, last = nominal_errors(plan, true, LOADS, 0), true.replicate_power.values[0, -1, :, 0]
+    np.testing.assert_allclose(errors["sensitivity"], 0.003 * last / 2, rtol=5e-3)
+    assert not errors["rest"].any() and math.isnan(errors["crosstalk"][0])
