@@ -29,7 +29,7 @@ def code_digest(*rooms: str) -> str:
     return digest.hexdigest()
 
 
-@cache
+@kept(None)
 def own_code(cls: type) -> str:
     """Hexadecimal digest of the code outside this package by which a class is defined; empty if there is none.
 
