@@ -106,14 +106,14 @@ def radiance(
     area : (F,) ndarray
         In mm².
     by_rule, by_outline : (F,) ndarray
-        From :func:`acceptance`: patches that seem to be hidden have the radiance of all directions, and none if the
-        integrals along three sides do not resolve what is accepted from them.
+        From :func:`acceptance`: patches that seem to be hidden have the radiance of all directions; those from which less
+        is accepted than integrals along three sides resolve have none.
     """
     some = end.weights[CHECKED // 2 :: CHECKED].sum() / end.weights.sum()
     known = by_rule > np.abs(by_outline) / 2
-    resolved = np.abs(by_outline) > 3 * TOLERANCE * max(by_rule.sum(), by_outline.sum())
-    on_average = np.where(resolved, scattered / (np.pi * area), 0)
-    return np.where(known, some * received / np.where(known, by_rule, 1), on_average)
+    by_direction = np.where(known, some * received / np.where(known, by_rule, 1), scattered / (np.pi * area))
+    resolved = np.maximum(by_rule, np.abs(by_outline)) > 3 * TOLERANCE * max(by_rule.sum(), by_outline.sum())
+    return np.where(resolved, by_direction, 0)
 
 
 def _accepted_within(law: AngularLaw) -> tuple[float, Cumulative]:
