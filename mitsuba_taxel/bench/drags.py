@@ -117,7 +117,7 @@ class DragCase(TableCase):
     place: tuple[float, float, float]
 
     @property
-    def name(self) -> str:
+    def name(self) -> str:  # type: ignore[override]
         """Words for the row."""
         x, y, z = self.place
         return f"{self.cell}, ball of {self.radius:g} mm at ({x:g}, {y:g}) mm, {-z:g} mm deep"

@@ -106,8 +106,8 @@ def radiance(
     area : (F,) ndarray
         In mm².
     by_rule, by_outline : (F,) ndarray
-        From :func:`acceptance`: patches that seem to be hidden have the radiance of all directions; those from which less
-        is accepted than integrals along three sides resolve have none.
+        From :func:`acceptance`: patches that seem to be hidden have the radiance of all directions; those from which
+        less is accepted than integrals along three sides resolve have none.
     """
     some = end.weights[CHECKED // 2 :: CHECKED].sum() / end.weights.sum()
     known = by_rule > np.abs(by_outline) / 2
