@@ -151,6 +151,22 @@ def drags_command(only: str | None, csv: Path | None, markdown: Path | None) -> 
     _shown(rows, headings(DragRow), partial(map, cells), summary=summary)
 
 
+@command.command("figures", short_help="Slopes and nonlinearities of random scenes, with errors.")
+@click.option("--only", metavar="PATTERN", help="Only scenes whose name contains this; * and ? are wildcards.")
+@csv_option
+@markdown_option
+@debug_option
+def figures_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
+    """Compare figures of merit and their stated errors with those on finer elements, of scenes drawn at random.
+
+    Each is swept at the default settings and to two target errors, in a process of its own.
+    """
+    from mitsuba_taxel.bench.figures import HEADINGS, cells, figures, summary
+
+    rows = figures(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
+    _shown(rows, HEADINGS, partial(map, cells), summary=summary)
+
+
 @command.command("domes", short_help="Domed cells against spheres and fine meshes.")
 @markdown_option
 @debug_option
