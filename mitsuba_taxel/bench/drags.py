@@ -23,7 +23,6 @@ from mitsuba_taxel.bench.peers.elements import mean_roof_displacement
 from mitsuba_taxel.bench.row import cells, headings
 from mitsuba_taxel.bench.row_files import read_rows, write_rows
 from mitsuba_taxel.bench.stability import chosen
-from mitsuba_taxel.bench.table_case import TableCase
 from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean, load_path, reactions
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.pads import CELL_SHAPES, Pad
@@ -108,21 +107,21 @@ class DragRow:
 
 
 @dataclass(frozen=True)
-class DragCase(TableCase):
+class DragCase:
     """A ball of a ``radius`` at a place (x, y, -depth), all in mm, on one cell of a shape."""
 
-    ROW: ClassVar = DragRow
     cell: str
     radius: float
     place: tuple[float, float, float]
 
     @property
-    def name(self) -> str:  # type: ignore[override]
+    def name(self) -> str:
         """Words for the row."""
         x, y, z = self.place
         return f"{self.cell}, ball of {self.radius:g} mm at ({x:g}, {y:g}) mm, {-z:g} mm deep"
 
     def failed(self, end: str) -> DragRow:
+        """The row of a process that returned none."""
         return DragRow(self.name, end)
 
     def measured(self) -> DragRow:
