@@ -25,6 +25,13 @@ class _TakesOwnParameters(ABCMeta):
         pairs = sorted((name, value) for name, value in own.items() if value is not None)
         return super().__call__(*given, **values, **({"kind_values": tuple(pairs)} if pairs else {}))
 
+    @property
+    def __signature__(cls) -> inspect.Signature:
+        """Fields, then parameters of kinds, as help and editors show them."""
+        _, *fields_given = inspect.signature(cls.__init__).parameters.values()  # type: ignore[misc]
+        own = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None) for name in _own_parameters(cls)]
+        return inspect.Signature([*(field for field in fields_given if field.name != "kind_values"), *own])
+
 
 class Checked:
     """Base of frozen dataclasses whose fields are parameters, checked when an object is made.

@@ -24,9 +24,9 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.protocols import traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
-from mitsuba_taxel.mechanics.results.pad_results import pad_results
 from mitsuba_taxel.sensing.darkness import dark_errors
 from mitsuba_taxel.sensing.mechanics_error import roof_errors
+from mitsuba_taxel.sensing.pad_results import pad_results
 from mitsuba_taxel.sensing.prepared_scenes import (
     FLAT,
     FacetsEstimate,

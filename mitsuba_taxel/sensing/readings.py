@@ -18,8 +18,8 @@ from mitsuba_taxel.sensing.wording import budget_line, stage_line
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError
-    from mitsuba_taxel.mechanics.results.pad_results import Estimate
     from mitsuba_taxel.sensing.contact_value import FirstContact
+    from mitsuba_taxel.sensing.pad_results import Estimate
 
 
 def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:

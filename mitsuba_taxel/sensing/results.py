@@ -2,7 +2,7 @@
 
 An entry says what a result is, and how it follows from `Readings`. Datasets of studies, NetCDF, CSV and Parquet tables,
 names that parameters may not have, and the list in the documentation are read off here. Numbers of deformed pads are
-listed in `mitsuba_taxel.mechanics.results.pad_results`, and join by themselves.
+listed in `mitsuba_taxel.sensing.pad_results`, and join by themselves.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from mitsuba_taxel.mechanics.results.pad_results import PAD_RESULTS
+from mitsuba_taxel.sensing.pad_results import PAD_RESULTS
 from mitsuba_taxel.sensing.readings import Readings
 
 TAXEL, PARAMETER = "taxel", "parameter"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -60,6 +61,12 @@ def test_parameters_of_a_kind_are_arguments_attributes_and_parameters():
     assert repr(probe) == "Probe(tip='cone', width=1.0, tip_angle=60.0, tip_length=2.0)" and eval(repr(probe)) == probe
     rod = Rod("cone", angle=60, length=3)
     assert (rod.angle, rod.length) == (60.0, 3.0) and parameters_of(Rod)["angle"].name == "tip_angle"
+
+
+def test_help_lists_them_among_the_arguments():
+    assert str(inspect.signature(Probe)).startswith("(tip:") and "*, tip_angle=None, tip_length=None)" in str(
+        inspect.signature(Probe)
+    )
 
 
 def test_those_that_do_not_apply_are_none_or_refused():

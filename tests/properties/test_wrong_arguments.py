@@ -12,6 +12,7 @@ import pytest
 import mitsuba_taxel
 from mitsuba_taxel import (
     AnnularLed,
+    ArrudaBoyce,
     Circuit,
     ComputationError,
     Grooves,
@@ -57,7 +58,7 @@ from mitsuba_taxel import (
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 
 WITHOUT_ARGUMENTS = {"InputError", "ComputationError", "PlateDisplacement", "PlateForce", "Pressure", "SpreadForce"}
-NOT_FOR_CALLERS = {"Readings"}
+NOT_FOR_CALLERS = {"Readings", "DeadForce", "IndenterShape"}
 JUNK = [
     None, 3, -1, 1.5, float("nan"), 10**400, True, "", "x", "a\0b", "y" * 5000, b"x", [], ["a", "b"], [[1, 2], [3]],
     {"a": 1}, {1: 2}, (None, None, None), {1, 2}, object(), int, Path("nowhere"), np.array([1.0, 2.0]), np.array(3.0),
@@ -91,6 +92,7 @@ def calls(there):
         "Circuit": (Circuit, Circuit, {"supply": 3.3, "load_resistance": 22e3, "transfer": 8.0}),
         "Grooves": (Grooves, Grooves, {"pitch": 0.1, "depth": 0.1}),
         "LayerSteps": (LayerSteps, LayerSteps, {"layer_height": 0.1}),
+        "ArrudaBoyce": (ArrudaBoyce, ArrudaBoyce, {"chain_modulus": 0.1, "locking_stretch": 3.0}),
         "MooneyRivlin": (MooneyRivlin, MooneyRivlin, {"c10": 0.1, "c01": 0.1}),
         "NeoHookean": (NeoHookean, NeoHookean, {}),
         "Pad": (Pad, Pad, {}),

@@ -8,8 +8,8 @@ import pytest
 
 from mitsuba_taxel import Pad, PadSensor, Wall, open_study, sweep
 from mitsuba_taxel.mechanics import NeoHookean, load_path
-from mitsuba_taxel.mechanics.results import pad_results
-from mitsuba_taxel.mechanics.results.pad_results import Estimate, PadResult
+from mitsuba_taxel.sensing import pad_results
+from mitsuba_taxel.sensing.pad_results import Estimate, PadResult
 from mitsuba_taxel.sensing.results import RESULTS
 
 

@@ -27,10 +27,10 @@ from mitsuba_taxel.base import archive, toml
 from mitsuba_taxel.base.atomic import PREFIX, WriteError, reason_of, remove_stale, replacing, write_text
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
-from mitsuba_taxel.mechanics.results.pad_results import Estimate
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.contact_value import FirstContact
 from mitsuba_taxel.sensing.derivative_values import Derivatives
+from mitsuba_taxel.sensing.pad_results import Estimate
 from mitsuba_taxel.sensing.prepared_scenes import Settings
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.studies.plan.files import make_folder
