@@ -17,10 +17,8 @@ from mitsuba_taxel.bench.isolated_process import measure_isolated
 from mitsuba_taxel.bench.probabilities import ProbabilityRow
 from mitsuba_taxel.bench.probabilities import summary as summary_of_probabilities
 from mitsuba_taxel.bench.row import cells, headings
-from mitsuba_taxel.bench.row_files import read_rows, write_rows
-from mitsuba_taxel.bench.stability import chosen
+from mitsuba_taxel.bench.row_files import ResumedTable
 from mitsuba_taxel.bench.tables import LEFT
-from mitsuba_taxel.studies.plan.files import check_new_file
 
 MOST_SECONDS = 3600.0
 MOST_MEMORY = 48 * 2**30
@@ -29,7 +27,7 @@ MOST_MEMORY = 48 * 2**30
 _PAGE = """\
 # Stated and true errors
 
-Written by `taxel bench coverage --csv {csv} --markdown {page}`; do not edit by hand.
+Written by `{command}`; do not edit by hand.
 
 Each setting is read on the default mesh, with the error that it states for the finite elements, and on elements of
 {fine:g} mm or less (at most 1 / {finer:g} of the reading's), extrapolated from these and from elements {coarser:.2f}
@@ -87,40 +85,18 @@ def coverage(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[CoverageRow]:
-    """Rows of the table as they are measured, each in a process of its own.
-
-    Parameters
-    ----------
-    only : str, optional
-        Pattern for a part of the settings' names, with the wildcards * and ?.
-    csv_file : Path, optional
-        File of the rows measured so far, which are not measured again.
-    markdown : Path, optional
-        Page that is rewritten after each row.
-    starting : Callable[[int, int, str], None], optional
-        Called with (number of a setting, total number, its name).
-
-    Raises
-    ------
-    InputError
-        if no setting matches, a file cannot be written, or an existing one holds other rows.
-    """
-    cases = [] if interval_cases(only) and only else chosen(coverage_cases(), only)
-    for file, suffix in ((csv_file, ".csv"), (markdown, ".md")):
-        if file:
-            check_new_file(file, suffix)
-    before = read_rows(csv_file, CoverageRow) if csv_file and csv_file.exists() else {}
-    known = {name: row for name, row in before.items() if not row.remark}
-    rows: list[CoverageRow] = []
-    for number, case in enumerate(cases, start=1):
-        if starting:
-            starting(number, len(cases), case.name)
-        rows.append(known.get(case.name) or measure_isolated(case, MOST_SECONDS, MOST_MEMORY))
-        if csv_file:
-            write_rows({**known, **{row.case: row for row in rows}}.values(), csv_file)
-        if markdown:
-            write_page(rows, markdown, csv_file)
-        yield rows[-1]
+    """Rows of the table as they are measured, each in a process of its own; see `ResumedTable.rows`."""
+    if interval_cases(only) and only:
+        return iter(())
+    made = ResumedTable(
+        "coverage",
+        coverage_cases(),
+        CoverageRow,
+        lambda case: measure_isolated(case, MOST_SECONDS, MOST_MEMORY),
+        write_page,
+        repeats=lambda row: bool(row.remark),
+    )
+    return made.rows(only, csv_file, markdown, starting)
 
 
 def summary(rows: Sequence[CoverageRow]) -> str:
@@ -143,14 +119,13 @@ def _root_mean_square(values: Sequence[float]) -> float:
 def write_page(
     rows: Sequence[CoverageRow],
     file: Path,
-    csv_file: Path | None,
+    command: str,
     counted: Sequence[IntervalRow] = (),
     probabilities: Sequence[ProbabilityRow] = (),
 ) -> None:
     """Write the rows as a page with an explanation of its columns, and those of figures that need no pad."""
     text = _PAGE.format(
-        csv=csv_file or "FILE.csv",
-        page=file,
+        command=command,
         fine=FINE,
         finer=FINER,
         coarser=COARSER,

@@ -21,12 +21,10 @@ from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.isolated_process import measure_isolated
 from mitsuba_taxel.bench.peers.elements import mean_roof_displacement
 from mitsuba_taxel.bench.row import cells, headings
-from mitsuba_taxel.bench.row_files import read_rows, write_rows
-from mitsuba_taxel.bench.stability import chosen
+from mitsuba_taxel.bench.row_files import ResumedTable
 from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean, load_path, reactions
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.pads import CELL_SHAPES, Pad
-from mitsuba_taxel.studies.plan.files import check_new_file
 
 SEED = 52
 FRICTION = 1e-4
@@ -180,39 +178,9 @@ def drags(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[DragRow]:
-    """Rows of the table as they are measured, each in a process of its own.
-
-    Parameters
-    ----------
-    only : str, optional
-        Pattern for a part of the states' names, with the wildcards * and ?.
-    csv_file : Path, optional
-        File of the rows measured so far, which are not measured again.
-    markdown : Path, optional
-        Page that is rewritten after each row.
-    starting : Callable[[int, int, str], None], optional
-        Called with (number of a state, total number, its name).
-
-    Raises
-    ------
-    InputError
-        if no state matches, a file cannot be written, or an existing one holds other rows.
-    """
-    cases = chosen(drag_cases(), only)
-    for file, suffix in ((csv_file, ".csv"), (markdown, ".md")):
-        if file:
-            check_new_file(file, suffix)
-    known = read_rows(csv_file, DragRow) if csv_file and csv_file.exists() else {}
-    rows: list[DragRow] = []
-    for number, case in enumerate(cases, start=1):
-        if starting:
-            starting(number, len(cases), case.name)
-        rows.append(known.get(case.name) or measure_isolated(case))
-        if csv_file:
-            write_rows({**known, **{row.case: row for row in rows}}.values(), csv_file)
-        if markdown:
-            write_page(rows, markdown, f"taxel bench drags --csv {csv_file or 'FILE.csv'} --markdown {markdown}")
-        yield rows[-1]
+    """Rows of the table as they are measured, each in a process of its own; see `ResumedTable.rows`."""
+    made = ResumedTable("drags", drag_cases(), DragRow, lambda case: measure_isolated(case), write_page)
+    return made.rows(only, csv_file, markdown, starting)
 
 
 def summary(rows: Sequence[DragRow]) -> str:

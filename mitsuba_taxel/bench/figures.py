@@ -14,9 +14,7 @@ from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.figure_cases import FINE, LOADS, POINTS, figure_cases
 from mitsuba_taxel.bench.figure_row import FIGURES, TARGETS, FigureRow
 from mitsuba_taxel.bench.isolated_process import measure_isolated
-from mitsuba_taxel.bench.row_files import read_rows, write_rows
-from mitsuba_taxel.bench.stability import chosen
-from mitsuba_taxel.studies.plan.files import check_new_file
+from mitsuba_taxel.bench.row_files import ResumedTable
 
 MOST_SECONDS = 1800.0
 NAMES = {"default": "default", "permille_2": "0.2 %", "permille_1": "0.1 %"}
@@ -67,40 +65,11 @@ def figures(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[Any]:
-    """Rows of the table as they are measured, each in a process of its own.
-
-    Parameters
-    ----------
-    only : str, optional
-        Pattern for a part of the scenes' names, with the wildcards * and ?.
-    csv_file : Path, optional
-        File of the rows measured so far, which are not measured again.
-    markdown : Path, optional
-        Page that is rewritten after each row, of all rows of the file.
-    starting : Callable[[int, int, str], None], optional
-        Called with (number of a scene, total number, its name).
-
-    Raises
-    ------
-    InputError
-        if no scene matches, a file cannot be written, or an existing one holds other rows.
-    """
-    cases = chosen(figure_cases(), only)
-    for file, suffix in ((csv_file, ".csv"), (markdown, ".md")):
-        if file:
-            check_new_file(file, suffix)
-    known: dict[str, Any] = read_rows(csv_file, FigureRow) if csv_file and csv_file.exists() else {}
-    for number, case in enumerate(cases, start=1):
-        if starting:
-            starting(number, len(cases), case.name)
-        if case.name not in known:
-            known[case.name] = measure_isolated(case, MOST_SECONDS)
-        rows = sorted(known.values(), key=lambda row: row.case)
-        if csv_file:
-            write_rows(rows, csv_file)
-        if markdown:
-            write_page(rows, markdown, f"taxel bench figures --csv {csv_file or 'FILE.csv'} --markdown {markdown}")
-        yield known[case.name]
+    """Rows of the table as they are measured, each in a process of its own; see `ResumedTable.rows`."""
+    made = ResumedTable(
+        "figures", figure_cases(), FigureRow, lambda case: measure_isolated(case, MOST_SECONDS), write_page
+    )
+    return made.rows(only, csv_file, markdown, starting)
 
 
 def deviations(rows: Sequence[Any], figure: str, target: str) -> list[float]:

@@ -12,9 +12,7 @@ from mitsuba_taxel.bench.isolated_process import measure_isolated
 from mitsuba_taxel.bench.light_cases import DERIVED, TIGHT, light_cases
 from mitsuba_taxel.bench.light_row import LightRow
 from mitsuba_taxel.bench.row import cells, headings
-from mitsuba_taxel.bench.row_files import read_rows, write_rows
-from mitsuba_taxel.bench.stability import chosen
-from mitsuba_taxel.studies.plan.files import check_new_file
+from mitsuba_taxel.bench.row_files import ResumedTable
 
 ALLOWED, TWICE = 3.0, 2.0
 """Combined errors within which all readings should agree, and 95 % of them."""
@@ -49,39 +47,9 @@ def light(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[LightRow]:
-    """Rows of the table as they are measured, each in a process of its own.
-
-    Parameters
-    ----------
-    only : str, optional
-        Pattern for a part of the configurations' names, with the wildcards * and ?.
-    csv_file : Path, optional
-        File of the rows measured so far, which are not measured again.
-    markdown : Path, optional
-        Page that is rewritten after each row.
-    starting : Callable[[int, int, str], None], optional
-        Called with (number of a configuration, total number, its name).
-
-    Raises
-    ------
-    InputError
-        if no configuration matches, a file cannot be written, or an existing one holds other rows.
-    """
-    cases = chosen(light_cases(), only)
-    for file, suffix in ((csv_file, ".csv"), (markdown, ".md")):
-        if file:
-            check_new_file(file, suffix)
-    known = read_rows(csv_file, LightRow) if csv_file and csv_file.exists() else {}
-    rows: list[LightRow] = []
-    for number, case in enumerate(cases, start=1):
-        if starting:
-            starting(number, len(cases), case.name)
-        rows.append(known.get(case.name) or measure_isolated(case))
-        if csv_file:
-            write_rows({**known, **{row.case: row for row in rows}}.values(), csv_file)
-        if markdown:
-            write_page(rows, markdown, f"taxel bench light --csv {csv_file or 'FILE.csv'} --markdown {markdown}")
-        yield rows[-1]
+    """Rows of the table as they are measured, each in a process of its own; see `ResumedTable.rows`."""
+    made = ResumedTable("light", light_cases(), LightRow, lambda case: measure_isolated(case), write_page)
+    return made.rows(only, csv_file, markdown, starting)
 
 
 def summary(rows: Sequence[LightRow]) -> str:

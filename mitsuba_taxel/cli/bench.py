@@ -101,6 +101,7 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
     from mitsuba_taxel.bench.coverage import coverage, summary, write_page
     from mitsuba_taxel.bench.coverage_row import CoverageRow
     from mitsuba_taxel.bench.row import cells, headings
+    from mitsuba_taxel.bench.row_files import command_of, read_rows
 
     rows = coverage(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
     read = _shown(rows, headings(CoverageRow), partial(map, cells), summary=summary)
@@ -113,7 +114,9 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
         true, columns = probabilities.probability_rows(only, _say), headings(probabilities.ProbabilityRow)
         compared = _shown(true, columns, partial(map, cells), summary=probabilities.summary)
     if markdown:
-        write_page(read, markdown, csv, counted, compared)
+        before = read_rows(csv, CoverageRow) if csv and csv.exists() else {}
+        rows_of_page = list((before | {row.case: row for row in read}).values())
+        write_page(rows_of_page, markdown, command_of("coverage", csv, markdown), counted, compared)
 
 
 @command.command("light", short_help="Readings with and without random numbers, of random optics.")
