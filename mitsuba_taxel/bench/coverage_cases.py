@@ -7,18 +7,33 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.kinds import Kind
 from mitsuba_taxel.bench.coverage_row import CoverageRow
 from mitsuba_taxel.bench.touch_cases import FINE_OF_TOUCH, touch_settings
 from mitsuba_taxel.kernels.protocols import PadShape
-from mitsuba_taxel.mechanics.elements.loads import Load, PatchForce, PlateDisplacement, PlateForce, Pressure
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape
+from mitsuba_taxel.mechanics.elements.loads import (
+    IndenterDisplacement,
+    Load,
+    PatchForce,
+    PlateDisplacement,
+    PlateForce,
+    Pressure,
+)
+from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.results.roof_error import size_ratio
+from mitsuba_taxel.pads.cells.cell_shape import CellShape
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
+from mitsuba_taxel.parameters import REQUIRED
 from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene_pads import loaded_pads
@@ -29,6 +44,8 @@ FINER = 2.0
 """Minimum ratio of the mesh sizes of the reading and the truth."""
 COARSER = math.sqrt(2)
 PITCH_OF_THICK_WALLS = 3.55
+TOUCHED = ("sphere", "punch", "cylinder", "plane")
+"""Indenters of the settings of touch."""
 FINE_OF_DOMES = {"spherical": 0.25, "hemispheric": 0.4}
 """Mesh sizes in mm of the truth of four domes: half of the reading's would take too long."""
 
@@ -136,7 +153,7 @@ def _write_step(pad: Pad, file: Path) -> None:
 
 def coverage_cases() -> list[CoverageCase]:
     """The rows of the table, in its order."""
-    kinds = (_one_cell, _loads, _four_cells, _files, _ten_cells, _touched)
+    kinds = (_one_cell, _loads, _four_cells, _files, _ten_cells, _further_kinds, _touched)
     return [case for kind in kinds for case in kind()]
 
 
@@ -171,6 +188,45 @@ def _four_cells() -> Iterator[CoverageCase]:
         fine = FINE_OF_DOMES.get(cell)
         truth = f" (truth: {fine:g} mm)" if fine else ""
         yield CoverageCase(f"{cell}, 2 x 2, wall {wall:g} mm, {force:g} N{truth}", sensor, fine=fine)
+
+
+def _further_kinds() -> Iterator[CoverageCase]:
+    """All registered kinds that no other setting has, so that a new one is judged without being named here: shapes with
+    walls of several thicknesses, and laws and indenters on shapes in turn."""
+    shapes = [name for name in CellShape.kinds() if name not in CELL_SHAPES]
+    for cell in shapes:
+        for wall in (1.0, 0.5, 0.3):
+            sensor = PadSensor(_pad_of_kind(cell, wall), force=(0.0, 0.0, -1.0))
+            yield CoverageCase(f"{cell}, 1 x 1, wall {wall:g} mm, -1 N", sensor)
+    turn = cycle([*shapes, *CELL_SHAPES])
+    for name, law in Material.kinds().items():
+        cell = next(turn)
+        made: Any = law
+        sensor = PadSensor(_pad_of_kind(cell, 0.7), made(**_required(law)), force=(0.3, 0.0, -1.0))
+        yield CoverageCase(f"{cell}, 1 x 1, wall 0.7 mm, {name}, 0.3 N along x at -1 N", sensor)
+    for name, body in IndenterShape.kinds().items():
+        if name not in TOUCHED and name != "file":
+            for cell, at in zip(turn, ((0.0, 0.0), (0.6, 0.2)), strict=False):
+                load = IndenterDisplacement(Indenter(name, at=at, **_required(body)))
+                sensor = PadSensor(_pad_of_kind(cell, 1.0), load=load, force=(0.0, 0.0, -0.2))
+                words = f"{cell}, 1 x 1, {name} at {at} mm, 0.2 mm deep (truth: {FINE_OF_TOUCH:g} mm)"
+                yield CoverageCase(words, sensor, fine=FINE_OF_TOUCH)
+
+
+def _pad_of_kind(cell: str, wall: float) -> Pad:
+    """A pad of one cell of any shape; that of a profile is as a hemisphere's."""
+    if cell == "profile":
+        return _pad("hemispheric", 1, 1, wall).as_profile()
+    return Pad(cell, 1, 1, wall=wall, **_required(CellShape.named(cell)))
+
+
+def _required(kind: type[Kind]) -> dict[str, Any]:
+    """Values for the parameters of a kind that have no default: lengths of some mm, moduli of silicones, and ratios
+    well above 1."""
+    by_unit = {"mm": (2.0, 3.0, 1.5), "MPa": (0.5, 0.3), "": (3.0,)}
+    required = [(name, each.unit) for name, each in kind.own_parameters().items() if each.default is REQUIRED]
+    values = {unit: cycle(numbers) for unit, numbers in by_unit.items()}
+    return {name: next(values[unit]) for name, unit in required}
 
 
 def _touched() -> Iterator[CoverageCase]:

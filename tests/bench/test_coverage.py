@@ -17,6 +17,10 @@ from mitsuba_taxel.bench.coverage import coverage, summary
 from mitsuba_taxel.bench.coverage_row import CoverageRow
 from mitsuba_taxel.bench.row import cells, headings
 from mitsuba_taxel.bench.row_files import read_rows
+from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.pads.cells.cell_shape import CellShape
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 SUBSET = ("parallelepiped, 1 x 1, wall 0.5 mm, plate moved by 0.1 mm", "cylindrical, 1 x 1, wall 0.3 mm, -1 N")
@@ -28,6 +32,16 @@ def test_the_table_is_of_every_kind_of_pad_and_load():
     assert len(names) == len(set(names)) >= 86
     assert {case.sensor.pad.wall for case in cases} >= {0.3, 0.5, 0.7} and {case.file_format for case in cases} > {""}
     assert len({type(case.sensor.load) for case in cases}) == 7 and any("2 x 5" in name for name in names)
+
+
+def test_every_registered_kind_is_in_the_table():
+    """A body from a file needs one."""
+    sensors = [case.sensor for case in coverage_cases.coverage_cases()]
+    assert {sensor.pad.cell for sensor in sensors} == set(CellShape.kinds())
+    assert {getattr(sensor.material, "law", sensor.material).name for sensor in sensors} == set(Material.kinds())
+    assert {sensor.load.name for sensor in sensors} == set(Load.kinds())
+    bodies = {sensor.load.indenter.shape for sensor in sensors if sensor.load.indenter is not None}
+    assert bodies == set(IndenterShape.kinds()) - {"file"}
 
 
 def test_pads_of_files_are_those_of_the_file(llvm_mono, tmp_path):

@@ -169,24 +169,49 @@ class IndenterShape(Kind, family="indenter"):
         return bool(np.array_equal(mirror.image(tip), tip))
 
 
-def round_gap(points: np.ndarray, radius: float, across: np.ndarray) -> Gap:
-    """Distances of points (n, 3) from a ball, or from a rod without ends.
+class RoundBody(IndenterShape):
+    """A body of one radius, a ball or a rod: what both have in common.
 
-    Parameters
+    Attributes
     ----------
-    radius : float
-        In mm.
     across : (3, 3) ndarray
         Projection along the axis of a rod; the identity for a ball.
+    deepest : float
+        Largest depth, relative to the radius, for which elements are as small as the contact needs.
     """
-    projected = points @ across
-    from_middle = projected - [0.0, 0.0, radius]
-    distance = np.maximum(np.linalg.norm(from_middle, axis=1), TINY)
-    normal = from_middle / distance[:, None]
-    curvature = (across - normal[:, :, None] * normal[:, None, :]) / distance[:, None, None]
-    # avoids cancellation of two radii far larger than the gap
-    size = ((projected**2).sum(axis=1) - 2 * radius * points[:, 2]) / (distance + radius)
-    return Gap(size, normal, curvature)
+
+    unbounded = False
+    contact_grows = True
+    finer_when_shallow = True
+
+    across: ClassVar[np.ndarray]
+    deepest: ClassVar[float]
+
+    def own_gap(self, points: np.ndarray) -> Gap:
+        radius, projected = self.indenter.radius, points @ self.across
+        from_middle = projected - [0.0, 0.0, radius]
+        distance = np.maximum(np.linalg.norm(from_middle, axis=1), TINY)
+        normal = from_middle / distance[:, None]
+        curvature = (self.across - normal[:, :, None] * normal[:, None, :]) / distance[:, None, None]
+        # avoids cancellation of two radii far larger than the gap
+        size = ((projected**2).sum(axis=1) - 2 * radius * points[:, 2]) / (distance + radius)
+        return Gap(size, normal, curvature)
+
+    def contact_radius(self, depth: float) -> float:
+        """By Hertz for a ball. As of a ball for a rod: on a half-space its depth is not determined by its contact."""
+        radius = self.indenter.radius
+        return math.sqrt(radius * min(depth, self.deepest * radius))
+
+    def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
+        return np.linalg.norm(points @ self.across, axis=1)
+
+    @property
+    def thickness(self) -> float:
+        return 2 * self.indenter.radius
+
+    @property
+    def size_text(self) -> str:
+        return f"indenter_radius = {self.indenter.radius:g}"
 
 
 ALONG = 33

@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.swept import prism
-from mitsuba_taxel.mechanics.contact.indenter_shape import Gap, IndenterShape, round_gap, round_outline
-
-DEEPEST = 1.0
-"""Largest depth, relative to the radius, for which elements are as small as the contact needs."""
+from mitsuba_taxel.mechanics.contact.indenter_shape import RoundBody, round_outline
 
 
-class Cylinder(IndenterShape, name="cylinder", rank=2):
+class Cylinder(RoundBody, name="cylinder", rank=2):
     """A rod without ends along x of its own frame."""
 
     meaning = "a rod that lies on the pad, as long as it takes"
     uses = ("radius", "angle")
-    unbounded = False
-    contact_grows = True
-    finer_when_shallow = True
-
-    def own_gap(self, points: np.ndarray) -> Gap:
-        return round_gap(points, self.indenter.radius, np.diag([0.0, 1.0, 1.0]))
+    across = np.diag([0.0, 1.0, 1.0])
+    deepest = 1.0
 
     def keeps(self, mirror: Mirror) -> bool:
         axis = np.round(self.turn[:, 0], 12)
@@ -32,21 +23,8 @@ class Cylinder(IndenterShape, name="cylinder", rank=2):
         turned = not np.array_equal(image, axis) and not np.array_equal(image, -axis)
         return bool(not turned and across @ mirror.image(tip) == across @ tip)
 
-    def contact_radius(self, depth: float) -> float:
-        """As of a ball: of a rod on a half-space the depth is not determined by its contact alone."""
-        radius = self.indenter.radius
-        return math.sqrt(radius * min(depth, DEEPEST * radius))
-
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
         return np.hypot(points[:, 1], points[:, 2])
-
-    @property
-    def thickness(self) -> float:
-        return 2 * self.indenter.radius
-
-    @property
-    def size_text(self) -> str:
-        return f"indenter_radius = {self.indenter.radius:g}"
 
     def own_surface(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
         outline = round_outline(self.indenter.radius, reach)
