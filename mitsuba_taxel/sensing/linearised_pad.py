@@ -90,9 +90,9 @@ class LinearisedPad:
 
     def strain(self, nodal: list[Nodal]) -> tuple[float, np.ndarray]:
         """The largest strain, and its rates."""
-        from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
+        from mitsuba_taxel.mechanics.results.largest_strain import largest_strain
 
-        strain = LargestStrain(self.state)
+        strain = largest_strain(self.state)
         return strain.value, np.array([strain.rate(each.displacement, each.velocity) for each in nodal])
 
     def _by_load(self, load: np.ndarray) -> np.ndarray:

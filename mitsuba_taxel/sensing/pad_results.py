@@ -39,11 +39,11 @@ class PadResult(NamedTuple):
 def _largest_strain(state: State, with_error: bool) -> Estimate:
     """The error is that of the finite elements: the change of the strain by both parts of the deviation of coarser
     elements."""
-    from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
+    from mitsuba_taxel.mechanics.results.largest_strain import largest_strain
 
     if not state.displacement.any():
         return Estimate(0.0, 0.0)
-    strain = LargestStrain(state)
+    strain = largest_strain(state)
     deviations = state.deviations if with_error else None
     if deviations is None:
         return Estimate(strain.value, math.nan)
