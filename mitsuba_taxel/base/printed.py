@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mitsuba_taxel.base.atomic import write_text
 
@@ -48,7 +48,26 @@ def from_json(text: str) -> Printed:
     ValueError, TypeError
         if it is no such text.
     """
-    return [block if isinstance(block, str) else PrintedTable(**block) for block in json.loads(text)]
+    blocks = json.loads(text)
+    if not isinstance(blocks, list):
+        raise TypeError("a list is needed")
+    return [_block(block) for block in blocks]
+
+
+def _block(block: Any) -> PrintedTable | str:
+    """A line or a table; raises TypeError for anything else, as the text may be somebody else's."""
+
+    def are_words(row: Any) -> bool:
+        return isinstance(row, list) and all(isinstance(word, str) for word in row)
+
+    if isinstance(block, str):
+        return block
+    made = PrintedTable(**block)
+    if not (isinstance(made.title, str) and are_words(made.headings)):
+        raise TypeError("a table needs a title and headings")
+    if not (isinstance(made.rows, list) and all(are_words(row) for row in made.rows)):
+        raise TypeError("a table needs rows of words")
+    return made
 
 
 def write_printed(printed: Printed, folder: Path) -> None:

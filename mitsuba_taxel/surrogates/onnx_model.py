@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,7 +23,7 @@ from mitsuba_taxel.electronics.pieces import straight_pieces
 from mitsuba_taxel.electronics.response import lit
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.surrogates.calibration import Calibration
-from mitsuba_taxel.surrogates.polynomial import Polynomial, Unseen, polynomial_of, single
+from mitsuba_taxel.surrogates.polynomial import MOST_DEGREE, Polynomial, Unseen, polynomial_of, single
 from mitsuba_taxel.surrogates.wording import printed_calibration, printed_model
 
 _Step = tuple[str, list[str], str, dict[str, Any]]
@@ -184,6 +186,48 @@ def read_printed(file: Path) -> Printed | None:
         return from_json(about[PRINTED])
     except (OSError, DecodeError, KeyError, ValueError, TypeError):
         return None
+
+
+def read_polynomial(file: Path) -> Polynomial | None:
+    """The polynomial of the readings in a model that :func:`export` wrote; None if the file holds none.
+
+    Only constants are read. The graph of the file is not run, as it may be somebody else's.
+
+    Raises
+    ------
+    InputError
+        if onnx is not installed.
+    """
+    check_onnx()
+    import onnx
+    from google.protobuf.message import DecodeError
+    from onnx import TensorProto, numpy_helper
+
+    try:
+        model = onnx.load(file, load_external_data=False)
+        about = {entry.key: entry.value for entry in model.metadata_props}
+        held = {
+            tensor.name: numpy_helper.to_array(tensor)
+            for tensor in model.graph.initializer
+            if tensor.data_location != TensorProto.EXTERNAL
+        }
+        low, high, weights, exponents = (
+            np.asarray(held[name], dtype=float) for name in ("low", "high", "weights", "exponents")
+        )
+        names, units = (json.loads(about[key]) for key in ("inputs", "units"))
+        shapes = low.shape, high.shape, exponents.shape, weights.shape
+        count, terms = len(names), len(weights)
+        finite = all(np.isfinite(array).all() for array in (low, high, weights))
+        allowed = finite and np.isin(exponents, np.arange(MOST_DEGREE + 1)).all() and bool((low < high).any())
+        words = all(re.fullmatch(r"[\w.]+", name) for name in names) and all("$" not in unit for unit in units)
+        fits = shapes[:3] == ((count,), (count,), (1, terms, count)) and weights.ndim == 2 and len(units) == count
+        if not (allowed and words and fits and weights.size):
+            return None
+    except (OSError, DecodeError, KeyError, ValueError, TypeError):
+        return None
+    if "readings" not in [output.name for output in model.graph.output]:
+        return None  # a calibration
+    return Polynomial(tuple(names), tuple(units), low, high, exponents[0], weights, math.nan, math.nan, "")
 
 
 def check_onnx() -> None:

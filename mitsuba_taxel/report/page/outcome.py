@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from mitsuba_taxel.base.printed import Printed, read_printed
 from mitsuba_taxel.fitting.wording import UNKNOWN_HEADINGS, unknown_rows
 from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, section, table
-from mitsuba_taxel.report.page.model_plot import has_readings, plot_model
+from mitsuba_taxel.report.page.model_plot import plot_model
 from mitsuba_taxel.studies.run.training import PARTS
 from mitsuba_taxel.studies.store.datasheet import rows_line
 from mitsuba_taxel.surrogates import onnx_model
@@ -125,7 +125,8 @@ def outcome_sections(folder: Path) -> list[str]:
         return [*made, section("models", "Models", paragraph("To show them, install mitsuba_taxel[export]."))]
     for number, file in enumerate(models):
         if (printed := onnx_model.read_printed(file)) is not None:
-            shown = plot(partial(plot_model, file), MODEL, MODEL) if has_readings(file) else ""
+            model = onnx_model.read_polynomial(file)
+            shown = "" if model is None else plot(partial(plot_model, model), MODEL, MODEL)
             made.append(section(f"model-{number}", f"Model {file.name}", *_printed(printed), shown))
     return made
 

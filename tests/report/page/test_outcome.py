@@ -13,6 +13,7 @@ from mitsuba_taxel.report.page import write_report
 from mitsuba_taxel.report.page.model_plot import plot_model
 from mitsuba_taxel.report.page.outcome import MOST_ROWS, outcome_sections
 from mitsuba_taxel.surrogates import export
+from mitsuba_taxel.surrogates.onnx_model import read_polynomial
 
 
 def test_the_page_of_a_fit_has_its_unknowns_residuals_and_warnings(tmp_path, llvm_mono):
@@ -104,7 +105,7 @@ def test_the_page_of_a_model_has_its_curves(tmp_path):
     assert outcome_sections(tmp_path) == []
     study = sweep("plate.xml", {"z": "0.6,0.7,0.8,0.9", "width": "3,3.5,4"}, points=64)
     found, _ = export(study, tmp_path / "model.onnx")
-    left, right = plot_model(tmp_path / "model.onnx").axes
+    left, right = plot_model(read_polynomial(tmp_path / "model.onnx")).axes
     (line,) = left.lines
     assert left.get_xlabel() == "z [mm]"
     expected = study.power.sel(width=3.5, z=[0.6, 0.9]).values.ravel()
@@ -112,6 +113,27 @@ def test_the_page_of_a_model_has_its_curves(tmp_path):
     assert right.get_xlabel() == "width"
     (part,) = outcome_sections(tmp_path)
     assert "Model model.onnx" in part and "data:image/svg+xml;base64," in part
+
+
+@pytest.mark.parametrize("changed", [
+    {"inputs": None}, {"inputs": "3"}, {"inputs": '["f$\\frac"]'}, {"units": "x"}, {"printed": "[1]"},
+    {"low": np.zeros((2, 2))}, {"high": np.array([np.nan])}, {"weights": np.zeros(0)},
+    {"exponents": np.array([[[1e9]]])}, {"low": np.ones(1), "high": np.ones(1)},
+])  # fmt: skip
+def test_models_of_somebody_else_are_not_run_and_end_in_no_error(tmp_path, changed):
+    onnx = pytest.importorskip("onnx")
+    about = {"printed": '["told"]', "inputs": '["f"]', "units": '["N"]'}
+    held = {"low": np.zeros(1), "high": np.ones(1), "weights": np.ones((1, 1)), "exponents": np.ones((1, 1, 1))}
+    about |= {name: value for name, value in changed.items() if name in about}
+    held |= {name: value for name, value in changed.items() if name in held}
+    result = onnx.helper.make_tensor_value_info("readings", onnx.TensorProto.DOUBLE, [1])
+    endless = onnx.helper.make_node("Loop", ["", ""], ["readings"])
+    constants = [onnx.numpy_helper.from_array(np.asarray(value), name) for name, value in held.items()]
+    model = onnx.helper.make_model(onnx.helper.make_graph([endless], "g", [], [result], constants))
+    onnx.helper.set_model_props(model, {name: value for name, value in about.items() if value is not None})
+    (tmp_path / "model.onnx").write_bytes(model.SerializeToString())
+    (part,) = outcome_sections(tmp_path) or [""]
+    assert "data:image" not in part and ("told" in part or "printed" in changed)
 
 
 def test_a_folder_without_results_is_refused(tmp_path):
