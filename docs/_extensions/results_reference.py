@@ -8,7 +8,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.nodes import nested_parse_with_titles
 
-from mitsuba_taxel.sensing.results import RESULTS
+from mitsuba_taxel.sensing.reading.results import RESULTS
 
 HEADINGS = ("name", "unit", "for each", "in `readings.csv`", "meaning")
 

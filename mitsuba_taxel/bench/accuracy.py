@@ -22,10 +22,10 @@ from mitsuba_taxel.bench.accuracy_plot import plot_accuracy
 from mitsuba_taxel.bench.accuracy_tables import write_csv
 from mitsuba_taxel.bench.work_precision import ErrorCurve
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
-from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.scene_pads import loaded_pads
-from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.scene_pads import loaded_pads
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.studies.plan.files import make_folder
 
 

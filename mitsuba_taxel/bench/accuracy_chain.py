@@ -11,10 +11,10 @@ from mitsuba_taxel.base.caches import clear_caches
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.bench.accuracy_mechanics import POINTS, SEED, FineMeshLimit, from_nothing
 from mitsuba_taxel.bench.work_precision import ErrorCurve, Point, Truth, now, relative_rms
-from mitsuba_taxel.sensing.diffuse_cells import kept_cell
+from mitsuba_taxel.sensing.diffuse.diffuse_cells import kept_cell
 from mitsuba_taxel.sensing.measurement import measure
-from mitsuba_taxel.sensing.readings import ERROR_SHARE, Readings
-from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.reading.readings import ERROR_SHARE, Readings
+from mitsuba_taxel.sensing.scene.description import Scene
 
 TARGETS = (0.02, 0.01, 0.005, 0.002)
 NEAR = 0.95

@@ -28,10 +28,10 @@ from mitsuba_taxel.mechanics.path.pad_path import shared
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.sensing.measurement import measure
-from mitsuba_taxel.sensing.readings import ERROR_SHARE, Readings
-from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.scene_pads import loaded_pads
+from mitsuba_taxel.sensing.reading.readings import ERROR_SHARE, Readings
+from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.targets import MOST_ELEMENTS
 
 COARSEST = 2 * DEFAULT_MESH_SIZE

@@ -14,10 +14,10 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.walls import is_bounded_from_detector, set_wavelength, walls_of
-from mitsuba_taxel.sensing.left_out import used_by
 from mitsuba_taxel.sensing.measurement import crosstalk, measure
-from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, Prepared, prepare
-from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.reading.runs import MOST_POINTS, REPLICATES, Prepared, prepare
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.left_out import used_by
 from mitsuba_taxel.specification.taxel_tracer import STRATEGIES
 
 LARGEST_STRAY = 1e-4

@@ -24,8 +24,8 @@ from mitsuba_taxel.bench.accuracy_methods import (
     stray_light,
 )
 from mitsuba_taxel.bench.work_precision import ErrorCurve, Point, Truth, now, relative_rms
-from mitsuba_taxel.sensing.runs import derived_seed
-from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.reading.runs import derived_seed
+from mitsuba_taxel.sensing.scene.description import Scene
 
 FEWEST_SEEDS, MOST_SEEDS = 4, 16
 """Runs with each number of samples, each with a seed of its own."""

@@ -24,13 +24,13 @@ from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement
 from mitsuba_taxel.mechanics.surface.finish import LayerSteps
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.sensing import PadSensor, Scene, measure
-from mitsuba_taxel.sensing.derivatives import derivatives_by
-from mitsuba_taxel.sensing.deterministic_light import deterministic_light
-from mitsuba_taxel.sensing.diffuse_cells import kept_cell
-from mitsuba_taxel.sensing.path_derivatives import derivatives_of_paths
-from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, Prepared, prepare
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
-from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
+from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.diffuse.deterministic_light import deterministic_light
+from mitsuba_taxel.sensing.diffuse.diffuse_cells import kept_cell
+from mitsuba_taxel.sensing.reading.runs import MOST_POINTS, REPLICATES, Prepared, prepare
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.specification.annular_led import AnnularLed
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector
 from mitsuba_taxel.specification.wall import Wall

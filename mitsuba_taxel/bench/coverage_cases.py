@@ -35,8 +35,8 @@ from mitsuba_taxel.pads.cells.cell_shape import CellShape
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.parameters import REQUIRED
 from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
-from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.sensing.scene_pads import loaded_pads
+from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.scene.scene_pads import loaded_pads
 
 FINE = 0.4
 """Largest mesh size of the truth in mm, which is extrapolated from this size and COARSER times that."""

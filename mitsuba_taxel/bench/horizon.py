@@ -14,10 +14,10 @@ from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.domes import dome_scene
 from mitsuba_taxel.bench.row import cells, headings
 from mitsuba_taxel.sensing import Scene
-from mitsuba_taxel.sensing.derivatives import HORIZON_SHARE, derivatives_by
-from mitsuba_taxel.sensing.deterministic_light import FINE
-from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
-from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import HORIZON_SHARE, derivatives_by
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.diffuse.deterministic_light import FINE
+from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
 from mitsuba_taxel.transport import reception
 from mitsuba_taxel.transport.exchange import HORIZON
 

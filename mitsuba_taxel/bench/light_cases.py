@@ -16,7 +16,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.light_row import LightRow
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing import Readings, Scene, measure
-from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.targets import geometry_of
 
 CASES, SLOPES = 120, 12
@@ -103,11 +103,11 @@ class LightCase:
 
     def _slopes(self, scene: Scene, default: Readings) -> tuple[float, float, float]:
         """The derivative that is furthest off, relative to the reading per mm: deviation, stated error, and noise."""
-        from mitsuba_taxel.sensing.derivatives import derivatives_by
-        from mitsuba_taxel.sensing.diffuse_cells import NotFollowed
-        from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
-        from mitsuba_taxel.sensing.path_derivatives import derivatives_of_paths
-        from mitsuba_taxel.sensing.scene_rates import rates
+        from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
+        from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
+        from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+        from mitsuba_taxel.sensing.diffuse.diffuse_cells import NotFollowed
+        from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
 
         changes, ready = [rates(scene, name) for name in DERIVED], prepare(scene)
         try:

@@ -60,7 +60,9 @@ def _solve_without_load() -> None:
     import numpy as np
 
     from mitsuba_taxel.mechanics.path.pad_path import PadPath
-    from mitsuba_taxel.sensing import mechanics_error, scene_pads, targets
+    from mitsuba_taxel.sensing import targets
+    from mitsuba_taxel.sensing.reading import mechanics_error
+    from mitsuba_taxel.sensing.scene import scene_pads
 
     state = PadPath.state
 
@@ -141,7 +143,7 @@ def row(scene: str, added: list[str]) -> dict:
     dr.set_flag(dr.JitFlag.KernelHistory, True)
     dr.set_thread_count(1)  # waiting threads take time too
     from mitsuba_taxel.sensing import crosstalk, measure
-    from mitsuba_taxel.sensing.runs import prepare
+    from mitsuba_taxel.sensing.reading.runs import prepare
 
     for name in added:
         ALL_THE_SAME[name]()

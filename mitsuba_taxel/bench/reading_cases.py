@@ -22,7 +22,7 @@ from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.parts import mirror_curve, read_part
 from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
-from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.specification.annular_led import AnnularLed
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector
 from mitsuba_taxel.specification.wall import Wall

@@ -12,9 +12,9 @@ from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.domes import dome_scene
 from mitsuba_taxel.pads import CELL_SHAPES
-from mitsuba_taxel.sensing.derivative_values import Derivatives
-from mitsuba_taxel.sensing.derivatives import derivatives_by
-from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
 
 FORCES = ((0.0, 0.0, -0.8), (0.1, 0.03, -1.0))
 """Forces on one cell in N."""

@@ -25,9 +25,9 @@ from mitsuba_taxel.bench.peers.cases import CASES
 from mitsuba_taxel.bench.ramp import ROWS, ramp
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.pads import CELL_SHAPES, Pad
-from mitsuba_taxel.sensing.diffuse_cells import kept_cell
-from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
-from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.sensing.diffuse.diffuse_cells import kept_cell
+from mitsuba_taxel.sensing.reading.runs import MOST_POINTS, REPLICATES
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.surrogates import export
 
 RAYS = 1 << 22

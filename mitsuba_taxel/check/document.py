@@ -11,9 +11,9 @@ from xml.parsers import expat
 
 from mitsuba_taxel.base.text import read_bytes
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.sensing.left_out import used_by
-from mitsuba_taxel.sensing.scene import is_file
-from mitsuba_taxel.sensing.scene_file import DEEPEST, DEEPEST_INCLUDE, LARGEST_SCENE, MOST_INCLUDED
+from mitsuba_taxel.sensing.scene.description import is_file
+from mitsuba_taxel.sensing.scene.left_out import used_by
+from mitsuba_taxel.sensing.scene.scene_file import DEEPEST, DEEPEST_INCLUDE, LARGEST_SCENE, MOST_INCLUDED
 
 KINDS = (
     "integrator", "shape", "bsdf", "emitter", "sensor", "film", "rfilter", "sampler", "texture", "medium", "phase",

@@ -15,11 +15,11 @@ from mitsuba_taxel.kernels.protocols import is_region, traces_taxels
 from mitsuba_taxel.kernels.regions import BODY_REGIONS
 from mitsuba_taxel.kernels.walls import absorbs, is_bounded_from_detector, wall_at
 from mitsuba_taxel.pads import REGIONS
-from mitsuba_taxel.sensing.dark_backs import dark_backs
-from mitsuba_taxel.sensing.modelled import refuse_unmodelled
-from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.scene_pads import contact_notes
+from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.scene_pads import contact_notes
+from mitsuba_taxel.sensing.validity.dark_backs import dark_backs
+from mitsuba_taxel.sensing.validity.modelled import refuse_unmodelled
 
 _FROM_THE_LIGHT = ("ptracer",)
 """Mitsuba's integrators whose paths start at the light."""

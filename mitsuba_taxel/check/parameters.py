@@ -14,7 +14,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.spelling import did_you_mean
 from mitsuba_taxel.check.document import ELEMENTS, KINDS, Element, filled_in, used_names
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.sensing.left_out import used_by
+from mitsuba_taxel.sensing.scene.left_out import used_by
 from mitsuba_taxel.specification import Specification, specifications
 
 _VALUES = ("integer", "float", "string", "boolean", "point", "vector", "rgb", "spectrum", "transform")

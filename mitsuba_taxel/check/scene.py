@@ -19,8 +19,8 @@ from mitsuba_taxel.check.parameters import check_names, defaults_given_twice
 from mitsuba_taxel.check.parts import make_parts
 from mitsuba_taxel.check.units import check_units
 from mitsuba_taxel.check.values import refused_values
-from mitsuba_taxel.sensing.left_out import left_out, parse_scene
-from mitsuba_taxel.sensing.scene import Scene, find_scene, parser_config
+from mitsuba_taxel.sensing.scene.description import Scene, find_scene, parser_config
+from mitsuba_taxel.sensing.scene.left_out import left_out, parse_scene
 
 
 @in_turn

@@ -88,7 +88,7 @@ def command(
 
         lines = left_out(ready, irradiance=output is not None, crosstalk=crosstalk, began=began)
     if output is not None:
-        from mitsuba_taxel.sensing.irradiance_file import write_irradiance
+        from mitsuba_taxel.sensing.reading.irradiance_file import write_irradiance
 
         write_irradiance(readings, output)
     (_print_json if as_json else _print_tables)(readings, volts, matrix, book, lines)
@@ -104,7 +104,7 @@ def _print_json(readings, volts, matrix, book, lines) -> None:
 
 
 def _print_tables(readings, volts, matrix, book, lines) -> None:
-    from mitsuba_taxel.sensing.readings import crosstalk_text, readings_text
+    from mitsuba_taxel.sensing.reading.readings import crosstalk_text, readings_text
 
     from . import tables
 

@@ -34,7 +34,7 @@ def command(folder: Path, only: str | None, docs: Path | None, workers: int | No
     """
     from mitsuba_taxel.reproduce.page import write_pages
     from mitsuba_taxel.reproduce.parts import chosen, complete, compute
-    from mitsuba_taxel.sensing.wording import stage_line
+    from mitsuba_taxel.sensing.reading.wording import stage_line
 
     start = time.monotonic()
     announce = partial(_announce, start)

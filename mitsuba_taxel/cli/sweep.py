@@ -159,7 +159,7 @@ def _show(name: str, study) -> None:
     from mitsuba_taxel.characterise import slope_summary, volts_notes, volts_table
     from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows, remarks_explained, table_rows
     from mitsuba_taxel.electronics.volts import circuit_of_study
-    from mitsuba_taxel.sensing.wording import budget_line, light_of_study, stage_line
+    from mitsuba_taxel.sensing.reading.wording import budget_line, light_of_study, stage_line
     from mitsuba_taxel.studies import stage_totals, study_error_budget
 
     from .tables import print_figures

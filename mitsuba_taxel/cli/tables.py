@@ -124,7 +124,7 @@ def print_volts(taxels: Iterable[int], volts) -> None:
 
 def _print_shown_derivatives(shown) -> None:
     """In volts; and for each parameter and taxel in counts, the noise and the distance from saturation."""
-    from mitsuba_taxel.sensing.derivative_values import derivatives_text
+    from mitsuba_taxel.sensing.reading.derivative_values import derivatives_text
 
     print(f"\n{derivatives_text(shown.in_volts, terminal_width())}")
     print("\nIn counts; changes of a parameter that equal the noise, and that saturate the output if power is linear")

@@ -13,7 +13,7 @@ from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.electronics import respond
 from mitsuba_taxel.fitting.model_error import ModelError
 from mitsuba_taxel.fitting.plan import CIRCUIT, FitPlan
-from mitsuba_taxel.sensing.derivable import without_derivative
+from mitsuba_taxel.sensing.derivatives.derivable import without_derivative
 from mitsuba_taxel.studies.plan.batch import Batch, make_batch
 from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.studies.run.dataset import NOT_COMPUTED

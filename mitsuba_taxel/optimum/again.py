@@ -12,7 +12,7 @@ from mitsuba_taxel.optimum.designs import Designs, Read, parts_of
 from mitsuba_taxel.optimum.plan import Design
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing import Scene
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.studies.run.pool import Pool
 
 FINER = 0.75

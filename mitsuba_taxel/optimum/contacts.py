@@ -11,7 +11,7 @@ import xarray as xr
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.optimum.figures import FIRST_CONTACT, TO_THE_END, Seen
 from mitsuba_taxel.optimum.plan import Design, Limit, Plan
-from mitsuba_taxel.sensing.first_contact import why_no_contact
+from mitsuba_taxel.sensing.derivatives.first_contact import why_no_contact
 from mitsuba_taxel.studies.plan.batch import Batch
 
 

@@ -13,9 +13,9 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit
 from mitsuba_taxel.optimum.figures import FURTHEST, TO_THE_END, Figure
 from mitsuba_taxel.sensing import Scene
-from mitsuba_taxel.sensing.left_out import NONE
-from mitsuba_taxel.sensing.parsed_parts import refusal_of
-from mitsuba_taxel.sensing.scene import MESHED_AS
+from mitsuba_taxel.sensing.scene.description import MESHED_AS
+from mitsuba_taxel.sensing.scene.left_out import NONE
+from mitsuba_taxel.sensing.scene.parsed_parts import refusal_of
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT
 

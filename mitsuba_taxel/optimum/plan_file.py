@@ -14,7 +14,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
 from mitsuba_taxel.optimum.figures import FURTHEST, KINDS, TO_THE_END, Figure
 from mitsuba_taxel.optimum.plan import TRIED, Goal, Limit, Plan, Variable
-from mitsuba_taxel.sensing.parameter_units import units_of_parameters
+from mitsuba_taxel.sensing.scene.parameter_units import units_of_parameters
 from mitsuba_taxel.studies.plan.batch import make_batch, read_study_of
 
 POINTS = 16

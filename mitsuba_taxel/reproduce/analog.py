@@ -14,7 +14,7 @@ from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.scenes import CENTRE, write_scene
 from mitsuba_taxel.reproduce.slopes import curves
 from mitsuba_taxel.sensing import Scene, measure
-from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.studies.plan.files import make_folder
 
 RUNS = 3

@@ -22,7 +22,7 @@ from mitsuba_taxel.reproduce import measured
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.scenes import scene_text
 from mitsuba_taxel.sensing import Readings, Scene, measure
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 SIDE = 5
 """Cells along each side of the pad."""

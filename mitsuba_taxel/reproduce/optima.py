@@ -125,7 +125,7 @@ def _reach(store: PaperStudies, name: str, values: Mapping[str, float]) -> xr.Da
     given = {str(parameter): repr(float(value)) for parameter, value in values.items()}
 
     def compute() -> xr.Dataset:
-        from mitsuba_taxel.sensing.first_contact import first_contact
+        from mitsuba_taxel.sensing.derivatives.first_contact import first_contact
 
         def at(force: float) -> Scene:
             return Scene(store.folder / name / "sensor.xml", given | {"fz": repr(float(force))}, MESH_SIZE)

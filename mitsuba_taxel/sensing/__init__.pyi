@@ -1,34 +1,12 @@
-from .audit import (
-    EnergyAudit as EnergyAudit,
-)
-from .audit import (
-    energy_audit as energy_audit,
-)
-from .measurement import (
-    crosstalk as crosstalk,
-)
-from .measurement import (
-    measure as measure,
-)
-from .pad_sensor import PadSensor as PadSensor
-from .ray_paths import (
-    RayPaths as RayPaths,
-)
-from .ray_paths import (
-    sample_paths as sample_paths,
-)
-from .readings import (
-    Crosstalk as Crosstalk,
-)
-from .readings import (
-    Readings as Readings,
-)
-from .scene import (
-    Scene as Scene,
-)
-from .scene import (
-    find_scene as find_scene,
-)
-from .scene import (
-    write_xml as write_xml,
-)
+from .audit import EnergyAudit as EnergyAudit
+from .audit import energy_audit as energy_audit
+from .measurement import crosstalk as crosstalk
+from .measurement import measure as measure
+from .reading.readings import Crosstalk as Crosstalk
+from .reading.readings import Readings as Readings
+from .scene.description import Scene as Scene
+from .scene.description import find_scene as find_scene
+from .scene.description import write_xml as write_xml
+from .scene.pad_sensor import PadSensor as PadSensor
+from .validity.ray_paths import RayPaths as RayPaths
+from .validity.ray_paths import sample_paths as sample_paths

@@ -24,9 +24,9 @@ from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import reflectance_of, scatters, set_wavelength, wall_at
 from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT
 from mitsuba_taxel.kernels.windows import transmittance
-from mitsuba_taxel.sensing.ray_paths import PathStep, emit, follow, landed
-from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, AnyScene, prepare
-from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.sensing.reading.runs import MOST_POINTS, REPLICATES, AnyScene, prepare
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
+from mitsuba_taxel.sensing.validity.ray_paths import PathStep, emit, follow, landed
 from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 
 DEFAULT_POINTS = 4096

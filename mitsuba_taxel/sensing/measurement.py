@@ -24,10 +24,10 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.protocols import traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
-from mitsuba_taxel.sensing.darkness import dark_errors
-from mitsuba_taxel.sensing.mechanics_error import roof_errors
-from mitsuba_taxel.sensing.pad_results import pad_results
-from mitsuba_taxel.sensing.prepared_scenes import (
+from mitsuba_taxel.sensing.reading.darkness import dark_errors
+from mitsuba_taxel.sensing.reading.mechanics_error import roof_errors
+from mitsuba_taxel.sensing.reading.pad_results import pad_results
+from mitsuba_taxel.sensing.reading.prepared_scenes import (
     FLAT,
     FacetsEstimate,
     MechanicsEstimate,
@@ -37,8 +37,8 @@ from mitsuba_taxel.sensing.prepared_scenes import (
     mesh_size_of,
     prepared_without_random_numbers,
 )
-from mitsuba_taxel.sensing.readings import Crosstalk, Readings
-from mitsuba_taxel.sensing.runs import (
+from mitsuba_taxel.sensing.reading.readings import Crosstalk, Readings
+from mitsuba_taxel.sensing.reading.runs import (
     CHOSEN_INTEGRATOR,
     FIRST_POINTS,
     MOST_POINTS,
@@ -50,8 +50,9 @@ from mitsuba_taxel.sensing.runs import (
     described,
     prepare,
 )
-from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.scene_pads import deformed_pads, is_touched
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, is_touched
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.sensing.targets import (
     NEGLIGIBLE,
     deviation_points,
@@ -62,13 +63,12 @@ from mitsuba_taxel.sensing.targets import (
     prepare_for,
     without_random_numbers,
 )
-from mitsuba_taxel.sensing.taxels import taxels_of
 
 if TYPE_CHECKING:
     import mitsuba as mi
 
-    from mitsuba_taxel.sensing.derivative_values import Derivatives
-    from mitsuba_taxel.sensing.scene_rates import Rates
+    from mitsuba_taxel.sensing.derivatives.scene_rates import Rates
+    from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
 
 LIGHT_ERROR = 0.005
 """Default relative standard error of the light."""
@@ -220,7 +220,7 @@ def _changes(scene: AnyScene, names: Sequence[str]) -> list[Rates]:
     wanted = names_of("derivatives", names)
     if not wanted:
         return []
-    from mitsuba_taxel.sensing.scene_rates import rates  # needed for derivatives only
+    from mitsuba_taxel.sensing.derivatives.scene_rates import rates  # needed for derivatives only
 
     scene = described(scene)
     if not isinstance(scene, Scene):
@@ -232,9 +232,9 @@ def _derivatives(
     scene: AnyScene, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
 ) -> Derivatives:
     """Derivatives without random numbers if possible, else by paths, if ``fixed`` of as many points as readings."""
-    from mitsuba_taxel.sensing.derivatives import derivatives_by
-    from mitsuba_taxel.sensing.diffuse_cells import NotFollowed
-    from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
+    from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
+    from mitsuba_taxel.sensing.diffuse.diffuse_cells import NotFollowed
+    from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
 
     with stages.record() as taken:
         try:
@@ -252,7 +252,7 @@ def _add_seconds(readings: Readings, taken: dict[str, float]) -> None:
 def _derivatives_of_paths(
     scene: AnyScene, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
 ) -> Derivatives:
-    from mitsuba_taxel.sensing.path_derivatives import derivatives_of_paths
+    from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
 
     scene, size = described(scene), prepared.settings.mesh_size
     assert isinstance(scene, Scene)  # or there were no changes

@@ -16,9 +16,9 @@ from mitsuba_taxel.kernels.protocols import PadShape, guides_emission, traces_ta
 from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import absorbs, has_mirrors, wall_at
-from mitsuba_taxel.sensing.runs import Prepared
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
-from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.sensing.reading.runs import Prepared
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
 
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.mirror import Mirror

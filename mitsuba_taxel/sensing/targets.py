@@ -18,11 +18,10 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE, FACETS_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.protocols import PadShape
-from mitsuba_taxel.sensing.checked import found_points
-from mitsuba_taxel.sensing.darkness import dark_errors, may_be_lit
-from mitsuba_taxel.sensing.facets import curved_pads, tilt_share, with_chords
-from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
-from mitsuba_taxel.sensing.prepared_scenes import (
+from mitsuba_taxel.sensing.reading.darkness import dark_errors, may_be_lit
+from mitsuba_taxel.sensing.reading.facets import curved_pads, tilt_share, with_chords
+from mitsuba_taxel.sensing.reading.mechanics_error import combined, mechanics_deviations
+from mitsuba_taxel.sensing.reading.prepared_scenes import (
     FLAT,
     LIGHT_SHARE,
     FacetsEstimate,
@@ -33,8 +32,8 @@ from mitsuba_taxel.sensing.prepared_scenes import (
     mesh_size_of,
     prepared_without_random_numbers,
 )
-from mitsuba_taxel.sensing.readings import Readings, geometry_share, mechanics_share
-from mitsuba_taxel.sensing.runs import (
+from mitsuba_taxel.sensing.reading.readings import Readings, geometry_share, mechanics_share
+from mitsuba_taxel.sensing.reading.runs import (
     FIRST_POINTS,
     MOST_POINTS,
     AnyScene,
@@ -45,8 +44,9 @@ from mitsuba_taxel.sensing.runs import (
     described,
     prepare,
 )
-from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.scene_pads import deformed_pads, is_touched, loaded_pads
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, is_touched, loaded_pads
+from mitsuba_taxel.sensing.validity.checked import found_points
 from mitsuba_taxel.specification.taxel_tracer import TaxelTracer
 
 TRUSTED = 0.01
@@ -115,7 +115,7 @@ def without_random_numbers(ready: Prepared, mechanics_error: bool = True) -> Sha
     followed = isinstance(stated, TaxelTracer) and stated.max_depth < 0 and stated.strategy == "all"
     if not followed or len(deformed_pads(ready.scene)) != 1:
         return None
-    from mitsuba_taxel.sensing.deterministic_light import deterministic_light  # imports the solvers
+    from mitsuba_taxel.sensing.diffuse.deterministic_light import deterministic_light  # imports the solvers
 
     found = deterministic_light(ready.scene, mechanics_error)
     if found is None or not np.all(found.error <= TRUSTED * found.power):

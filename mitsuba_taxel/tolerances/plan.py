@@ -10,7 +10,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import check_whole, is_whole
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.sensing.parsed_parts import refusal_of
+from mitsuba_taxel.sensing.scene.parsed_parts import refusal_of
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, parameters_in, read_study_of
 from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.tolerances.factors import Factors, read_factors

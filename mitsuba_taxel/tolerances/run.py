@@ -14,7 +14,7 @@ from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.spreads import plot_spreads
-from mitsuba_taxel.sensing.derivable import without_derivative
+from mitsuba_taxel.sensing.derivatives.derivable import without_derivative
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.studies.run.pool import open_pool

@@ -9,7 +9,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
 from mitsuba_taxel.kernels.wavefronts import splat
-from mitsuba_taxel.sensing import rendering
+from mitsuba_taxel.sensing.reading import rendering
 from mitsuba_taxel.specification.analog_tracer import AnalogTracer as Parameters
 from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 

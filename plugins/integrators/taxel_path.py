@@ -10,7 +10,7 @@ from mitsuba_taxel.kernels.emission import UniformPolarAngle
 from mitsuba_taxel.kernels.ray_offsets import between, clearance_of, leave, release
 from mitsuba_taxel.kernels.walls import is_bounded_from_detector, walls_of
 from mitsuba_taxel.kernels.wavefronts import splat
-from mitsuba_taxel.sensing import rendering
+from mitsuba_taxel.sensing.reading import rendering
 from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 from mitsuba_taxel.specification.taxel_path import TaxelPath as Parameters
 

@@ -13,7 +13,7 @@ from mitsuba_taxel.kernels.guide import guide_for
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
 from mitsuba_taxel.kernels.techniques import Techniques, Vertex
 from mitsuba_taxel.kernels.wavefronts import splat
-from mitsuba_taxel.sensing import rendering
+from mitsuba_taxel.sensing.reading import rendering
 from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 from mitsuba_taxel.specification.taxel_tracer import TaxelTracer as Parameters
 

@@ -29,7 +29,7 @@ from mitsuba_taxel.mechanics.path import cache, load_segment
 from mitsuba_taxel.mechanics.path import pad_path as path
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.reading.runs import prepare
 
 PLATE = """<scene version="3.9.0">
     {integrator}

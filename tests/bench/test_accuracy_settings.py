@@ -114,7 +114,7 @@ def test_many_settings_take_several_rows_of_panels(monkeypatch, tmp_path):
 
 
 def test_every_setting_of_the_page_is_a_scene(llvm_mono):
-    from mitsuba_taxel.sensing.runs import prepare
+    from mitsuba_taxel.sensing.reading.runs import prepare
 
     names = accuracy_settings.settings()
     wanted = {"plate", "box", "dome", "narrow beam", "mirror dome", "rough mirror dome", "printed steps"}

@@ -21,7 +21,7 @@ from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.pads.cells.cell_shape import CellShape
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 SUBSET = ("parallelepiped, 1 x 1, wall 0.5 mm, plate moved by 0.1 mm", "cylindrical, 1 x 1, wall 0.3 mm, -1 N")
 

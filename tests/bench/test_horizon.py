@@ -7,9 +7,9 @@ import pytest
 
 from mitsuba_taxel.bench import horizon
 from mitsuba_taxel.bench.domes import dome_scene
-from mitsuba_taxel.sensing import diffuse_cells
-from mitsuba_taxel.sensing.derivatives import HORIZON_SHARE, derivatives_by
-from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import HORIZON_SHARE, derivatives_by
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.diffuse import diffuse_cells
 from mitsuba_taxel.transport import exchange
 
 

@@ -81,7 +81,7 @@ def test_what_the_mechanics_is_off_by_is_in_the_error_of_a_slope():
     """Readings that deviate by 1 % of their slope: of it, the share that the finite elements' order gives, and more
     where a slope is local. A deviation of one size at all loads may differ, with the correlation of loads a range
     apart."""
-    from mitsuba_taxel.sensing.readings import ERROR_SHARE
+    from mitsuba_taxel.sensing.reading.readings import ERROR_SHARE
 
     power = np.tile(-4e-5 * FORCES[:, None, None], (1, REPLICATES, 1))
     study = study_of(power, ["fz", "replicate", "taxel"], fz=FORCES, taxel=[1])

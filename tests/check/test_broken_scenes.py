@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel import InputError, Scene, check_scene
-from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.reading.runs import prepare
 
 FEW = settings(max_examples=100)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel import Scene
-from mitsuba_taxel.sensing.derivatives import derivatives_by
-from mitsuba_taxel.sensing.deterministic_light import FINE
-from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.diffuse.deterministic_light import FINE
 
 FORCE = [0.05, 0.02, -0.8]
 LED = {"type": "annular_led", "power": 0.5}

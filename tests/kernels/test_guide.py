@@ -11,8 +11,8 @@ from mitsuba_taxel import Pad, PadSensor, Scene, Wall, measure
 from mitsuba_taxel.kernels import guide
 from mitsuba_taxel.kernels.guide import guide_for
 from mitsuba_taxel.kernels.mesh_adapter import move_vertices, places_of
-from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 

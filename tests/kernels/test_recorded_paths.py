@@ -11,7 +11,7 @@ from plate_scenes import plate
 from mitsuba_taxel import Pad, PadSensor, Scene, Wall, measure
 from mitsuba_taxel.kernels.mesh_adapter import move_vertices, places_of
 from mitsuba_taxel.kernels.recorded_paths import MOST_SIZES, RecordedPaths, _Recording
-from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.reading.runs import prepare
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 

@@ -13,7 +13,7 @@ from mitsuba_taxel import InputError, Scene, crosstalk, measure
 from mitsuba_taxel.check import check_scene
 from mitsuba_taxel.parts import edge_positions, leaving_share, mirror_curve, read_part
 from mitsuba_taxel.sensing import energy_audit, sample_paths
-from mitsuba_taxel.sensing.derivative_values import BY_PATHS
+from mitsuba_taxel.sensing.reading.derivative_values import BY_PATHS
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector
 
 VCNT = read_part("vcnt2020")
@@ -272,7 +272,7 @@ def test_an_led_is_read_in_its_own_package(llvm_mono):
 
 
 def test_a_part_beside_the_scene_whatever_the_folder(llvm_mono, tmp_path, monkeypatch):
-    from mitsuba_taxel.sensing.parsed_parts import refusal_of
+    from mitsuba_taxel.sensing.scene.parsed_parts import refusal_of
 
     written(VCNT, tmp_path)
     part = '<shape type="photo_reflector"> <string name="part" value="mine.toml"/> </shape>'

@@ -13,7 +13,7 @@ from mitsuba_taxel.optimum.course import with_rates
 from mitsuba_taxel.optimum.designs import Designs
 from mitsuba_taxel.optimum.figures import KINDS, TINY, end_of
 from mitsuba_taxel.optimum.plan_file import read_plan
-from mitsuba_taxel.sensing.contact_value import FirstContact
+from mitsuba_taxel.sensing.reading.contact_value import FirstContact
 from mitsuba_taxel.studies.run.pool import open_pool
 
 STUDY = """
@@ -95,7 +95,7 @@ def test_first_contact_of_a_design(tmp_path, monkeypatch):
         def refused(*_):
             raise ComputationError("the contact was not found again")
 
-        monkeypatch.setattr("mitsuba_taxel.sensing.first_contact.first_contact", refused)
+        monkeypatch.setattr("mitsuba_taxel.sensing.derivatives.first_contact.first_contact", refused)
         softer = plan.design((), [0.0])
         assert designs.read([softer]) == [None]
         assert designs.failures[softer] == "the contact was not found again"
@@ -143,7 +143,7 @@ def test_range_of_a_cell_that_becomes_unstable(tmp_path, monkeypatch):
     )
     assert rates[0] == pytest.approx(values[0] / 4 * (6 - 3), rel=1e-4)
     contact = FirstContact(-15.0, np.array([np.nan]), "", "an element is inverted")
-    monkeypatch.setattr("mitsuba_taxel.sensing.first_contact.first_contact", lambda *_: contact)
+    monkeypatch.setattr("mitsuba_taxel.sensing.derivatives.first_contact.first_contact", lambda *_: contact)
     rmtree(tmp_path / "designs")
     for goal, least, fails in (("range", 1, True), ("rest", 16, True), ("rest", 14, False)):
         plan, designs, read = found(0.02, goal, least)

@@ -14,8 +14,8 @@ import pytest
 from mitsuba_taxel import InputError, PadFile, Scene, check_scene, read_circuit, sweep
 from mitsuba_taxel.characterise.measurement import read_measurement
 from mitsuba_taxel.parts.part import read_part
-from mitsuba_taxel.sensing import shared_places
 from mitsuba_taxel.sensing.targets import Settings
+from mitsuba_taxel.sensing.validity import shared_places
 from mitsuba_taxel.studies.plan.batch import columns_of, make_batch
 from mitsuba_taxel.studies.plan.histories import histories
 from mitsuba_taxel.studies.plan.refused_values import check_values

@@ -23,7 +23,7 @@ from mitsuba_taxel.pads.parametric.drawings import write_drawings
 
 
 def written_map(file: Path) -> None:
-    from mitsuba_taxel.sensing.irradiance_file import write_irradiance
+    from mitsuba_taxel.sensing.reading.irradiance_file import write_irradiance
 
     about = {"seed": 0, "points": 1, "parameters": {}, "replicates": np.zeros((32, 1))}
     write_irradiance(SimpleNamespace(irradiance=np.ones((4, 4)), **about), file)

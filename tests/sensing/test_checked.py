@@ -7,7 +7,8 @@ import pytest
 from plate_scenes import plate
 
 from mitsuba_taxel import InputError, measure
-from mitsuba_taxel.sensing import checked, targets
+from mitsuba_taxel.sensing import targets
+from mitsuba_taxel.sensing.validity import checked
 
 
 @pytest.fixture

@@ -92,7 +92,7 @@ def test_check_says_so_at_the_shape(llvm_mono, tmp_path, name):
 
 
 def test_a_scene_of_walls_traces_no_rays_for_it(llvm_mono, monkeypatch):
-    monkeypatch.setattr("mitsuba_taxel.sensing.dark_backs._hits", None)
+    monkeypatch.setattr("mitsuba_taxel.sensing.validity.dark_backs._hits", None)
     source = plate({"type": "wall"})
     source["hidden"]["bsdf"] = ABSORBING
     assert notes_of(source) == []

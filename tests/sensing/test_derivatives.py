@@ -17,13 +17,13 @@ from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
 from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 from mitsuba_taxel.pads import mesh_velocity
 from mitsuba_taxel.parameters import parameters_of
-from mitsuba_taxel.sensing import diffuse_cells
-from mitsuba_taxel.sensing.derivative_values import BY_PATHS
-from mitsuba_taxel.sensing.derivatives import derivatives_by
-from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, deterministic_light
-from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotFollowed
-from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
-from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.diffuse import diffuse_cells
+from mitsuba_taxel.sensing.diffuse.deterministic_light import COARSE, FINE, deterministic_light
+from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells, NotFollowed
+from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
+from mitsuba_taxel.sensing.reading.derivative_values import BY_PATHS
 from mitsuba_taxel.transport import emission
 from mitsuba_taxel.transport.cell import Cell, Mesh
 from mitsuba_taxel.transport.patches import LATTICE

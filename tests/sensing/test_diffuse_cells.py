@@ -8,9 +8,9 @@ from one_cell import one_cell
 
 from mitsuba_taxel import Scene
 from mitsuba_taxel.backend import llvm
-from mitsuba_taxel.sensing.deterministic_light import deterministic_light
-from mitsuba_taxel.sensing.diffuse_cells import CLEARANCE, COVER, DiffuseCells
-from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
+from mitsuba_taxel.sensing.diffuse.deterministic_light import deterministic_light
+from mitsuba_taxel.sensing.diffuse.diffuse_cells import CLEARANCE, COVER, DiffuseCells
+from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
 
 LOWER = np.array([[0.2, 0.1, 0.7], [0.0, 0.0, 1.0]])
 """A point above the package with its normal."""

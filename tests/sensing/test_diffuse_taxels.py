@@ -7,8 +7,8 @@ from diffuse_scene import LOW, STEPS, at, by, derivatives, pad_scene
 from one_cell import one_cell
 
 from mitsuba_taxel import Scene, measure
-from mitsuba_taxel.sensing.deterministic_light import deterministic_light
-from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
+from mitsuba_taxel.sensing.diffuse.deterministic_light import deterministic_light
+from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
 
 WHITE = {"type": "wall", "scattering": "lambertian", "reflectance": 0.9}
 PATCHED = {

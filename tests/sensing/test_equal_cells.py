@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import Scene
-from mitsuba_taxel.sensing import derivatives
-from mitsuba_taxel.sensing.deterministic_light import FINE
-from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
-from mitsuba_taxel.sensing.equal_cells import equal_at_rest, equal_cells
-from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import diffuse_derivatives as derivatives
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.diffuse.deterministic_light import FINE
+from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
+from mitsuba_taxel.sensing.diffuse.equal_cells import equal_at_rest, equal_cells
 
 
 def pair(rows, columns, force):

@@ -9,7 +9,7 @@ import pytest
 
 from mitsuba_taxel import AnnularLed, Pad, PadSensor, PhotoReflector, Scene, Wall, measure
 from mitsuba_taxel.mechanics import Grooves, LayerSteps, RandomRoughness
-from mitsuba_taxel.sensing.mechanics_error import moved
+from mitsuba_taxel.sensing.reading.mechanics_error import moved
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 

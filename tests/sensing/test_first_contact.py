@@ -7,7 +7,7 @@ import pytest
 from one_cell import one_cell
 
 from mitsuba_taxel import InputError, Scene
-from mitsuba_taxel.sensing.first_contact import first_contact
+from mitsuba_taxel.sensing.derivatives.first_contact import first_contact
 
 pytestmark = pytest.mark.usefixtures("llvm_mono")
 NUMBERS = {"cell_size": 2.55, "cell_height": 1.75, "youngs_modulus": 4.0, "z": 0.02, "fx": 0.0, "fz": -1.0}

@@ -8,8 +8,8 @@ from one_cell import one_cell
 
 from mitsuba_taxel import InputError, Scene, check_scene, measure
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.sensing.derivable import without_derivative
-from mitsuba_taxel.sensing.parsed_parts import refusal_of
+from mitsuba_taxel.sensing.derivatives.derivable import without_derivative
+from mitsuba_taxel.sensing.scene.parsed_parts import refusal_of
 
 ROOF = '<string name="profile" value="1 0.6; $r2 $z2; 0 1"/> <vector'
 

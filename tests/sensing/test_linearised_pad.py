@@ -9,10 +9,10 @@ from one_cell import one_cell
 from mitsuba_taxel import Scene
 from mitsuba_taxel.base.caches import Recent
 from mitsuba_taxel.mechanics.path.sensitivities import LinearisedState
-from mitsuba_taxel.sensing import linearised_pad
-from mitsuba_taxel.sensing.linearised_pad import LinearisedPad
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
-from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.sensing.derivatives import linearised_pad
+from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 pytestmark = pytest.mark.usefixtures("llvm_mono")
 

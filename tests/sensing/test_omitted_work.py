@@ -10,7 +10,7 @@ import pytest
 
 from mitsuba_taxel import Grooves, Pad, PadSensor, Scene, Wall, measure
 from mitsuba_taxel.mechanics import NeoHookean, PatchForce, PlateForce, Pressure, SpreadForce
-from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.reading.runs import prepare
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 
@@ -209,7 +209,7 @@ def test_kept_solutions_are_said_once_nothing_is_computed(llvm_mono, tmp_path, m
 @pytest.mark.parametrize("scattering", ["mirror", "rough_mirror", "mixed", "lambertian", "isotropic", "absorbing"])
 def test_pilot_runs_are_those_that_the_tracer_makes(llvm_mono, monkeypatch, scattering):
     from mitsuba_taxel.kernels import emission_guiding
-    from mitsuba_taxel.sensing.taxels import taxels_of
+    from mitsuba_taxel.sensing.scene.taxels import taxels_of
 
     monkeypatch.setattr(emission_guiding, "_learn", lambda *_: np.ones((1, 32, 32)))
     own = {"mixed": {"specular": 0.5, "lambertian": 0.5}, "rough_mirror": {"rms_slope": 5.0}}.get(scattering, {})

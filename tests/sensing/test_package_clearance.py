@@ -12,11 +12,11 @@ from trimesh.creation import box
 from mitsuba_taxel import Pad, Scene
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.triangles import closest_on_triangles
-from mitsuba_taxel.sensing.clearance import packages
-from mitsuba_taxel.sensing.linearised_pad import LinearisedPad
-from mitsuba_taxel.sensing.package_clearance import WALLS, PackageClearance, clearances
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
-from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad
+from mitsuba_taxel.sensing.derivatives.package_clearance import WALLS, PackageClearance, clearances
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.scene.clearance import packages
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 pytestmark = pytest.mark.usefixtures("llvm_mono")
 NUMBERS = {"cell_size": 2.6, "cell_height": 1.6, "youngs_modulus": 4.0, "x": 0.05, "fz": 0.0}

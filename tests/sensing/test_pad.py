@@ -20,8 +20,8 @@ from mitsuba_taxel import (
     Wall,
     measure,
 )
-from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from mitsuba_taxel.sensing.parameter_units import units_of_parameters
-from mitsuba_taxel.sensing.scene import shipped_scenes
+from mitsuba_taxel.sensing.scene.description import shipped_scenes
+from mitsuba_taxel.sensing.scene.parameter_units import units_of_parameters
 
 SCENE = """<scene version="3.9.0">
 <include filename="inner.xml"/>

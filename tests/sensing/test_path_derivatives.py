@@ -19,14 +19,13 @@ from mitsuba_taxel.base.differences import BEHIND, STENCILS
 from mitsuba_taxel.bench.domes import dome_scene
 from mitsuba_taxel.bench.sphere_light import SPACING, Dome
 from mitsuba_taxel.kernels.mesh_adapter import places_of
-from mitsuba_taxel.sensing import path_derivatives
-from mitsuba_taxel.sensing.derivative_values import BY_PATHS, DETERMINISTIC
-from mitsuba_taxel.sensing.derivatives import derivatives_by
-from mitsuba_taxel.sensing.moved_scene import MovedScene
-from mitsuba_taxel.sensing.path_derivatives import derivatives_of_paths
-from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
-from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by, path_derivatives
+from mitsuba_taxel.sensing.derivatives.moved_scene import MovedScene
+from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.reading.derivative_values import BY_PATHS, DETERMINISTIC
+from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 MIRROR = {"scattering": "mirror"}
 ROUGH = {"scattering": "rough_mirror", "rms_slope": 2.0}

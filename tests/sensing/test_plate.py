@@ -122,7 +122,8 @@ def test_points_are_found_that_reach_the_target(llvm_mono, agree):
 
 def test_what_a_reading_did_not_reach_is_said(llvm_mono, monkeypatch):
     """Also where the target is the default one: a mirror has too few hits for half a percent from 256 points."""
-    from mitsuba_taxel.sensing import runs, targets
+    from mitsuba_taxel.sensing import targets
+    from mitsuba_taxel.sensing.reading import runs
 
     for module in (runs, targets):
         monkeypatch.setattr(module, "MOST_POINTS", 256)

@@ -7,7 +7,7 @@ import pytest
 
 from mitsuba_taxel import InputError, Scene, measure
 from mitsuba_taxel.sensing import sample_paths
-from mitsuba_taxel.sensing.ray_paths import MOST_VERTICES
+from mitsuba_taxel.sensing.validity.ray_paths import MOST_VERTICES
 
 
 def plate(height=1.0, columns=1, **wall):

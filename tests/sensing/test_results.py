@@ -8,9 +8,9 @@ import pytest
 
 from mitsuba_taxel import Pad, PadSensor, Wall, open_study, sweep
 from mitsuba_taxel.mechanics import NeoHookean, load_path
-from mitsuba_taxel.sensing import pad_results
-from mitsuba_taxel.sensing.pad_results import Estimate, PadResult
-from mitsuba_taxel.sensing.results import RESULTS
+from mitsuba_taxel.sensing.reading import pad_results
+from mitsuba_taxel.sensing.reading.pad_results import Estimate, PadResult
+from mitsuba_taxel.sensing.reading.results import RESULTS
 
 
 def test_names_are_distinct():

@@ -17,7 +17,7 @@ from mitsuba_taxel import ComputationError, InputError, PadSensor, Scene, Wall, 
 from mitsuba_taxel.base.errors import UnusedDefault
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.sensing import find_scene
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.studies.plan.batch import make_batch
 
 

@@ -7,9 +7,9 @@ import pytest
 
 from mitsuba_taxel import Pad, PadSensor, PhotoReflector
 from mitsuba_taxel.mechanics.path.second_state import SecondState
-from mitsuba_taxel.sensing.derivatives import derivatives_by
-from mitsuba_taxel.sensing.scene_rates import rates
-from mitsuba_taxel.sensing.slope_error import Against, mechanics_errors, unknown
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.derivatives.slope_error import Against, mechanics_errors, unknown
 
 SHEARED_BOX = -37e-6
 """W/N by fx at 1.2222 N: with elements of 0.1 mm along the edges of the roof, the layer at them 0.02 mm thick, and

@@ -14,10 +14,10 @@ from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices
 from mitsuba_taxel.mechanics.path.pad_path import PadPath
 from mitsuba_taxel.mechanics.path.state import StateComparison
 from mitsuba_taxel.sensing import measurement, targets
-from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
-from mitsuba_taxel.sensing.readings import mechanics_share
-from mitsuba_taxel.sensing.runs import FIRST_POINTS, Clock, prepare
-from mitsuba_taxel.sensing.scene_pads import loaded_pads
+from mitsuba_taxel.sensing.reading.mechanics_error import combined, mechanics_deviations
+from mitsuba_taxel.sensing.reading.readings import mechanics_share
+from mitsuba_taxel.sensing.reading.runs import FIRST_POINTS, Clock, prepare
+from mitsuba_taxel.sensing.scene.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.targets import MOST_RUNGS, RUNG, _powers, _timed, mechanics_of, rungs_to
 
 CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")

@@ -9,7 +9,7 @@ import pytest
 from patch_cells import CONE, LAMBERTIAN, UP, cell, dome, led, phototransistor, plate
 
 from mitsuba_taxel.bench.sphere_light import Dome
-from mitsuba_taxel.sensing.derivatives import HORIZON_SHARE
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import HORIZON_SHARE
 from mitsuba_taxel.transport.ends import CosineFactor, End
 from mitsuba_taxel.transport.exchange import Starts
 from mitsuba_taxel.transport.reception import Reception

@@ -13,7 +13,7 @@ def prepare(case: PeerCase, integrator: str) -> Estimator:
     """One run is one call of `measure`: the mean of its independent randomisations, which share the samples."""
     from mitsuba_taxel import InputError, measure
     from mitsuba_taxel.backend import plugin_files
-    from mitsuba_taxel.sensing.runs import REPLICATES
+    from mitsuba_taxel.sensing.reading.runs import REPLICATES
 
     if integrator not in plugin_files():
         raise Unsuitable("no plugin of this name is registered")

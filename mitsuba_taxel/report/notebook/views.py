@@ -13,8 +13,8 @@ import numpy as np
 
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.sensing.readings import light_error_line, readings_columns
-from mitsuba_taxel.sensing.wording import budget_line
+from mitsuba_taxel.sensing.reading.readings import light_error_line, readings_columns
+from mitsuba_taxel.sensing.reading.wording import budget_line
 
 if TYPE_CHECKING:
     import pandas

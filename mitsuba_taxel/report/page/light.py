@@ -13,7 +13,7 @@ from mitsuba_taxel.report.page.solids import Packing
 from mitsuba_taxel.report.picture.indenters import indenter_surface
 from mitsuba_taxel.report.picture.rays import face_corners, shape_mesh
 from mitsuba_taxel.sensing import sample_paths
-from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
 
 SAMPLED, DRAWN = 200, 12
 """Numbers of light paths: the shortest that reach the phototransistor, and the shortest others, are drawn."""

@@ -25,7 +25,7 @@ from mitsuba_taxel.plots.characteristics import (
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.maps import plane_of, plane_of_steps, plot_map
 from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, section, table
-from mitsuba_taxel.sensing.wording import budget_rows, light_of_study
+from mitsuba_taxel.sensing.reading.wording import budget_rows, light_of_study
 from mitsuba_taxel.studies import stage_totals, study_error_budget
 
 MOST_ROWS = 2000

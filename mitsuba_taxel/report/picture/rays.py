@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.plots.figures import axes_of
-from mitsuba_taxel.sensing.ray_paths import RayPaths, find_taxel
+from mitsuba_taxel.sensing.validity.ray_paths import RayPaths, find_taxel
 
 if TYPE_CHECKING:
     import mitsuba as mi

@@ -27,7 +27,7 @@ def check_values(batch: Batch) -> None:
     InputError
         that names the value, and says what is allowed.
     """
-    from mitsuba_taxel.sensing.parsed_parts import refusal_of
+    from mitsuba_taxel.sensing.scene.parsed_parts import refusal_of
 
     for axis in batch.axes:
         others = [each for each in batch.axes if each is not axis]
@@ -52,7 +52,7 @@ def check_derivatives(batch: Batch) -> None:
     InputError
         that names the parameter.
     """
-    from mitsuba_taxel.sensing.scene_rates import rates
+    from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 
     for name in batch.derivatives:
         for values in _spread(batch.axes):

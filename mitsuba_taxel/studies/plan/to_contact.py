@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.sensing.left_out import NONE
+from mitsuba_taxel.sensing.scene.left_out import NONE
 
 TO_CONTACT = "to_contact"
 """Parameter of all studies, such as 'fz=-40': the load path of the scene is followed along fz to where its pad first

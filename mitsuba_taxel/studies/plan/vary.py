@@ -15,7 +15,7 @@ from mitsuba_taxel.base.arguments import as_numbers, table_of, word_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.text import read_text
 from mitsuba_taxel.base.units import FORCES
-from mitsuba_taxel.sensing.results import RESULTS
+from mitsuba_taxel.sensing.reading.results import RESULTS
 
 MOST_CHECKED = 5
 """Number of places along a smooth curve where the effect of the mechanics' error is computed."""

@@ -18,8 +18,8 @@ import numpy as np
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.sensing.measurement import LIGHT_ERROR
-from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import Axis, combinations
 from mitsuba_taxel.studies.run.job import describe
@@ -106,9 +106,9 @@ class _Curve:
         return [origin[name] for name in ("scene_content", "code", "versions")]
 
     def _computed(self, scene: Scene, values: Mapping[str, str]) -> dict[str, np.ndarray]:
-        from mitsuba_taxel.sensing.derivatives import COARSE, derivatives_by
-        from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
-        from mitsuba_taxel.sensing.scene_rates import rates
+        from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import COARSE, derivatives_by
+        from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+        from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
 
         try:
             change = rates(scene, self._name)

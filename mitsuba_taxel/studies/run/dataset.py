@@ -14,9 +14,15 @@ from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES, HISTORY
 from mitsuba_taxel.sensing import Readings
-from mitsuba_taxel.sensing.derivative_values import Derivatives
-from mitsuba_taxel.sensing.readings import describe_mechanics, error_budget, geometry_share, mechanics_share, shares
-from mitsuba_taxel.sensing.results import RESULTS
+from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
+from mitsuba_taxel.sensing.reading.readings import (
+    describe_mechanics,
+    error_budget,
+    geometry_share,
+    mechanics_share,
+    shares,
+)
+from mitsuba_taxel.sensing.reading.results import RESULTS
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.store.folder import Kept

@@ -14,8 +14,8 @@ from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing import Scene, find_scene
-from mitsuba_taxel.sensing.parameter_roles import load_constants, roles_of_parameters
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene.parameter_roles import load_constants, roles_of_parameters
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.plan.histories import histories
 

@@ -18,17 +18,17 @@ from mitsuba_taxel.base.errors import ComputationError, InputError, comes_from_i
 from mitsuba_taxel.base.units import HISTORY
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing import Readings, Scene, measure
-from mitsuba_taxel.sensing.irradiance_file import write_irradiance
-from mitsuba_taxel.sensing.left_out import NONE
-from mitsuba_taxel.sensing.mechanics_error import roof_errors
-from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.sensing.scene import MESHED_AS
-from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
+from mitsuba_taxel.sensing.reading.irradiance_file import write_irradiance
+from mitsuba_taxel.sensing.reading.mechanics_error import roof_errors
+from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.scene.description import MESHED_AS
+from mitsuba_taxel.sensing.scene.left_out import NONE
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, loaded_pads
 from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT, as_number, way_to_contact
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.sensing.contact_value import FirstContact
+    from mitsuba_taxel.sensing.reading.contact_value import FirstContact
 
 MESHES, MAPS = "meshes", "maps"
 """Folders of a study for the files of results."""
@@ -181,10 +181,10 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
     """With the requested derivatives, or a remark why there are none."""
     if not job.derivatives or (job.where_smooth and readings.points):
         return readings
-    from mitsuba_taxel.sensing.derivatives import derivatives_by
-    from mitsuba_taxel.sensing.diffuse_cells import NotFollowed
-    from mitsuba_taxel.sensing.diffuse_taxels import NotDiffuse
-    from mitsuba_taxel.sensing.scene_rates import rates
+    from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
+    from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+    from mitsuba_taxel.sensing.diffuse.diffuse_cells import NotFollowed
+    from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
 
     try:
         changes = [replace(rates(scene, name), side=job.sides.get(name, 0)) for name in job.derivatives]
@@ -199,7 +199,7 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
 
 
 def _contact(job: Job, scene: Scene, along: str, furthest: float) -> FirstContact:
-    from mitsuba_taxel.sensing.first_contact import first_contact
+    from mitsuba_taxel.sensing.derivatives.first_contact import first_contact
 
     start = as_number(scene.parameters.get(along, ""))
     if not math.isfinite(start):

@@ -12,8 +12,8 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.measurement import LIGHT_ERROR
-from mitsuba_taxel.sensing.prepared_scenes import Settings
-from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Run, prepare
+from mitsuba_taxel.sensing.reading.prepared_scenes import Settings
+from mitsuba_taxel.sensing.reading.runs import FIRST_POINTS, MOST_POINTS, Clock, Run, prepare
 from mitsuba_taxel.sensing.targets import points_for, prepare_for, without_random_numbers
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension

@@ -9,9 +9,9 @@ import numpy as np
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.convergence import SLOPE_ORDER
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.sensing.derivative_values import Derivatives
-from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
+from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.targets import MOST_MESHES, RUNG, finer_mesh, smallest_mesh_size
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
@@ -46,8 +46,8 @@ def mesh_size_for_slopes(batch: Batch, mesh_size: float | None) -> float | None:
 
 
 def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
-    from mitsuba_taxel.sensing.derivatives import derivatives_by
-    from mitsuba_taxel.sensing.scene_rates import rates
+    from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
+    from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 
     tried: list[tuple[float, float]] = []
     size, failed = scene.mesh_size, 0.0

@@ -16,8 +16,8 @@ from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of, t
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.electronics import Circuit, with_volts
 from mitsuba_taxel.sensing import Readings, Scene
-from mitsuba_taxel.sensing.prepared_scenes import Settings
-from mitsuba_taxel.sensing.runs import FIRST_POINTS, Clock
+from mitsuba_taxel.sensing.reading.prepared_scenes import Settings
+from mitsuba_taxel.sensing.reading.runs import FIRST_POINTS, Clock
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read_study
 from mitsuba_taxel.studies.plan.growth import grown, without_failed
 from mitsuba_taxel.studies.plan.refused_values import check_derivatives, check_values
@@ -138,11 +138,11 @@ def sweep(
 
     Returns
     -------
-    The results that `mitsuba_taxel.sensing.results` lists, each over the varied parameters and its own dimensions:
-    ``power``, its errors by light, mechanics and geometry and in total, numbers of the deformed pad, derivatives by
-    ``parameter``, and so on. Beside them ``replicate_power`` in W, also over ``replicate``; ``seconds`` by ``stage``;
-    ``mesh``, the file of the pad; with a circuit, ``voltage``, ``voltage_error`` and ``noise`` in V, and ``counts``.
-    Failed readings are NaN;
+    The results that `mitsuba_taxel.sensing.reading.results` lists, each over the varied parameters and its own
+    dimensions: ``power``, its errors by light, mechanics and geometry and in total, numbers of the deformed pad,
+    derivatives by ``parameter``, and so on. Beside them ``replicate_power`` in W, also over ``replicate``; ``seconds``
+    by ``stage``; ``mesh``, the file of the pad; with a circuit, ``voltage``, ``voltage_error`` and ``noise`` in V, and
+    ``counts``. Failed readings are NaN;
     the attribute ``failures`` gives the reasons, one per line. Other attributes are seed, points, mesh size, versions,
     the fixed parameters, and the seconds of the pilot runs that chose points and mesh.
 

@@ -28,11 +28,11 @@ from mitsuba_taxel.base.atomic import PREFIX, WriteError, reason_of, remove_stal
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
 from mitsuba_taxel.sensing import Readings
-from mitsuba_taxel.sensing.contact_value import FirstContact
-from mitsuba_taxel.sensing.derivative_values import Derivatives
-from mitsuba_taxel.sensing.pad_results import Estimate
-from mitsuba_taxel.sensing.prepared_scenes import Settings
-from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
+from mitsuba_taxel.sensing.reading.contact_value import FirstContact
+from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
+from mitsuba_taxel.sensing.reading.pad_results import Estimate
+from mitsuba_taxel.sensing.reading.prepared_scenes import Settings
+from mitsuba_taxel.sensing.reading.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.plan.growth import TARGETS, moves
 from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, Job, JobResult

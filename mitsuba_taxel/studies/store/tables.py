@@ -16,7 +16,7 @@ from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study, in_volts
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.maps import has_map, plane_of, plot_map, plot_resolution
-from mitsuba_taxel.sensing.results import PARAMETER, RESULTS
+from mitsuba_taxel.sensing.reading.results import PARAMETER, RESULTS
 from mitsuba_taxel.studies.store.netcdf import write_netcdf
 
 if TYPE_CHECKING:

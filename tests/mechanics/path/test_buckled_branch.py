@@ -31,7 +31,7 @@ from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
 from mitsuba_taxel.mechanics.path.onset_of_buckling import find_onset
 from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.sensing.scene_pads import loaded_pads
+from mitsuba_taxel.sensing.scene.scene_pads import loaded_pads
 
 LENGTH, WIDTH, MODULUS = 16.0, 2.0, 4.0
 EULER = MODULUS * np.pi**2 / 48 * WIDTH / LENGTH**2

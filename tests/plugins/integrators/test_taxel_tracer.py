@@ -14,7 +14,7 @@ from edited_pad import TWO_CELLS, edited
 
 from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.kernels.guide import guide_for
-from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
 
 TRACERS = {
     "all": {"type": "taxel_tracer"},

@@ -28,8 +28,8 @@ from mitsuba_taxel.mechanics import (
     tessellate,
 )
 from mitsuba_taxel.pads import REGIONS
-from mitsuba_taxel.sensing.scene import Scene as OpticsScene
-from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.sensing.scene.description import Scene as OpticsScene
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.studies import deform
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")

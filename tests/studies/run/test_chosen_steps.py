@@ -111,5 +111,5 @@ def test_what_needs_a_step_is_refused(pad, vary, words):
 def test_a_run_that_goes_on_does_not_look_for_its_steps_again(pad, monkeypatch):
     batch = make_batch(pad, {"fz": "0:-0.4"})
     first = with_chosen_steps(batch)
-    monkeypatch.setattr("mitsuba_taxel.sensing.derivatives.derivatives_by", None)
+    monkeypatch.setattr("mitsuba_taxel.sensing.derivatives.diffuse_derivatives.derivatives_by", None)
     assert with_chosen_steps(batch) == first

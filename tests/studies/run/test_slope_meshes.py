@@ -12,7 +12,7 @@ from taxel_cli.tables import end_beyond_target
 
 from mitsuba_taxel import ComputationError, InputError, Scene, open_study, sweep
 from mitsuba_taxel.base.convergence import SLOPE_ORDER
-from mitsuba_taxel.sensing.derivative_values import Derivatives
+from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
 from mitsuba_taxel.studies.run import slope_meshes
 from mitsuba_taxel.studies.run.dataset import missed_slope
 
@@ -49,8 +49,8 @@ def test_meshes_get_finer_until_the_target_is_reached_or_none_is_left(pad, monke
         assert order == SLOPE_ORDER
         return None if known[-1][1] <= wanted else known[-1][0] / 2
 
-    monkeypatch.setattr("mitsuba_taxel.sensing.derivatives.derivatives_by", read)
-    monkeypatch.setattr("mitsuba_taxel.sensing.scene_rates.rates", lambda scene, name: name)
+    monkeypatch.setattr("mitsuba_taxel.sensing.derivatives.diffuse_derivatives.derivatives_by", read)
+    monkeypatch.setattr("mitsuba_taxel.sensing.derivatives.scene_rates.rates", lambda scene, name: name)
     monkeypatch.setattr(slope_meshes, "prepare", lambda scene: SimpleNamespace(scene=scene.mesh_size or 1.2))
     monkeypatch.setattr(slope_meshes, "smallest_mesh_size", lambda ready, loaded: ready.scene)
     monkeypatch.setattr(slope_meshes, "finer_mesh", finer)

@@ -1,0 +1,52 @@
+"""The load at which a pad becomes unstable, and its derivatives, from a state shortly before."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.mechanics.path.critical_mode import CriticalMode
+from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad
+from mitsuba_taxel.sensing.derivatives.scene_rates import Rates, rates
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+
+MOVED = 2e-5
+"""Movement of a node for a difference, relative to the height of the pad."""
+
+
+class Instability:
+    """The pad of a scene that is about to become unstable as a parameter ``along`` changes.
+
+    The stiffness against its least stiff mode falls to 0, to first order: with a parameter, the load changes such that
+    it still does. Attribute ``value`` is that of ``along`` there.
+    """
+
+    def __init__(self, scene: Scene, along: str) -> None:
+        (pad,) = deformed_pads(scene.load())
+        self._scene, self._state = scene, pad.state
+        self._linear, self._mode = LinearisedPad(pad, pad.state), CriticalMode(pad.state)
+        change = rates(scene, along)
+        self._by_value = self._stiffening(change)
+        self.value = change.value - self._mode.stiffness / self._by_value
+
+    def rate(self, name: str) -> float:
+        """The derivative of the value by a parameter."""
+        return -self._stiffening(rates(self._scene, name)) / self._by_value
+
+    def _stiffening(self, change: Rates) -> float:
+        """The derivative of the stiffness by a parameter, by a central difference."""
+        if change.place.any():
+            raise InputError(f"the load at which the pad becomes unstable has no derivative by {change.name}.")
+        nodal, state = self._linear.nodal(change), self._state
+        largest = float(np.linalg.norm(nodal.displacement + nodal.velocity, axis=1).max())
+        if not largest:
+            return 0.0
+        step = MOVED * float(np.ptp(state.mesh.points[:, 2])) / largest
+
+        def after(way: float) -> float:
+            of_material = {name: getattr(state.material, name) + way * rate for name, rate in change.material.items()}
+            moved = way * nodal.displacement, way * nodal.velocity, way * change.load
+            return self._mode.after(*moved, state.material.changed(**of_material))
+
+        return (after(step) - after(-step)) / (2 * step)

@@ -1,0 +1,112 @@
+"""A pad's state, and the first-order movement of its nodes with parameters of the scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mitsuba_taxel.base.caches import Recent
+from mitsuba_taxel.kernels.protocols import PadShape
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.sensing.derivatives.scene_rates import Rates
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics import LinearisedState, State
+
+PARALLEL = 1e-8
+"""One minus the cosine up to which two changes of a load count as parallel."""
+
+MOST_KEPT = 8
+"""Number of the latest rates with a load that are kept: each may need a factor of its own, and a study asks for those
+of its first scene while it chooses steps and mesh, and once more when it reads it."""
+
+_kept: Recent[np.ndarray] = Recent("responses of linearised pads", MOST_KEPT)
+
+
+@dataclass(frozen=True, eq=False)
+class Nodal:
+    """Rates of the nodes with a parameter.
+
+    Attributes
+    ----------
+    displacement, velocity : (N, 3) ndarray
+        Rate of their displacement, and their own before it, in mm.
+    dimensions : dict[str, float]
+        Rates of the dimensions of the pad.
+    side : int
+        Side of a pad at rest that is asked for, or on which it is pressed: 1 with a larger, -1 with a smaller
+        parameter, 0 if on neither.
+    """
+
+    displacement: np.ndarray
+    velocity: np.ndarray
+    dimensions: dict[str, float]
+    side: int = 0
+
+
+class LinearisedPad:
+    """A pad in its state or another one, such as on other elements, and rates of its nodes."""
+
+    def __init__(self, pad: PadShape, state: State) -> None:
+        self.pad, self.state = pad, state
+
+    @cached_property
+    def _linear(self) -> LinearisedState:
+        from mitsuba_taxel.mechanics import linearise
+
+        return linearise(self.state)
+
+    def nodal(self, change: Rates) -> Nodal:
+        """Rates of the nodes of the state's mesh.
+
+        Raises
+        ------
+        InputError
+            if there is no derivative by the parameter.
+        ComputationError
+            if there is no equilibrium nearby.
+        """
+        from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
+
+        displacement = np.zeros_like(self.state.displacement)
+        velocity = np.zeros_like(displacement)
+        for name, rate in change.pad.items():
+            assert isinstance(self.pad.pad, Pad)  # others have no dimensions
+            velocity += rate * mesh_velocity(replace(self.pad.pad), self.state.mesh, name)
+        if change.load.any():
+            displacement += self._by_load(change.load)
+        if not self.pad.is_loaded:  # only a load displaces a pad at rest
+            return Nodal(displacement, velocity, change.pad, change.side or _side(change.load))
+        if change.place.any():
+            displacement += self._linear.by_place(change.place)
+        for name, rate in change.material.items():
+            displacement += rate * self._linear.by_material(name)
+        if change.pad:
+            displacement += self._linear.by_shape(velocity)
+        return Nodal(displacement, velocity, change.pad)
+
+    def strain(self, nodal: list[Nodal]) -> tuple[float, np.ndarray]:
+        """The largest strain, and its rates."""
+        from mitsuba_taxel.mechanics.results.largest_strain import largest_strain
+
+        strain = largest_strain(self.state)
+        return strain.value, np.array([strain.rate(each.displacement, each.velocity) for each in nodal])
+
+    def _by_load(self, load: np.ndarray) -> np.ndarray:
+        """(N, 3) first-order displacement for a change of the load; along the path it is already known."""
+        ahead = self.state.path_rate()
+        if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
+            return (load @ ahead.direction) * ahead.displacement
+        state = self.state
+        arrays = load, state.value, state.displacement, state.pressure
+        others = state.mesh, state.material, state.load, state.bodies, state.memory
+        return _kept.of(arrays, lambda: self._linear.by_value(load), *others)
+
+
+def _side(load: np.ndarray) -> int:
+    """Of a change of a load, a pressure or a vector that presses downwards."""
+    presses = load[0] if len(load) == 1 else -load[-1]
+    return int(np.sign(presses))

@@ -1,0 +1,143 @@
+"""A scene at other values of one of its parameters, with walls that move to first order in the parameter.
+
+Walls keep their triangles, and random numbers what they were learned to do: readings of the scene and of moved ones
+differ by as little as their light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.mesh_adapter import Places
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad, Nodal
+from mitsuba_taxel.sensing.derivatives.scene_rates import Rates
+from mitsuba_taxel.sensing.reading.mechanics_error import move
+from mitsuba_taxel.sensing.reading.runs import Prepared, Run
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
+from mitsuba_taxel.sensing.validity.modelled import refuse_unmodelled
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+
+WALLS_MOVE, PARTS_CHANGE = 0.015, 0.2
+"""Largest movement of walls, relative to the height of the pad, and change of another part's parameter, relative to it
+or to 1 if it is 0, for which a scene is read."""
+BESIDE = 0.1
+"""Allowed distance of the nodes of one mesh from the elements of another, relative to the height of the pad."""
+
+
+@dataclass(frozen=True, eq=False)
+class MovingWalls:
+    """How the walls of a pad lie and move.
+
+    Attributes
+    ----------
+    displacement : (N, 3) ndarray
+        Of the nodes of the scene's pad, in mm.
+    nodal : Nodal
+        Their rates with the parameter.
+    chords : bool
+        Whether triangles are chords of curved walls.
+    """
+
+    displacement: np.ndarray
+    nodal: Nodal
+    chords: bool = False
+
+
+def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWalls:
+    """The state and rates of a pad on elements of their own, at the nodes of ``mesh``, of the same pad."""
+    from mitsuba_taxel.mechanics.results.locate import PointLocator
+    from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
+
+    state = linear.state
+    if state.mesh is mesh:
+        return MovingWalls(state.displacement, nodal)
+    location = PointLocator(state.mesh).locate(mesh.points, BESIDE * np.ptp(mesh.points[:, 2]))
+    rate, velocity = location.interpolate(nodal.displacement), np.zeros_like(mesh.points)
+    for name, by in nodal.dimensions.items():
+        assert isinstance(linear.pad.pad, Pad)  # others have no dimensions
+        velocity += by * mesh_velocity(replace(linear.pad.pad), mesh, name)
+    if nodal.dimensions:  # nodes of the two meshes that are at one point may move apart
+        past = velocity - location.interpolate(nodal.velocity)
+        rate += np.einsum("nij,nj->ni", location.gradient(state.displacement), past)
+    return MovingWalls(location.interpolate(state.displacement), Nodal(rate, velocity, nodal.dimensions))
+
+
+class MovedScene:
+    """A prepared scene of one pad, or none, along one of its parameters; without a pad, ``walls`` are None.
+
+    Raises
+    ------
+    InputError
+        if the pad cannot be moved by the parameter.
+    """
+
+    def __init__(self, ready: Prepared, change: Rates) -> None:
+        self._ready, self._change = ready, change
+        self._pad = next(iter(deformed_pads(ready.scene)), None)
+        if change.pad and self._pad is not None and self._pad.finish is not None:
+            raise InputError(f"{change.name} has no derivative: the pad's cells have a finish, which does not follow.")
+        self._moved: tuple[float, Any] = 0.0, ready.scene
+
+    def largest_step(self, walls: MovingWalls | None) -> float:
+        """Change of the parameter, in its unit, for which the scene may still be read."""
+        steps = [] if walls is None else self._steps_of_walls(walls)
+        if self._change.beside or not steps:
+            steps.append(PARTS_CHANGE * (abs(self._change.value) or 1.0))
+        return min(steps)
+
+    def _steps_of_walls(self, walls: MovingWalls) -> list[float]:
+        assert self._pad is not None
+        mesh, nodal = self._pad.state.mesh, walls.nodal
+        nodes = np.unique(mesh.faces[mesh.face_cell > 0])
+        speed = np.linalg.norm((nodal.displacement + nodal.velocity)[nodes], axis=1).max(initial=0.0)
+        return [float(WALLS_MOVE * np.ptp(mesh.points[:, 2]) / speed)] if speed else []
+
+    def power(self, offset: float, walls: MovingWalls | None, seed: int, points: int) -> np.ndarray:
+        """(R, T) W, the readings with the parameter changed by ``offset``; the scene's pad stays where it is moved.
+
+        Raises
+        ------
+        InputError, RuntimeError
+            if the scene does not exist there.
+        """
+        live = self._scene(offset)
+        if walls is not None:
+            move(live, deformed_pads(live), [self._places(offset, walls)])
+        run = Run(self._ready._replace(scene=live), seed)
+        run.extend_to(points)
+        return run.powers
+
+    def _places(self, offset: float, walls: MovingWalls) -> Places:
+        assert self._pad is not None
+        nodal, state, pad = walls.nodal, self._pad.state, self._pad.pad
+        if nodal.dimensions:
+            assert isinstance(pad, Pad)
+            pad = replace(pad)  # with derived dimensions as if they were given
+            pad = pad.changed(**{name: pad.dimensions[name] + offset * by for name, by in nodal.dimensions.items()})
+            state = replace(state, mesh=replace(state.mesh, points=state.mesh.points + offset * nodal.velocity))
+        state = replace(state, displacement=walls.displacement + offset * nodal.displacement)
+        return self._pad.moved_places(state, pad, walls.chords)
+
+    def _scene(self, offset: float) -> mi.Scene:
+        """The loaded scene with its other parts changed, and with what pilot runs have learned in the present one."""
+        if not self._change.beside:
+            return self._ready.scene
+        if offset != self._moved[0]:
+            self._moved = 0.0, self._ready.scene  # of many scenes at once, every kernel would hold all parts
+            live = self._change.at(self._change.value + offset)
+            refuse_unmodelled(live, self._ready.integrator)
+            for own, other in zip(taxels_of(self._ready.scene), taxels_of(live), strict=True):
+                other.sensor.guided_emission = own.sensor.guided_emission
+                if own.sensor.guide is not None:
+                    other.sensor.guide = (np.empty(0), own.sensor.guide[1])
+            self._moved = offset, live
+        return self._moved[1]

@@ -1,0 +1,59 @@
+"""What a phototransistor may receive though no path brought light to it."""
+
+from __future__ import annotations
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.kernels.emission_guiding import LARGEST_WEIGHT
+from mitsuba_taxel.kernels.protocols import guides_emission, traces_taxels
+from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+from mitsuba_taxel.kernels.walls import absorbs, has_mirrors, walls_of
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
+from mitsuba_taxel.specification.analog_tracer import AnalogTracer
+from mitsuba_taxel.specification.taxel_tracer import TaxelTracer
+
+_UPPER_LIMIT = 1.841
+"""Expected number of events of which none is seen with a probability of 15.9 %, that of values more than one standard
+deviation below the mean (N. Gehrels, Confidence Limits for Small Numbers of Events in Astrophysical Data, 1986)."""
+
+_WITH_HITS = ("all", "unidirectional_hits")
+"""Strategies of a `taxel_tracer` that count the paths that hit the phototransistor."""
+
+
+def dark_errors(scene: mi.Scene, integrator: mi.Integrator, paths: int, taxels: int) -> np.ndarray:
+    """(T,) power in W that taxels may receive though ``paths`` of each brought none, one standard deviation.
+
+    If no path brings more than w P, with the power P of the LED, and p on average, it brings light with a probability
+    of p / (w P) at least. Released as the LED shines, w is 1; emission guiding makes it larger.
+
+    Returns
+    -------
+    (T,) ndarray
+        0 where no light can arrive: without power, or if all walls absorb and nothing goes straight across; NaN where
+        paths of the integrator do not bound it.
+    """
+    if not traces_taxels(integrator):
+        return np.full(taxels, np.nan)
+    return np.concatenate([_of_pair(scene, integrator, pair, paths) for pair in taxels_of(scene)])
+
+
+def may_be_lit(scene: mi.Scene, integrator: mi.Integrator) -> bool:
+    """Whether more paths could bring light to a taxel."""
+    return bool(np.any(dark_errors(scene, integrator, 1, 1) > 0))
+
+
+def _of_pair(scene: mi.Scene, integrator: mi.Integrator, pair: TaxelPair, paths: int) -> np.ndarray:
+    power = float(np.ravel(pair.led.power)[0])
+    if power == 0 or pair.coplanar and all(absorbs(wall) for wall in walls_of(scene)):
+        return np.zeros(pair.count)
+    if not _releases_as_leds_shine(integrator):
+        return np.full(pair.count, np.nan)
+    weight = LARGEST_WEIGHT if guides_emission(integrator) and has_mirrors(scene) else 1.0
+    return np.full(pair.count, _UPPER_LIMIT * weight * power / paths)
+
+
+def _releases_as_leds_shine(integrator: mi.Integrator) -> bool:
+    """Whether paths start at the LED, and those that hit the phototransistor count."""
+    made = integrator.specification
+    return isinstance(made, AnalogTracer) or isinstance(made, TaxelTracer) and made.strategy in _WITH_HITS

@@ -1,0 +1,100 @@
+"""Error of readings by the facets of curved walls.
+
+Light is traced once more with triangles that are chords. The triangles used for readings match the walls on average:
+the remaining error is of the same order in their size as the correction, and a small part of it. That is so as long as
+light falls on many triangles, whose tilts cancel out; for narrow beams these are an error of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.base import stages
+from mitsuba_taxel.kernels.protocols import PadShape, is_region, is_wall
+from mitsuba_taxel.pads import REGIONS
+from mitsuba_taxel.sensing.reading.mechanics_error import moved
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+
+RAYS = 1 << 14
+"""From all LEDs together, and from all phototransistors."""
+LATTICE = 1.1673039782614187
+"""Root of x^5 = x + 1: multiples of its powers -1 to -4, less whole numbers, cover four dimensions evenly (M. Roberts,
+The unreasonable effectiveness of quasirandom sequences, 2018)."""
+TANGENT = 0.7
+"""Relative change of light that is scattered by Lambert's law with a tilt in radians: the tangent of 35 degrees."""
+
+
+def curved_pads(scene: mi.Scene) -> list[PadShape]:
+    """The `deformable_pad`s of a scene whose triangles deviate from their walls."""
+    return [pad for pad in deformed_pads(scene) if pad.is_curved]
+
+
+@contextmanager
+def with_chords(scene: mi.Scene) -> Iterator[None]:
+    """Temporarily replace the triangles of curved walls by chords."""
+    pads = curved_pads(scene)
+    with stages.stage("load"):
+        chords = [pad.chords() for pad in pads]
+    with moved(scene, pads, chords):
+        yield
+
+
+def tilt_share(scene: mi.Scene) -> float:
+    """Relative error of readings because flat triangles are tilted against the walls that they stand for.
+
+    Within each triangle the tilt, from its normal to the wall's, is zero on average. So it cancels out where light is
+    even, not where a spot covers a part of a triangle or a few of them. Its mean over the light of an LED is found by
+    rays, and likewise over what a phototransistor sees. Power that is scattered by Lambert's law changes by a tilt
+    times the tangent of its angle; that of isotropic walls does not change. Triangles of mirrors have the normals of
+    their walls, and no tilt.
+
+    Returns
+    -------
+    One standard deviation, the root mean square over the cells.
+    """
+    ends = (scene.emitters(), scene.sensors())
+    return TANGENT * math.sqrt(sum(np.mean([_square_share(scene, end) for end in kind]) for kind in ends))
+
+
+def _square_share(scene: mi.Scene, end: mi.Endpoint) -> float:
+    """Mean square share over the faces of an LED or phototransistor."""
+    from mitsuba_taxel.geometry.triangles import area_normals, unit  # a plate has no use for it
+
+    x, y, z, w = (mi.Float((0.5 + np.arange(RAYS) * LATTICE**-k) % 1.0) for k in range(1, 5))
+    ray, weight = end.sample_ray(0.0, 0.5, mi.Point2f(x, y), mi.Point2f(z, w))
+    hit = scene.ray_intersect_preliminary(ray)
+    power = np.broadcast_to(np.array(weight[0]), RAYS)
+    square = 0.0
+    for pad in curved_pads(scene):
+        here = np.flatnonzero(np.array(hit.is_valid() & (hit.shape == mi.ShapePtr(pad))))
+        surface, triangle = pad.surface, np.array(hit.prim_index)[here]
+        u, v = np.array(hit.prim_uv)[:, here]
+        normal = unit(np.einsum("kr,rki->ri", np.stack([1 - u - v, u, v]), surface.normals[triangle]))
+        of_triangle = unit(area_normals(surface.vertices, surface.triangles))[triangle]
+        tilt = normal - (normal * of_triangle).sum(axis=1, keepdims=True) * of_triangle
+        turned = (power[here] * _turning(pad)[surface.region[triangle]])[:, None] * tilt
+        of_cell = [np.bincount(surface.cell[triangle], along) for along in turned.T]
+        square += float(np.square(of_cell).sum())
+    return end.faces.count * square / power.sum() ** 2 if power.any() else 0.0
+
+
+def _turning(pad: PadShape) -> np.ndarray:
+    """(regions,) share of the light of each region's wall that turns with it, by the region's code."""
+    wall = pad.bsdf()
+    walls = wall.walls if is_region(wall) else dict.fromkeys(REGIONS, wall)
+    turning = np.ones(max(REGIONS.values()) + 1)
+    for name, code in REGIONS.items():
+        here = walls.get(name)
+        if here is None:  # black
+            turning[code] = 0.0
+        elif is_wall(here) and (here.scattering == "isotropic" or here.specification.reflectance == 0):
+            turning[code] = 0.0
+        elif is_wall(here) and here.scattering == "mixed":
+            turning[code] = 1 - (here.specification.isotropic or 0.0)
+    turning[pad.mirrors] = 0.0
+    return turning

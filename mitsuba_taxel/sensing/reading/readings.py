@@ -1,0 +1,304 @@
+"""Readings of phototransistors, with their errors and cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mitsuba_taxel.base.convergence import ERROR_SHARE, FACETS_SHARE
+from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.base.text_table import text_table
+from mitsuba_taxel.sensing.reading.derivative_values import Derivatives, derivatives_text
+from mitsuba_taxel.sensing.reading.wording import budget_line, stage_line
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics import RoofError
+    from mitsuba_taxel.sensing.reading.contact_value import FirstContact
+    from mitsuba_taxel.sensing.reading.pad_results import Estimate
+
+
+def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
+    """Relative error of readings (T,) in W by the finite elements, from their deviation on elements of twice the
+    size."""
+    return ERROR_SHARE * _mean_share(deviation, power)
+
+
+def geometry_share(facets: np.ndarray, power: np.ndarray) -> float:
+    """Relative error of readings (T,) in W by the facets, from their change with facets that are chords of the
+    walls."""
+    return FACETS_SHARE * _mean_share(facets, power)
+
+
+def _mean_share(change: np.ndarray, power: np.ndarray) -> float:
+    """Root mean square of a relative change, over the readings with any power."""
+    lit = power > 0
+    return math.sqrt(np.mean((change[lit] / power[lit]) ** 2)) if lit.any() else 0.0
+
+
+def largest_share(error: np.ndarray, power: np.ndarray) -> float:
+    """Largest ratio of an error to its power; of a power of 0 it is 0 if that is exact, else infinite."""
+    return float(np.max(shares(error, power), initial=0.0))
+
+
+def shares(error: np.ndarray, power: np.ndarray) -> np.ndarray:
+    """Ratio of each error to its power; of a power of 0 it is 0 if that is exact, else infinite."""
+    return np.divide(error, power, out=np.where(error == 0, 0.0, math.inf), where=power > 0)
+
+
+def or_dark(error: np.ndarray, power: np.ndarray, dark_error: np.ndarray | None) -> np.ndarray:
+    """The error of each power, by the scatter of its replicates or, where all are 0, by what they may have missed."""
+    return error if dark_error is None else np.where(power > 0, error, dark_error)
+
+
+def error_budget(power: np.ndarray, light: np.ndarray, mechanics: np.ndarray, geometry: np.ndarray) -> dict[str, float]:
+    """Largest relative errors of readings by light, mechanics and geometry, and in total; arguments are in W."""
+    total = np.hypot(np.hypot(light, mechanics), geometry)
+    errors = {"light": light, "mechanics": mechanics, "geometry": geometry, "total": total}
+    return {name: largest_share(error, power) for name, error in errors.items()}
+
+
+@dataclass(frozen=True)
+class Readings(Displayed):
+    """Readings of the phototransistors of a scene.
+
+    Attributes
+    ----------
+    replicates : (R, T) ndarray
+        Power in W for each independent randomisation and taxel.
+    points : int
+        Light paths for each taxel and replicate; 0 without random numbers, where all replicates are equal.
+    seed : int
+        Seed of the random numbers.
+    seconds : dict[str, float]
+        Time by stage, in s.
+    parameters : dict[str, str]
+        Values of the scene's parameters.
+    irradiance : (height, width) ndarray or None
+        Map in W/mm², one block of pixels for each taxel, or None.
+    responsivity : (T,) ndarray or None
+        Photocurrent per power of each phototransistor at its LED's wavelength, in A/W, or None.
+    deviation : (T,) ndarray or None
+        Change of the power, in W, with the shape that coarser finite elements give to loaded pads; NaN if unknown; None
+        if no pad is loaded or it was not requested: errors are then those of the light alone.
+    dark_error : (T,) ndarray or None
+        Power in W that a taxel may receive though no path brought light to it, one standard deviation; NaN if unknown;
+        None if a reading of 0 is exact.
+    facets : (T,) ndarray or None
+        Change of the power, in W, with triangles that are chords of curved walls; 0 if all walls are flat; without
+        random numbers, what states the error of the light by the same share; None if not requested.
+    mesh_size : float or None
+        Size in mm of the finite elements of pads whose mesh the scene does not fix; None for the default.
+    derivatives : Derivatives or None
+        With respect to the requested parameters.
+    contact : FirstContact or None
+        Where a pad loaded further first touches anything; None if not requested.
+    roof_errors : list[RoofError | None]
+        Error of the mechanics of each loaded pad, None if unknown; empty if not requested.
+    pads : dict[str, Estimate]
+        Results of deformed pads (`PAD_RESULTS`) and their errors, by name; empty without a pad.
+    remarks : list of str
+        Further notes for the reader.
+    """
+
+    replicates: np.ndarray
+    points: int
+    seed: int
+    seconds: dict[str, float] = field(default_factory=dict)
+    parameters: dict[str, str] = field(default_factory=dict)
+    irradiance: np.ndarray | None = None
+    responsivity: np.ndarray | None = None
+    deviation: np.ndarray | None = None
+    dark_error: np.ndarray | None = None
+    facets: np.ndarray | None = None
+    mesh_size: float | None = None
+    derivatives: Derivatives | None = None
+    contact: FirstContact | None = None
+    roof_errors: list[RoofError | None] = field(default_factory=list)
+    pads: dict[str, Estimate] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        return readings_text(self)
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes for the reader of the numbers."""
+        return [*self.remarks, *describe_mechanics(self.roof_errors)]
+
+    @property
+    def taxel(self) -> np.ndarray:
+        """(T,) numbers of the taxels, from 1."""
+        return np.arange(1, self.replicates.shape[1] + 1)
+
+    @property
+    def power(self) -> np.ndarray:
+        """(T,) optical power in W."""
+        return self.replicates.mean(axis=0)
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        """(T,) one standard deviation of :attr:`power` due to the light, in W, from the scatter of the replicates.
+
+        Where all of them are 0, it is the :attr:`dark_error`.
+        """
+        return or_dark(standard_error(self.replicates), self.power, self.dark_error)
+
+    @property
+    def mechanics_error(self) -> np.ndarray:
+        """(T,) W, one standard deviation of :attr:`power` due to the finite elements.
+
+        It is the same share of every reading with any power, from the mean square of the :attr:`deviation` of these:
+        meshes are irregular, and in one cell two meshes may agree by chance.
+        """
+        if self.deviation is None:
+            return np.zeros(len(self.taxel))
+        of_lit = self.power * mechanics_share(self.deviation, self.power)
+        return np.where(self.power > 0, of_lit, ERROR_SHARE * np.abs(self.deviation))
+
+    @property
+    def geometry_error(self) -> np.ndarray:
+        """(T,) W, one standard deviation of :attr:`power` due to the flat triangles of curved walls.
+
+        It is the same share of every reading, like the :attr:`mechanics_error`.
+        """
+        if self.facets is None:
+            return np.zeros(len(self.taxel))
+        return self.power * geometry_share(self.facets, self.power)
+
+    @property
+    def total_error(self) -> np.ndarray:
+        """(T,) W, total error: the root of the sum of squares of light, mechanics and geometry."""
+        return np.hypot(np.hypot(self.standard_error, self.mechanics_error), self.geometry_error)
+
+    @property
+    def photocurrent(self) -> np.ndarray | None:
+        """(T,) current of each phototransistor, in A, or None if the responsivity is not known."""
+        return None if self.responsivity is None else self.power * self.responsivity
+
+    @property
+    def relative_error(self) -> float:
+        """Largest relative standard error of any taxel; infinite if one may receive light and none was found."""
+        return largest_share(self.standard_error, self.power)
+
+    @property
+    def relative_total_error(self) -> float:
+        """Largest relative total error of any taxel, as :attr:`relative_error`."""
+        return largest_share(self.total_error, self.power)
+
+    @property
+    def error_budget(self) -> dict[str, float]:
+        """Largest relative error of any taxel, by its source and in total."""
+        return error_budget(self.power, self.standard_error, self.mechanics_error, self.geometry_error)
+
+
+@dataclass(frozen=True)
+class Crosstalk:
+    """Power that each LED alone brings to each phototransistor.
+
+    Attributes
+    ----------
+    replicates : (R, T, T) ndarray
+        Power in W for each independent randomisation, LED and phototransistor.
+    points : int
+        Light paths for each of them.
+    seed : int
+        Seed of the random numbers.
+    dark_error : (T, T) ndarray or None
+        As in `Readings`.
+    """
+
+    replicates: np.ndarray
+    points: int
+    seed: int
+    dark_error: np.ndarray | None = None
+
+    def __str__(self) -> str:
+        return crosstalk_text(self)
+
+    @property
+    def power(self) -> np.ndarray:
+        """(T, T) optical power in W: row LED, column phototransistor."""
+        return self.replicates.mean(axis=0)
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        """(T, T) one standard deviation of :attr:`power`, in W."""
+        return or_dark(standard_error(self.replicates), self.power, self.dark_error)
+
+
+def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
+    """The error of the worst of loaded pads, in words."""
+    if not errors:
+        return []
+    known = [error for error in errors if error is not None]
+    if len(known) < len(errors):
+        return [
+            "mechanics error unknown, as no second mesh can be loaded so far, or memory does not suffice for it: the "
+            "stated error is that of the light alone; a smaller mesh_size or a smaller load may tell it"
+        ]
+    worst = max(known, key=lambda error: error.displacement)
+    return [
+        f"mechanics: roofs right to {worst.displacement:.2g} mm (at worst {worst.largest:.2g} mm, {worst.relative:.1%} "
+        f"of the largest displacement) and {worst.slope:.2g} degrees"
+    ]
+
+
+def readings_text(readings: Readings, width: int | None = None) -> str:
+    """Power, error and photocurrent per taxel, explanations, the error budget, the time by stage, and derivatives.
+
+    ``width`` is that of a line in characters, as for `text_table`.
+    """
+    columns = readings_columns(readings)
+    lines = [
+        text_table(list(columns), zip(*columns.values(), strict=True), width),
+        light_error_line(readings),
+        *readings.notes,
+        budget_line(readings.error_budget),
+        stage_line(readings.seconds),
+    ]
+    if readings.derivatives is not None:
+        lines += ["", derivatives_text(readings.derivatives, width)]
+    return "\n".join(lines)
+
+
+def readings_columns(readings: Readings) -> dict[str, list[str]]:
+    """Columns of a table by heading, a row for each taxel: power, its errors and, if it is known, the photocurrent."""
+    columns = {
+        "taxel": [str(taxel) for taxel in readings.taxel],
+        "power [W]": [f"{power:.6e}" for power in readings.power],
+    }
+    if readings.points:
+        columns["light error [W]"] = [f"{error:.1e}" for error in readings.standard_error]
+    if readings.deviation is not None:
+        columns["mechanics error [W]"] = [f"{error:.1e}" for error in readings.mechanics_error]
+    if readings.geometry_error.any():
+        columns["geometry error [W]"] = [f"{error:.1e}" for error in readings.geometry_error]
+    pairs = zip(readings.power, readings.total_error, strict=True)
+    columns["total"] = [f"{error / power:.2%}" if power > 0 else "-" for power, error in pairs]
+    if readings.photocurrent is not None:
+        columns["photocurrent [A]"] = [f"{current:.6e}" for current in readings.photocurrent]
+    return columns
+
+
+def light_error_line(readings: Readings) -> str:
+    """The meaning and origin of the light error."""
+    if not readings.points:
+        return "Light: without random numbers, as all walls are diffuse; its error is part of the geometry's."
+    runs = f"{len(readings.replicates)} randomisations of {readings.points} points per taxel"
+    return f"Light error: 1 sigma, from {runs}, seed {readings.seed}."
+
+
+def crosstalk_text(crosstalk: Crosstalk, width: int | None = None) -> str:
+    """The power that each LED brings to each phototransistor, each with its standard error."""
+    taxels = [str(taxel) for taxel in range(1, len(crosstalk.power) + 1)]
+    rows = (
+        (led, *(f"{power:.3e} +- {error:.0e}" if error else f"{power:g}" for power, error in zip(*of, strict=True)))
+        for led, *of in zip(taxels, crosstalk.power, crosstalk.standard_error, strict=True)
+    )
+    title = "Crosstalk: power [W] from each LED (row) on each phototransistor (column), +- standard error"
+    return f"{title}\n{text_table(('LED', *taxels), rows, width)}"

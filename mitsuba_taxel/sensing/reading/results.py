@@ -1,0 +1,189 @@
+"""All results of a reading: one entry each.
+
+An entry says what a result is, and how it follows from `Readings`. Datasets of studies, NetCDF, CSV and Parquet tables,
+names that parameters may not have, and the list in the documentation are read off here. Numbers of deformed pads are
+listed in `mitsuba_taxel.sensing.reading.pad_results`, and join by themselves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from mitsuba_taxel.sensing.reading.pad_results import PAD_RESULTS
+from mitsuba_taxel.sensing.reading.readings import Readings
+
+TAXEL, PARAMETER = "taxel", "parameter"
+
+
+class Result(NamedTuple):
+    """A result of a reading.
+
+    Attributes
+    ----------
+    name, unit, meaning : str
+        The unit is 1 for none; empty where it follows from the parameter of a derivative.
+    per : tuple[str, ...]
+        Dimensions beside those of a study: taxel, parameter, both, or none for one number a scene.
+    of : Callable[[Readings], array or None]
+        The values; None where a reading has none.
+    along_curve : bool
+        Whether it is interpolated along the curves of a study where a reading does not tell it, as errors are that take
+        a second mesh.
+    in_table : bool
+        Whether the tables of readings hold it.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    per: tuple[str, ...]
+    of: Callable[[Readings], Any]
+    along_curve: bool = False
+    in_table: bool = True
+
+
+def _of_derivatives(attribute: str) -> Callable[[Readings], Any]:
+    return lambda readings: None if readings.derivatives is None else getattr(readings.derivatives, attribute)
+
+
+def _worst_roof(attribute: str) -> Callable[[Readings], float | None]:
+    def of(readings: Readings) -> float | None:
+        if readings.roof_errors:
+            return max(math.nan if error is None else getattr(error, attribute) for error in readings.roof_errors)
+        at_rest = readings.pads and not any(estimate.value or estimate.error for estimate in readings.pads.values())
+        return 0.0 if at_rest else None
+
+    return of
+
+
+def _of_pads(name: str, attribute: str) -> Callable[[Readings], float | None]:
+    return lambda readings: None if name not in readings.pads else getattr(readings.pads[name], attribute)
+
+
+def _contact_rates(readings: Readings) -> Any:
+    return None if readings.contact is None or not len(readings.contact.rates) else readings.contact.rates
+
+
+RESULTS: tuple[Result, ...] = (
+    Result("power", "W", "optical power", (TAXEL,), lambda readings: readings.power),
+    Result("standard_error", "W", "1 sigma of power (light)", (TAXEL,), lambda readings: readings.standard_error),
+    Result(
+        "mechanics_error",
+        "W",
+        "1 sigma of power (finite elements)",
+        (TAXEL,),
+        lambda readings: readings.mechanics_error,
+    ),
+    Result(
+        "geometry_error",
+        "W",
+        "1 sigma of power (flat triangles of curved walls)",
+        (TAXEL,),
+        lambda readings: readings.geometry_error,
+    ),
+    Result(
+        "total_error",
+        "W",
+        "error of power (light, mechanics and geometry)",
+        (TAXEL,),
+        lambda readings: readings.total_error,
+    ),
+    Result(
+        "deviation",
+        "W",
+        "change of power with the roofs of coarser finite elements",
+        (TAXEL,),
+        lambda readings: readings.deviation,
+        in_table=False,
+    ),
+    Result(
+        "roof_error",
+        "mm",
+        "finite-element error of the roofs' displacement, root mean square",
+        (),
+        _worst_roof("displacement"),
+    ),
+    Result("slope_error", "degrees", "the same of the roofs' slope", (), _worst_roof("slope")),
+    *(
+        entry
+        for each in PAD_RESULTS
+        for entry in (
+            Result(each.name, each.unit, each.meaning, (), _of_pads(each.name, "value")),
+            Result(
+                f"{each.name}_error",
+                each.unit,
+                f"1 sigma of {each.name} (finite elements)",
+                (),
+                _of_pads(each.name, "error"),
+                along_curve=True,
+            ),
+        )
+    ),
+    Result(
+        "smooth_power",
+        "W",
+        "optical power by the method of the derivatives",
+        (TAXEL,),
+        _of_derivatives("power"),
+        in_table=False,
+    ),
+    Result(
+        "smooth_power_error",
+        "W",
+        "1 sigma of smooth_power",
+        (TAXEL,),
+        _of_derivatives("power_errors"),
+        along_curve=True,
+        in_table=False,
+    ),
+    Result("derivative", "", "derivative of smooth_power", (TAXEL, PARAMETER), _of_derivatives("values")),
+    Result(
+        "derivative_error",
+        "",
+        "1 sigma of derivative",
+        (TAXEL, PARAMETER),
+        _of_derivatives("standard_errors"),
+        along_curve=True,
+    ),
+    Result(
+        "largest_strain_derivative",
+        "",
+        "derivative of largest_strain",
+        (PARAMETER,),
+        _of_derivatives("strain_rates"),
+        in_table=False,
+    ),
+    Result("clearance", "mm", "least distance between cells and packages", (), _of_derivatives("clearance")),
+    Result(
+        "clearance_derivative",
+        "",
+        "derivative of clearance",
+        (PARAMETER,),
+        _of_derivatives("clearance_rates"),
+        in_table=False,
+    ),
+    Result(
+        "first_contact",
+        "",
+        "load at which the pad first touches anything",
+        (),
+        lambda readings: None if readings.contact is None else readings.contact.value,
+    ),
+    Result("first_contact_derivative", "", "derivative of first_contact", (PARAMETER,), _contact_rates, in_table=False),
+    Result(
+        "touched",
+        "",
+        "what the pad touches there",
+        (),
+        lambda readings: None if readings.contact is None else readings.contact.touched,
+    ),
+    Result(
+        "ended",
+        "",
+        "why its load path ends there without contact",
+        (),
+        lambda readings: None if readings.contact is None else readings.contact.ended,
+    ),
+)

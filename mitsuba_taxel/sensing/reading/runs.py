@@ -1,0 +1,180 @@
+"""Incremental readings: prepared scenes, traced with more and more points, within a time budget."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend import activate_variant, in_turn
+from mitsuba_taxel.backend.plugin_objects import make_plugin
+from mitsuba_taxel.base.arguments import require
+from mitsuba_taxel.kernels.protocols import has_faces, is_led, traces_taxels
+from mitsuba_taxel.kernels.walls import set_wavelength
+from mitsuba_taxel.kernels.wavefronts import trace
+from mitsuba_taxel.sensing.reading.readings import Readings
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.scene_pads import contact_notes, deformed_pads, loaded_pads
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
+from mitsuba_taxel.sensing.validity.checked import check_readable
+from mitsuba_taxel.sensing.validity.dark_backs import dark_backs
+
+REPLICATES = 32
+"""Independent randomisations of each reading; the standard error comes from their scatter."""
+MOST_POINTS = 1 << 20
+FIRST_POINTS = 256
+CHOSEN_INTEGRATOR = "integrator taxel_tracer: it joins paths from both ends, and is right for every wall"
+
+
+class Prepared(NamedTuple):
+    """A scene that is loaded, checked, and has an integrator."""
+
+    scene: mi.Scene
+    integrator: mi.Integrator
+    parameters: dict[str, str]
+    notes: list[str]  # which integrator was chosen and why, if the scene names none
+
+
+AnyScene: TypeAlias = "Scene | Prepared | mi.Scene | str | Path | dict[str, Any]"
+"""A :class:`Scene`, what :func:`prepare` returned, a loaded scene, a path or name of an XML scene, or a dictionary."""
+
+
+@in_turn
+def prepare(scene: AnyScene) -> Prepared:
+    """Load a scene in any form, and choose an integrator if it names none."""
+    scene = described(scene)
+    if isinstance(scene, Prepared):
+        check_readable(scene.scene, scene.integrator)  # it may have been changed
+        return scene
+    live, parameters = (scene.load(), scene.parameters) if isinstance(scene, Scene) else (scene, {})
+    integrator, notes = live.integrator(), []
+    if integrator is None:
+        integrator = make_plugin("taxel_tracer")
+        notes.append(CHOSEN_INTEGRATOR)
+    check_readable(live, integrator)
+    if any(not pad.state.displacement.any() for pad in loaded_pads(live)):
+        notes.append("a pad is at rest: its indenter does not touch it")  # any other load moves a pad
+    for pad in deformed_pads(live):
+        if pad.state.buckled_at is not None:
+            at = ", ".join(f"{component:.4g}" for component in pad.state.buckled_at)
+            notes.append(f"a pad has buckled at ({at}) {pad.state.load.unit}: of its mirrored shapes, one is followed")
+    notes += contact_notes(live)
+    if deformed_pads(live) and any(has_faces(end) and end.resin_index is not None for end in live.sensors()):
+        notes.append("dies lie below windows: light is by random paths")  # also where all walls are diffuse
+    notes += dark_backs(live).values()
+    if not traces_taxels(integrator) and _lights(live) > 1:
+        notes.append("Mitsuba's own integrator: each reading holds the light of all LEDs and other emitters at once")
+    return Prepared(live, integrator, parameters, notes)
+
+
+def _lights(scene: mi.Scene) -> int:
+    """Number of LEDs and other emitters."""
+    return sum(emitter.faces.count if is_led(emitter) else 1 for emitter in scene.emitters())
+
+
+def described(scene: AnyScene) -> Scene | Prepared | mi.Scene:
+    """A scene given by name, path or dictionary as a `Scene`; a loaded one is returned unchanged."""
+    if isinstance(scene, (str, Path, dict)):
+        return Scene(scene)
+    activate_variant()
+    require("scene", scene, (Scene, Prepared, mi.Scene), "a Scene, a path, a name, a dictionary or an mi.Scene")
+    return scene
+
+
+class Clock:
+    """Remaining time of a time budget."""
+
+    def __init__(self, budget: float | None) -> None:
+        self.end = math.inf if budget is None else time.perf_counter() + budget
+
+    @property
+    def left(self) -> float:
+        """Seconds."""
+        return self.end - time.perf_counter()
+
+    def allows(self, seconds: float) -> bool:
+        """Whether a task of this duration in s would end in time."""
+        return seconds <= self.left
+
+
+class Run:
+    """Incremental readings: each step doubles the points, continuing the same sequences."""
+
+    def __init__(self, ready: Prepared, seed: int, image: bool = False, continued: Readings | None = None) -> None:
+        self.ready, self.seed, self.with_image = ready, seed, image
+        self.points = continued.points if continued else 0
+        self.powers = continued.replicates if continued else np.empty((REPLICATES, 0))
+        self.image: np.ndarray | None = None
+        self.seconds = 0.0  # of the last step
+
+    def extend_to(self, wanted: int, clock: Clock | None = None) -> None:
+        """Trace until there are ``wanted`` points, or until the next step would not end in time."""
+        if not self.points and (clock is None or clock.end == math.inf):
+            self._step(wanted)
+            return
+        if not self.points:
+            _trace(self.ready, 1, self.seed, 0, self.with_image)  # compiles before steps are timed
+        while self.points < wanted and (not self.points or clock is None or clock.allows(2 * self.seconds)):
+            self._step(self.points or min(FIRST_POINTS, wanted))
+
+    def extend_to_error(self, wanted: float, clock: Clock) -> None:
+        """Double the points while the relative standard error is above the ``wanted`` one, for which pilot runs with
+        other random numbers found too few."""
+        while self.points < MOST_POINTS and clock.allows(2 * self.seconds):
+            if Readings(self.powers, self.points, self.seed).relative_error <= wanted:
+                return
+            self._step(self.points)
+
+    def _step(self, points: int) -> None:
+        start = time.perf_counter()
+        powers, image, points = _trace(self.ready, points, self.seed, self.points, self.with_image)
+        total = self.points + points
+        share = points / total
+        self.powers = powers if not self.points else (1 - share) * self.powers + share * powers
+        if self.with_image:
+            self.image = image if self.image is None else (1 - share) * self.image + share * image
+        self.points = total
+        self.seconds = time.perf_counter() - start
+
+
+def derived_seed(seed: int, index: int) -> int:
+    """One of many independent seeds derived from ``seed``."""
+    return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
+
+
+def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
+    """Powers (replicates, taxels), the irradiance map of the first sensor if requested, and the points used."""
+    scene, integrator = ready.scene, ready.integrator
+    if not traces_taxels(integrator):
+        set_wavelength(scene, scene.emitters())
+        return _render(scene, points, seed, first)
+    results = []
+    for pair in taxels_of(scene):
+        set_wavelength(scene, [pair.led])
+        results.append(trace(integrator, scene, pair, points, seed, REPLICATES, first=first, image=image))
+    return np.concatenate([powers for powers, _, _ in results], axis=1), results[0][1], results[0][2]
+
+
+def _render(scene: mi.Scene, points: int, seed: int, first: int):
+    """As :func:`_trace`, by one of Mitsuba's own integrators, under which all LEDs are lit.
+
+    A continuation from ``first`` points uses other random numbers.
+    """
+    import drjit as dr
+
+    columns, images = [], []
+    for sensor in scene.sensors():
+        faces = sensor.faces
+        # Opaque, as otherwise the kernel would be recompiled for each of them.
+        numbers = range(first * REPLICATES, (first + 1) * REPLICATES)
+        seeds = [dr.opaque(mi.UInt32, derived_seed(seed, number)) for number in numbers]
+        renders = (mi.render(scene, sensor=sensor, spp=points, seed=value) for value in seeds)
+        maps = np.array([np.asarray(image)[:, :, 0] for image in renders], dtype=float)
+        blocks = maps.reshape(REPLICATES, faces.rows, sensor.block[1], faces.columns, sensor.block[0])
+        columns.append(blocks.mean(axis=(2, 4)).reshape(REPLICATES, -1) * faces.area[0])
+        images.append(maps.mean(axis=0))
+    return np.concatenate(columns, axis=1), images[0], points

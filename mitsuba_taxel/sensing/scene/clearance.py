@@ -1,0 +1,53 @@
+"""Packages in the way of pads: they hold those whose load goes on where they touch, and others are refused."""
+
+from __future__ import annotations
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.base import stages
+from mitsuba_taxel.kernels.protocols import PadShape, is_package
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+
+
+def heed_packages(scene: mi.Scene) -> None:
+    """Deform each `deformable_pad` with `self_contact` as the bodies of the `photo_reflector`s let it, and raise if
+    another one touches them.
+
+    Raises
+    ------
+    InputError
+        if a pad touches a body already undeformed.
+    ComputationError
+        naming the load at which a pad first touches a body, or at which its load path ends.
+    """
+    pads, bodies = deformed_pads(scene), _bodies(scene)
+    if not (pads and bodies):
+        return
+    triangles = np.concatenate(bodies)
+    with stages.stage("mechanics"):
+        changed = [pad.heed(_in_its_frame(pad, triangles)) for pad in pads]
+    if any(changed):
+        scene.parameters_changed([])
+
+
+def packages(scene: mi.Scene) -> list[np.ndarray]:
+    """(K, 3, 3) triangles of the packages of each `photo_reflector`, in the frame of the scene's pad, in mm."""
+    (pad,) = deformed_pads(scene)
+    return [_in_its_frame(pad, body) for body in _bodies(scene)]
+
+
+def _bodies(scene: mi.Scene) -> list[np.ndarray]:
+    return [_triangles(shape) for shape in scene.shapes() if is_package(shape)]
+
+
+def _triangles(body: mi.Mesh) -> np.ndarray:
+    """(K, 3, 3) corners in the world, in mm."""
+    parameters = mi.traverse(body)
+    faces = np.array(parameters["faces"]).reshape(-1, 3)
+    return np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)[faces]
+
+
+def _in_its_frame(pad: PadShape, triangles: np.ndarray) -> np.ndarray:
+    turn, shift = pad.to_world[:3, :3], pad.to_world[:3, 3]
+    return np.linalg.solve(turn, (triangles - shift).reshape(-1, 3).T).T.reshape(-1, 3, 3)

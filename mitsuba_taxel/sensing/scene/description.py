@@ -1,0 +1,510 @@
+"""Description of a scene by the user: an XML file with parameters, or a dictionary as for Mitsuba."""
+
+from __future__ import annotations
+
+import copy
+import gc
+import re
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from weakref import WeakSet
+
+from mitsuba_taxel.backend import activate_variant, in_turn
+from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.arguments import (
+    as_numbers,
+    is_number,
+    path_of,
+    plain_number,
+    refusal,
+    require,
+    table_of,
+    text_of,
+    word_of,
+)
+from mitsuba_taxel.base.atomic import WriteError, write_text
+from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.errors import ComputationError, InputError, UnusedDefault
+from mitsuba_taxel.parts.part import SUFFIX
+from mitsuba_taxel.sensing.scene.left_out import NONE, parse_scene, used_by
+from mitsuba_taxel.sensing.scene.scene_file import read_scene_file
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+
+FURTHEST = 1e8
+"""mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
+MOST_PARAMETERS = 1000
+"""Parameters of a scene: Mitsuba's parser takes a few more."""
+MOST_NAMED = 10
+"""Unused defaults that are named individually."""
+END_OF_PATH = "the load path ends at"
+"""Phrase in the error for a pad that cannot bear its load."""
+MESHED_AS = "meshed_as"
+"""Parameter of all scenes from files: 'name=value', separated by commas, of other parameters; the meshes of the pads of
+that scene are moved onto those of this one."""
+
+_EMITTERS: WeakSet[mi.Emitter] = WeakSet()
+"""Emitters of the scenes that have been loaded and not been freed."""
+
+NESTED_SCENE = "a scene stands in another object, where it means nothing: take it out."
+
+
+class Scene(Displayed):
+    """A description of a Mitsuba scene, with the values of its parameters.
+
+    Parameters
+    ----------
+    source : str or Path or dict[str, Any]
+        Path of an XML file, name of a shipped one, or a dictionary as for ``mi.load_dict`` (with ``"type": "scene"``).
+    parameters : Mapping[str, object], optional
+        Values for the ``<default>``s of the file, by name; ``none`` leaves out the elements that use a parameter. With
+        ``meshed_as``, such as ``cell_size=2.5, wall=1``, pads have the meshes of the scene with those values, moved.
+    mesh_size : float, optional
+        Size in mm of the finite elements of pads without a mesh size or tolerance in the description; None for the
+        default.
+
+    Raises
+    ------
+    InputError
+        if the file does not exist, is not valid XML, or does not have a given parameter.
+
+    Warns
+    -----
+    UnusedDefault
+        if the file has ``<default>``s that nothing uses; ``unused`` has their names.
+    """
+
+    def __init__(
+        self,
+        source: str | Path | dict[str, Any],
+        parameters: Mapping[str, object] | None = None,
+        mesh_size: float | None = None,
+    ) -> None:
+        if isinstance(source, dict):
+            _refuse_none(source)
+        self.source = source if isinstance(source, dict) else find_scene(source)
+        if not (mesh_size is None or (is_number(mesh_size) and mesh_size > 0)):
+            raise refusal("mesh_size", mesh_size, "a finite size in mm above 0 is needed")
+        self.mesh_size = plain_number(mesh_size)
+        self.defaults: dict[str, str] = {}
+        given = {name: word_of(value) for name, value in table_of("parameters", parameters, "values").items()}
+        self.unused: tuple[str, ...] = ()
+        allowed: set[str] = set()
+        if isinstance(self.source, Path):
+            self.defaults, used = _declared_parameters(self.source)
+            allowed = used | set(self.defaults)
+            self.unused = tuple(name for name in self.defaults if name not in used)
+        for name, value in given.items():
+            if name not in allowed | ({MESHED_AS} if self.defaults else set()):
+                names = ", ".join(sorted(allowed)) or "none"
+                raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
+            text_of(name, value)
+            if re.fullmatch(r"\s*[+-]?\d*,\d+\s*", value) and as_numbers([self.defaults.get(name, "")]):
+                point = value.strip().replace(",", ".")
+                raise refusal(name, value, f"a decimal point is needed, as in {point}")
+        self.parameters = {**self.defaults, **given}
+        if len(self.parameters) > MOST_PARAMETERS:
+            count = len(self.parameters)
+            raise InputError(f"{self.name} has {count} parameters: at most {MOST_PARAMETERS} are allowed.")
+        if self.unused:
+            names = ", ".join(self.unused[:MOST_NAMED])
+            more = f" and {len(self.unused) - MOST_NAMED} more" if len(self.unused) > MOST_NAMED else ""
+            words = f"{self.name}: nothing uses the <default> {names}{more}: without effect."
+            warnings.warn(words, UnusedDefault, stacklevel=2)
+        self.leaves_mesh_open = False  # known once the scene has been loaded
+
+    @classmethod
+    def from_file(cls, source: str | Path, /, **parameters: object) -> Scene:
+        """The scene in an XML file, given by path or, for a shipped scene, by name (``pad.xml``)."""
+        require("source", source, (str, Path), "the path or name of an XML scene")
+        return cls(source, parameters)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Scene:
+        """A scene of its own; Mitsuba's objects in a dictionary, which never change, are in both."""
+        copied = copy.copy(self)
+        copied.source = _copied(self.source) if isinstance(self.source, dict) else self.source
+        copied.defaults, copied.parameters = dict(self.defaults), dict(self.parameters)
+        return copied
+
+    @property
+    def name(self) -> str:
+        """The file's name, or ``scene`` for one made in Python."""
+        return self.source.name if isinstance(self.source, Path) else "scene"
+
+    def with_mesh_size(self, mesh_size: float | None) -> Scene:
+        """The same scene with another size of elements, unless it fixes that."""
+        given = {} if isinstance(self.source, dict) else self.parameters
+        return Scene(self.source, given, mesh_size)
+
+    @in_turn
+    def load(self) -> mi.Scene:
+        """Build the ``mi.Scene``, in the current variant or the default one.
+
+        Raises
+        ------
+        InputError
+            if Mitsuba or a plugin refuses the description; the message is one line.
+        ComputationError
+            if a pad cannot bear its load, or touches a package without `self_contact`.
+        """
+        import mitsuba as mi
+
+        from mitsuba_taxel.kernels.packages_to_come import announced
+        from mitsuba_taxel.sensing.scene.clearance import heed_packages
+
+        with stages.stage("load"), self.files_beside_it():
+            config = parser_config(activate_variant())
+            _free_unused_scenes()
+            try:
+                state = self.parsed(config)
+                self._refuse_far_transforms(state)
+                mi.parser.transform_all(config, state)
+                _build_pads_last(state)
+                with announced(any(node.props.plugin_name() == "photo_reflector" for node in state.nodes)):
+                    live = mi.parser.instantiate(config, state)
+            except RuntimeError as error:
+                if END_OF_PATH in str(error):
+                    self._refuse_contact(config)
+                raise as_own_error(error, self) from error
+            _EMITTERS.update(emitter for emitter in live.emitters() if hasattr(emitter, "__weakref__"))
+            heed_packages(live)
+            return live
+
+    def _refuse_contact(self, config: mi.parser.ParserConfig) -> None:
+        """Raise if a pad touches a package before the end of its load path, as pads do not know the packages."""
+        import mitsuba as mi
+
+        from mitsuba_taxel.sensing.scene.clearance import heed_packages
+        from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+
+        state = self.parsed(config)
+        mi.parser.transform_all(config, state)
+        loads = [_take_load(pad) for pad in _pads(state)]
+        try:
+            at_rest = mi.parser.instantiate(config, state)
+        except RuntimeError:  # something else is wrong as well
+            return
+        for pad, (value, history) in zip(deformed_pads(at_rest), loads, strict=True):  # in the order of the scene
+            pad.value, pad.history = value, history
+        heed_packages(at_rest)
+
+    def write_xml(self, path: str | Path) -> None:
+        """Write the scene as an XML file with parameters that gives bit-identical readings; see :meth:`as_xml`."""
+        path = path_of("path", path)
+        text = self.as_xml(path.parent)
+        try:
+            write_text(path, text)
+        except WriteError as error:
+            raise InputError(str(error)) from error
+
+    @in_turn
+    def as_xml(self, folder: Path) -> str:
+        """The scene as the text of an XML file in a folder, with its values as ``<default>`` elements.
+
+        They are those of the file that it is from, and of a scene made in Python the numbers and words of its parts;
+        see `scene_text` for their names.
+        """
+        from mitsuba_taxel.sensing.scene.written_scene import scene_text
+
+        config = parser_config(activate_variant())
+        file = None if isinstance(self.source, dict) else self.source
+        try:
+            with self.files_beside_it():
+                return scene_text(
+                    self.parsed(config), config, folder.absolute(), file, self._own_parameters, MOST_PARAMETERS
+                )
+        except RuntimeError as error:
+            raise as_own_error(error, self) from error
+
+    @contextmanager
+    def files_beside_it(self) -> Iterator[None]:
+        """Resolve files named in a scene relative to its folder; libraries of plugins come from those trusted alone."""
+        import mitsuba as mi
+
+        from mitsuba_taxel.backend.libraries import put_own_libraries_first
+
+        before = mi.file_resolver()
+        resolver = mi.FileResolver(before)  # a copy: parsing <path> adds to it
+        if isinstance(self.source, Path):
+            resolver.prepend(str(self.source.resolve().parent))
+        put_own_libraries_first(resolver)
+        mi.set_file_resolver(resolver)
+        try:
+            yield
+        finally:
+            mi.set_file_resolver(before)
+
+    def _refuse_far_transforms(self, state: mi.parser.ParserState) -> None:
+        for props in (node.props for node in state.nodes):
+            for message in far_transforms(props).values():
+                raise InputError(f"{message}{guilty_parameters(self.parameters)}.")
+
+    def parsed(self, config: mi.parser.ParserConfig) -> mi.parser.ParserState:
+        """The parsed description, before anything is built."""
+        import mitsuba as mi
+
+        from mitsuba_taxel.backend.libraries import check_plugin_types
+        from mitsuba_taxel.backend.plugin_objects import find_file
+        from mitsuba_taxel.sensing.scene.named_files import check_named_files
+        from mitsuba_taxel.sensing.scene.nested_parts import unused_parts
+
+        if isinstance(self.source, dict):
+            check_plugin_types(_types(self.source))
+            state = mi.parser.parse_dict(config, self.source)
+            check_named_files(node.props for node in state.nodes)
+        else:
+            state = parse_scene(config, self.source, self._own_parameters)
+        if any(node.type == mi.ObjectType.Scene for node in state.nodes[1:]):
+            raise InputError(f"{self.name}: {NESTED_SCENE}")
+        for message in (said for node in state.nodes for said in unused_parts(state.nodes, node).values()):
+            raise InputError(message)
+        with self.files_beside_it():
+            for node in (each for each in state.nodes if each.props.plugin_name() == "photo_reflector"):
+                find_file(node.props, "part", SUFFIX)
+        pads = _pads(state)
+        self._move_meshes(pads, config)
+        open_ones = [pad for pad in pads if not ("mesh_size" in pad or "mesh_tolerance" in pad)]
+        self.leaves_mesh_open = bool(open_ones)
+        for pad in open_ones if self.mesh_size is not None else []:
+            pad["mesh_size"] = self.mesh_size
+        return state
+
+    @property
+    def _own_parameters(self) -> dict[str, str]:
+        """Those of the file."""
+        return {name: value for name, value in self.parameters.items() if name != MESHED_AS or name in self.defaults}
+
+    def _move_meshes(self, pads: list[mi.Properties], config: mi.parser.ParserConfig) -> None:
+        """State for pads that their meshes are those of the scene with the values of `MESHED_AS`, moved, if given."""
+        own = self._own_parameters
+        stated = NONE if MESHED_AS in own else self.parameters.get(MESHED_AS, NONE)
+        if stated == NONE:
+            return
+        pairs = [[word.strip() for word in part.split("=")] for part in stated.split(",")]
+        if not all(len(pair) == 2 for pair in pairs):
+            raise InputError(f"{MESHED_AS} = {stated!r} is not allowed: 'name=value', separated by commas, is needed.")
+        try:
+            _move_meshes(pads, _pads(Scene(self.source, own | dict(pairs)).parsed(config)))
+        except (InputError, RuntimeError) as error:
+            refused = error if isinstance(error, InputError) else as_own_error(error, self)
+            raise InputError(f"{MESHED_AS} = {stated!r} is not allowed: {refused}") from error
+
+
+def _build_pads_last(state: mi.parser.ParserState) -> None:
+    """Have the parts of a scene built in this order, so that what is wrong is refused before a pad is solved."""
+    import mitsuba as mi
+
+    root = state.nodes[0].props
+    for name in [name for name in root.keys() if root.type(name) == mi.Properties.Type.ResolvedReference]:  # noqa: SIM118
+        part = root[name]
+        if state.nodes[part.index()].props.plugin_name() == "deformable_pad":
+            del root[name]
+            root[name] = part
+
+
+def _pads(state: mi.parser.ParserState) -> list[mi.Properties]:
+    return [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
+
+
+def _move_meshes(pads: list[mi.Properties], origins: list[mi.Properties]) -> None:
+    """State for pads of built-in shapes that their meshes are those of others, moved."""
+    from mitsuba_taxel.pads import Pad
+    from mitsuba_taxel.specification.deformable_pad import DeformablePad
+
+    built = [pair for pair in zip(pads, origins, strict=True) if "filename" not in pair[0]]
+    if not built:
+        raise InputError("the scene holds no pad of one of this package's own shapes.")
+    for props, other in built:
+        pad, origin = (DeformablePad.read(each).build_pad() for each in (props, other))
+        assert isinstance(pad, Pad) and isinstance(origin, Pad)
+        props["meshed_as"] = pad.moved_from(origin).meshed_as
+
+
+def _refuse_none(part: dict[str, Any], within: str = "scene") -> None:
+    """Raise if a dictionary contains None, for which Mitsuba's parser aborts the process."""
+    for name, value in part.items():
+        if value is None:
+            raise InputError(f"{within}: {name} = None is not allowed: leave it out.")
+        if isinstance(value, dict):
+            _refuse_none(value, name)
+
+
+def _types(part: Mapping[str, Any]) -> Iterator[str]:
+    """Types of the plugins in a dictionary."""
+    for name, value in part.items():
+        if name == "type" and isinstance(value, str):
+            yield value
+        elif isinstance(value, Mapping):
+            yield from _types(value)
+
+
+def _copied(value: Any) -> Any:
+    """Dictionaries and lists copied, with the same objects in them."""
+    if isinstance(value, dict):
+        return {name: _copied(part) for name, part in value.items()}
+    return [_copied(part) for part in value] if isinstance(value, list) else value
+
+
+def _take_load(props: mi.Properties) -> tuple[tuple[float, ...], tuple[list[float], list[tuple[float, ...]]]]:
+    """Remove the load of a pad and its history, and return its value and the history."""
+    from mitsuba_taxel.mechanics.elements.loads import Load
+    from mitsuba_taxel.specification.deformable_pad import DeformablePad
+
+    stated = DeformablePad.read(props)
+    quantity = Load.named(stated.load).quantity
+    for name in (quantity, "history"):
+        if name in props:
+            del props[name]
+    return stated.load_value, stated.build_history()
+
+
+def write_xml(scene: Scene, path: str | Path) -> None:
+    """Write a scene as XML; see :meth:`Scene.write_xml`."""
+    require("scene", scene, Scene, "a Scene")
+    scene.write_xml(path)
+
+
+def find_scene(source: str | Path) -> Path:
+    """The file of ``source``: a path, or the name of a scene that ships with the package.
+
+    Raises
+    ------
+    InputError
+        if there is neither.
+    """
+    path = path_of("scene", source)
+    if is_file(path):
+        return path
+    folder = shipped_scenes()
+    shipped = folder / path.name
+    if path.parent == Path(".") and is_file(shipped):
+        return shipped
+    reason = why_unreadable(path)
+    if reason:
+        raise InputError(f"scene {str(source)!r} cannot be read: {reason}.")
+    names = ", ".join(sorted(file.name for file in folder.glob("*.xml")))
+    raise InputError(f"scene {str(source)!r} does not exist: a file, or one of the shipped scenes {names}, is needed.")
+
+
+def why_unreadable(path: Path) -> str | None:
+    """Why an existing path, or a parent of it, cannot be read as a file; None if it does not exist."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        return error.strerror
+    return "it is a folder" if path.is_dir() else None if path.is_file() else "it is a pipe, a device or a socket"
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file of that name; False for a name that is too long."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def shipped_scenes() -> Path:
+    """The folder of the scenes that ship with the package."""
+    from importlib.resources import files
+
+    return Path(str(files("mitsuba_taxel.scenes"))).resolve()
+
+
+def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
+    """Defaults of an XML scene, and the names that it uses as ``$name``."""
+    defaults: dict[str, str] = {}
+    used: set[str] = set()
+    for file, root in read_scene_file(path):
+        own: dict[str, str] = {}
+        for element in root.iter("default"):
+            name = element.get("name", "")
+            if name in own:
+                raise InputError(f"{file.name}: the <default> {name} is given twice: take one of them out.")
+            own[name] = element.get("value", "")
+        defaults, used = {**own, **defaults}, used.union(*(used_by(element.attrib) for element in root.iter()))
+    return defaults, used
+
+
+def far_transforms(props: mi.Properties) -> dict[str, str]:
+    """Error messages for transformations of a part with invalid numbers, by name."""
+    import mitsuba as mi
+    import numpy as np
+
+    refused = {}
+    for name in [name for name in props.keys() if props.type(name) == mi.Properties.Type.Transform]:
+        matrix = np.array(props[name].matrix, dtype=float)
+        props.mark_queried(name, False)  # so that a plugin that does not know it is still reported
+        if not np.all(np.abs(matrix) <= FURTHEST):
+            plugin = props.plugin_name()
+            refused[name] = f"{name} of {plugin} is not allowed: numbers of at most {FURTHEST:g} are needed"
+    return refused
+
+
+def guilty_parameters(parameters: Mapping[str, str]) -> str:
+    """The parameters that are not numbers of at most :data:`FURTHEST`, in brackets; empty if there are none."""
+    found = [f"{name} = {value}" for name, value in parameters.items() if not _is_near(value)]
+    return f" (parameter {', '.join(found)})" if found else ""
+
+
+def _is_near(value: str) -> bool:
+    try:
+        return abs(float(value)) <= FURTHEST
+    except ValueError:
+        return True  # a word
+
+
+def parser_config(variant: str) -> mi.parser.ParserConfig:
+    """Settings of Mitsuba's parser."""
+    import mitsuba as mi
+
+    config = mi.parser.ParserConfig(variant)
+    config.parallel = False  # meshing and solving are not parallel, and slower if they try
+    config.merge_meshes = False  # merged meshes lose their names
+    config.merge_equivalent = False  # merged emitters cannot be attached to two shapes
+    config.unused_parameters = mi.LogLevel.Trace  # `Scene` warns of them
+    return config
+
+
+def _free_unused_scenes() -> None:
+    """Free scenes that only cycles refer to, as from the traceback of an error.
+
+    Kernels contain the plugins of all scenes that are alive: with those of an unused one, they are compiled again.
+    """
+    if _EMITTERS:
+        gc.collect()
+
+
+def as_own_error(error: RuntimeError, scene: Scene) -> InputError | ComputationError:
+    """Mitsuba's message for a scene that it cannot build, as one line without traceback or source location.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        if that stopped a plugin: Mitsuba reports it like any other error.
+    """
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    if lines[-1].startswith("KeyboardInterrupt"):
+        raise KeyboardInterrupt
+    name, _, message = lines[-1].partition(": ")
+    for kind in (ComputationError, InputError):
+        if name in (kind.__name__, *(special.__name__ for special in kind.__subclasses__())):
+            return kind(message)
+    if lines[-1].startswith("MemoryError"):
+        return ComputationError(f"{scene.name}: there is not enough memory for it ({lines[-1]}).")
+    head = re.sub(r"^\[[^\]]*\] ", "", lines[0]).split(": Traceback")[0]
+    tail = lines[-1:] if "Traceback" in lines[0] else [line.lstrip("- ") for line in lines[1:]]
+    text = re.sub(r": \[\w+\] ", ": ", " ".join([head, *tail])).rstrip("!")
+    text = text.replace("unreferenced property", "unknown parameter").replace(f"{scene.source} ", "")
+    unparsed = re.search(r'could not parse \w[\w ]* value "(.*)"', text)
+    if unparsed:
+        guilty = [name for name, value in scene.parameters.items() if value.strip() == unparsed[1].strip()]
+        text += f" (parameter {', '.join(guilty)})" if guilty else ""
+    if re.search(r'Plugin "\w+" not found', text):
+        text += ": your own are loaded by taxel --plugin FILE.py, or load_plugins in Python"
+    return InputError(f"{scene.name}: {text}.")

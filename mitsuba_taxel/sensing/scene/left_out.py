@@ -1,0 +1,75 @@
+"""Parameters of a scene without a value: the elements that use them are left out."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.sensing.scene.scene_file import read_scene_file
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+
+NONE = "none"
+"""Value of a parameter that leaves out what uses it."""
+
+
+def left_out(parameters: Mapping[str, str]) -> set[str]:
+    """Names of the parameters without a value."""
+    return {name for name, value in parameters.items() if value == NONE}
+
+
+def used_by(attributes: Mapping[str, str]) -> set[str]:
+    """The names used as ``$name`` by an element with these attributes."""
+    return {name for value in attributes.values() if "$" in value for name in re.findall(r"\$(\w+)", value)}
+
+
+def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[str, str]) -> mi.parser.ParserState:
+    """The parsed description of an XML scene, without the elements that use a parameter without a value.
+
+    Raises
+    ------
+    InputError
+        if an included file uses such a parameter, or the scene brings the library of a plugin.
+    """
+    import mitsuba as mi
+
+    from mitsuba_taxel.backend.libraries import check_plugin_types, put_own_libraries_first
+    from mitsuba_taxel.sensing.scene.named_files import check_named_files, check_spectra
+
+    check_spectra(path, parameters)
+    state = _parsed(config, path, parameters)
+    put_own_libraries_first(mi.file_resolver())  # a <path> stands before them
+    check_plugin_types(node.props.plugin_name() for node in state.nodes)
+    check_named_files(node.props for node in state.nodes)
+    return state
+
+
+def _parsed(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[str, str]) -> mi.parser.ParserState:
+    import mitsuba as mi
+
+    absent = left_out(parameters)
+    if not absent:
+        return mi.parser.parse_file(config, str(path), **parameters)
+    (_, root), *included = read_scene_file(path)
+    _leave_out(root, absent)
+    used = _used(root).union(*(_used(inner) for _, inner in included))
+    for name in sorted(absent & used):
+        raise InputError(f"{name} = {NONE} is not allowed: a file that {path.name} includes uses it.")
+    return mi.parser.parse_string(config, ElementTree.tostring(root, encoding="unicode"), **parameters)
+
+
+def _leave_out(element: ElementTree.Element, absent: set[str]) -> None:
+    for child in list(element):
+        if used_by(child.attrib) & absent:
+            element.remove(child)
+        else:
+            _leave_out(child, absent)
+
+
+def _used(root: ElementTree.Element) -> set[str]:
+    return set().union(*(used_by(element.attrib) for element in root.iter()))

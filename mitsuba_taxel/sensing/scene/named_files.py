@@ -1,0 +1,49 @@
+"""Files that a scene names and Mitsuba opens: a pipe would be waited for, and a device has no end."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import mitsuba as mi
+
+from mitsuba_taxel.backend.plugin_objects import found
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.text import check_regular
+from mitsuba_taxel.sensing.scene.scene_file import read_scene_file
+
+LARGEST_FILE = 1 << 30
+"""Bytes of the largest file that a scene may name."""
+
+
+def check_spectra(scene: Path, parameters: Mapping[str, str]) -> None:
+    """Raise an `InputError` for a file of a spectrum, which the parser opens, that is no file or too large."""
+    for file, root in read_scene_file(scene):
+        for element in root.iter("spectrum"):
+            name = re.sub(r"\$(\w+)", lambda match: parameters.get(match[1], match[0]), element.get("filename", ""))
+            if name:
+                _check("filename", name, file.parent / name)
+                _check("filename", name, found(name))
+
+
+def check_named_files(parts: Iterable[mi.Properties]) -> None:
+    """Raise an `InputError` if a word of some parts, as Mitsuba resolves it, names what is no file, or too large."""
+    for props in parts:
+        for name in props.keys():  # noqa: SIM118
+            if props.type(name) == mi.Properties.Type.String:
+                word = str(props[name])
+                props.mark_queried(name, False)  # so that a plugin that does not know it is still reported
+                _check(name, word, found(word))
+
+
+def _check(name: str, word: str, file: Path) -> None:
+    try:
+        if not file.exists() or file.is_dir():
+            return
+    except (OSError, ValueError):  # it is no name of a file
+        return
+    try:
+        check_regular(file, LARGEST_FILE)
+    except OSError as error:
+        raise InputError(f"{name} = {word!r} is not allowed: {error.strerror}.") from error

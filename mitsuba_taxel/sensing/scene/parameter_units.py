@@ -1,0 +1,49 @@
+"""Units of a scene's own parameters, from those of the plugins' parameters that use them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from mitsuba_taxel.parameters import Number, Parameter
+from mitsuba_taxel.sensing.scene.scene_file import read_scene_file
+from mitsuba_taxel.specification import specifications
+
+_NAME = re.compile(r"(?:^|[\s,])-?\$(\w+)(?=$|[\s,])")
+"""A parameter used as a number, or as a component of a vector."""
+
+
+def units_of_parameters(scene: Path) -> dict[str, str]:
+    """The unit of each ``<default>`` of an XML scene whose unit is known, ``1`` if dimensionless.
+
+    It is that of the plugins' parameters, translations and rotations that use it; a parameter used in different units
+    is left out.
+    """
+    units: dict[str, set[str]] = {}
+    for unit, text in _places(scene):
+        for name in _NAME.findall(text):
+            units.setdefault(name, set()).add(unit)
+    return {name: found.pop() for name, found in sorted(units.items()) if len(found) == 1}
+
+
+def _places(scene: Path) -> Iterator[tuple[str, str]]:
+    """Pairs of a unit and the value of an attribute in that unit."""
+    for element in (each for _, root in read_scene_file(scene) for each in root.iter()):
+        stated = specifications().get(element.get("type", ""))
+        parameters = {} if stated is None else stated.values()
+        for child in element:
+            unit = _unit(parameters.get(child.get("name", "")))
+            for text in child.attrib.values() if unit else ():
+                yield unit, text
+        if element.tag == "translate":
+            for text in element.attrib.values():
+                yield "mm", text
+        if element.tag == "rotate":
+            yield "degrees", element.get("angle", "")
+
+
+def _unit(parameter: Parameter | None) -> str:
+    if parameter is None:
+        return ""
+    return parameter.unit or ("1" if isinstance(parameter, Number) else "")

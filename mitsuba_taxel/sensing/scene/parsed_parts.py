@@ -1,0 +1,63 @@
+"""Checks of the parts of a scene that is parsed but not built, in milliseconds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+
+import mitsuba as mi
+
+from mitsuba_taxel.backend import activate_variant
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.sensing.scene.description import Scene, as_own_error, parser_config
+from mitsuba_taxel.specification import specifications
+from mitsuba_taxel.specification.deformable_pad import DeformablePad
+from mitsuba_taxel.specification.specification import Specification
+
+
+def refusal_of(scene: Scene) -> InputError | None:
+    """The error that a plugin of this package would raise for a scene, or None."""
+    with scene.files_beside_it():
+        try:
+            nodes = scene.parsed(parser_config(activate_variant())).nodes
+            for part in (_part(node, nodes) for node in nodes):
+                if isinstance(part, DeformablePad) and not part.filename:
+                    part.build_pad()
+        except InputError as error:
+            return error
+        except RuntimeError as error:  # Mitsuba's own
+            return InputError(as_own_error(error, scene))
+    return None
+
+
+class _Props:
+    """Properties of a parsed part, with nested objects in the form that they have when built."""
+
+    def __init__(self, props: mi.Properties, nodes: Sequence[mi.parser.SceneNode]) -> None:
+        self._props, self._nodes = props, nodes
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._props
+
+    def get(self, name: str) -> object:
+        return self._props.get(name)
+
+    def keys(self) -> list[str]:
+        return self._props.keys()
+
+    def type(self, name: str) -> mi.Properties.Type:
+        return self._props.type(name)
+
+    def objects(self) -> list[tuple[str, SimpleNamespace]]:
+        names = [name for name in self._props.keys() if self._props.type(name) == _REFERENCE]  # noqa: SIM118
+        parts = ((name, _part(self._nodes[self._props[name].index()], self._nodes)) for name in names)
+        return [(name, SimpleNamespace(specification=part)) for name, part in parts]
+
+
+_REFERENCE = mi.Properties.Type.ResolvedReference
+
+
+def _part(node: mi.parser.SceneNode, nodes: Sequence[mi.parser.SceneNode]) -> Specification | None:
+    """The Python object of a node; None if it is not a plugin of this package."""
+    stated = specifications().get(node.props.plugin_name())
+    return None if stated is None else stated.read(_Props(node.props, nodes))

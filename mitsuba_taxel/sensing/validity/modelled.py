@@ -1,0 +1,189 @@
+"""Refusal of scenes whose readings would be wrong, common to `measure` and `taxel check`."""
+
+from __future__ import annotations
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend.plugin_objects import kind_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.faces import matrix_of
+from mitsuba_taxel.kernels.protocols import has_faces, is_owen_sobol, is_package, is_pad, traces_taxels
+from mitsuba_taxel.kernels.walls import refuse_unknown_wavelength, wall_at, walls_of
+from mitsuba_taxel.sensing.scene.clearance import heed_packages
+from mitsuba_taxel.sensing.scene.taxels import refuse_foreign_sensors, taxels_of
+from mitsuba_taxel.sensing.validity.foreign_walls import refuse_foreign_walls
+from mitsuba_taxel.sensing.validity.shared_places import FLAT, refuse_shared_places, refuse_shared_planes
+
+OF_MITSUBA = {
+    "PathIntegrator": "path",
+    "ParticleTracerIntegrator": "ptracer",
+    "VolumetricPathIntegrator": "volpath",
+    "VolpathMisIntegratorImpl": "volpathmis",
+}
+"""Class and plugin of Mitsuba's integrators that estimate the whole power; others leave some of it out."""
+_THROUGH_MEDIA = ("volpath", "volpathmis")
+LARGEST_REACH = 1000.0
+"""Largest distance of LEDs and phototransistors from the origin, relative to the side of their faces. There, 250 mm
+with the NJL5908AR, rounding in single precision changes readings of a domed cell by 0.04 %."""
+LARGEST_STEP = 0.01
+"""Largest ray offset of Mitsuba's own integrators, relative to the side of a face. It grows with the distance from the
+origin; at this limit, 27 mm with the NJL5908AR, readings of a domed cell change by 0.14 %."""
+
+
+def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
+    """Raise if readings of a scene would leave out light, or be wrong otherwise.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        Loaded, or an object with ``shapes()``, ``emitters()`` and ``sensors()``.
+    integrator : mi.Integrator
+        The integrator that reads it.
+
+    Raises
+    ------
+    InputError
+        if the integrator does not support the scene, LEDs and phototransistors cannot be paired, or another surface
+        coincides with one of them.
+    ComputationError
+        if a deformed pad touches a package, unless it goes on there.
+    """
+    ours = traces_taxels(integrator)
+    plugin = OF_MITSUBA.get(integrator.class_name(), "")
+    if not ours and not plugin:
+        raise InputError(
+            f"integrator {kind_of(integrator)} does not estimate the whole power: taxel_tracer, taxel_path, "
+            f"analog_tracer or one of Mitsuba's {', '.join(OF_MITSUBA.values())} is needed.",
+            integrator,
+        )
+    if getattr(integrator, "hide_emitters", False):
+        raise InputError("hide_emitters is not allowed: light that goes straight to a sensor counts.", integrator)
+    _refuse_instances(scene)
+    _refuse_walls_without_area(scene)
+    _refuse_media(scene, plugin)
+    if ours:
+        _refuse_other_windows(scene)
+        _refuse_samplers(scene)
+        getattr(integrator, "refuse_unbounded", lambda scene: None)(scene)
+    else:
+        refuse_foreign_sensors(scene)
+        _refuse_unseen_emitters(scene, plugin)
+    _refuse_far_faces(scene, ours)
+    refuse_shared_places(scene)
+    heed_packages(scene)
+    refuse_shared_planes(scene)
+    refuse_foreign_walls(scene, plugin)
+    if plugin == "ptracer" and any(wall is not None and _is_mirror(wall) for wall in walls_of(scene)):
+        raise InputError("integrator ptracer sees no light by way of mirrors: use taxel_tracer or path.", integrator)
+    _refuse_unseen_indenters(scene)
+    _refuse_moved_packages(scene)
+    refuse_unknown_wavelength(scene, one_by_one=ours)
+
+
+def _refuse_instances(scene: mi.Scene) -> None:
+    """Contents of an instance cannot be inspected: unbounded walls, tables of reflectance, media."""
+    for shape in scene.shapes():
+        if kind_of(shape) == "instance":
+            raise InputError("instance is not allowed: its walls cannot be looked at; put the shape itself there.")
+
+
+def _refuse_walls_without_area(scene: mi.Scene) -> None:
+    """A rectangle or disk that is scaled by 0 along a side reflects nothing, where the other side was meant."""
+    flat = (shape for shape in scene.shapes() if not is_pad(shape) and shape.class_name() in FLAT)
+    for shape in flat:
+        if not np.cross(*matrix_of(shape)[:3, :2].T).any():
+            raise InputError(f"{kind_of(shape)} has no area: its to_world must not scale it by 0.", shape)
+
+
+def _is_mirror(wall: mi.BSDF) -> bool:
+    return bool(wall.flags() & mi.BSDFFlags.Delta)
+
+
+def _refuse_media(scene: mi.Scene, plugin: str) -> None:
+    if plugin in _THROUGH_MEDIA:
+        return
+    places = [shape.interior_medium() or shape.exterior_medium() for shape in scene.shapes()]
+    if any(places) or any(end.get_medium() for end in (*scene.emitters(), *scene.sensors())):
+        raise InputError(
+            "the scene holds a participating medium, which only Mitsuba's integrators volpath and volpathmis see: "
+            "use one of them, or take it out."
+        )
+
+
+def _refuse_other_windows(scene: mi.Scene) -> None:
+    """Raise if LEDs and phototransistors cannot be paired, or light would go straight from window to window."""
+    for pair in taxels_of(scene):
+        if pair.is_below_windows and not pair.coplanar:
+            raise InputError(
+                "photo_reflector: an LED below a window is read against a phototransistor elsewhere, which is not "
+                "modelled: state other LEDs and phototransistors in the same order."
+            )
+
+
+def _refuse_unseen_emitters(scene: mi.Scene, plugin: str) -> None:
+    """Raise if Mitsuba's integrators leave out light that goes straight from an emitter to a phototransistor.
+
+    They meet emitters by rays that start at a phototransistor, and no ray meets a point or a single direction. By
+    ``ptracer``, light from infinity was 3 % too strong.
+    """
+    for emitter in scene.emitters():
+        flags, kind = emitter.flags(), kind_of(emitter)
+        if flags & mi.EmitterFlags.Delta:
+            raise InputError(
+                f"emitter {kind} shines from a point or in one direction, and what goes straight to a phototransistor "
+                "would be left out: use an annular_led, or an area emitter.",
+                emitter,
+            )
+        if plugin == "ptracer" and flags & mi.EmitterFlags.Infinite:
+            raise InputError(f"integrator ptracer does not read the light of a {kind} rightly: use path.", emitter)
+
+
+def _refuse_samplers(scene: mi.Scene) -> None:
+    for sensor in scene.sensors():
+        sampler = sensor.sampler()
+        if not is_owen_sobol(sampler):
+            raise InputError(f"phototransistor: its sampler must be owen_sobol, not {kind_of(sampler)}.", sampler)
+
+
+def _refuse_unseen_indenters(scene: mi.Scene) -> None:
+    """Raise if light may leave a pad to where an indenter is, which is no surface of the scene."""
+    for shape in scene.shapes():
+        if not is_pad(shape) or shape.specification.indenter is None:
+            continue
+        for region in ("top", "outer"):
+            wall = wall_at(shape.bsdf(), region)
+            if wall is not None and wall.flags() & (mi.BSDFFlags.Transmission | mi.BSDFFlags.Null):
+                raise InputError(
+                    f"bsdf {region} of a pad under an indenter lets light through, which would not see the indenter: "
+                    "a wall that is opaque is needed."
+                )
+
+
+def _refuse_moved_packages(scene: mi.Scene) -> None:
+    """Raise if a package was moved, so that its LED and phototransistor are elsewhere."""
+    for shape in scene.shapes():
+        if is_package(shape) and not shape.is_as_built():
+            raise InputError(
+                "photo_reflector: its vertex_positions or faces were changed, which LED and phototransistor do not "
+                "follow: load the scene anew with another to_world."
+            )
+
+
+def _refuse_far_faces(scene: mi.Scene, ours: bool) -> None:
+    for part in (*scene.emitters(), *scene.sensors()):
+        if not has_faces(part):
+            continue
+        reach = float(np.abs(np.array(part.faces.centres)).max())
+        side = float(np.sqrt(np.array(part.faces.size, dtype=float).prod()))
+        furthest = LARGEST_REACH * side if ours else LARGEST_STEP * side / 9e-5 - 1
+        if reach > furthest:
+            what = f"{kind_of(part)} lies {reach:.3g} mm from the origin, where single precision"
+            if not ours:
+                what = f"{kind_of(part)} lies {reach:.3g} mm from the origin, where Mitsuba's own integrator"
+            raise InputError(
+                f"{what} does not tell its face of {side:.3g} mm well enough from others: at most "
+                f"{max(furthest, 0):.3g} mm are allowed, so move the whole scene to the origin"
+                f"{'' if ours else ', scale it up, or use taxel_tracer'}.",
+                part,
+            )

@@ -1,0 +1,234 @@
+"""Analog light paths: traced from wall to wall, and samples of them for pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from numbers import Integral
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.backend.plugin_objects import make_plugin
+from mitsuba_taxel.base.arguments import check_whole
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
+from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+from mitsuba_taxel.kernels.walls import set_wavelength
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
+from mitsuba_taxel.sensing.validity.shared_places import refuse_shared_places
+
+MOST_VERTICES = 64
+"""Most vertices of a sampled path, its start included."""
+MOST_PATHS = 100_000
+"""Most paths that :func:`sample_paths` returns."""
+_BATCH = 1 << 14
+_MOST_BATCHES = 64
+
+
+class PathStep(NamedTuple):
+    """One step of paths, to a surface or out of the scene; one entry per path.
+
+    ``active`` are those that had not ended before, and ``hit`` those of them that meet a surface; ``depth`` is the
+    number of earlier reflections. ``power`` [W] arrives along ``ray``, and ``onward`` [W] is reflected; ``weight`` is
+    the expected reflected share according to the BSDF.
+    """
+
+    depth: mi.UInt32
+    ray: mi.Ray3f
+    si: mi.SurfaceInteraction3f
+    active: mi.Bool
+    hit: mi.Bool
+    power: mi.Float
+    onward: mi.Float
+    weight: mi.Float
+
+
+def emit(
+    scene: mi.Scene, pair: TaxelPair, index: mi.UInt32, sampler: mi.Sampler
+) -> tuple[mi.Point3f, mi.Ray3f, mi.Float]:
+    """A ray from each LED of ``index``, where it leaves the package, and the share of its power that does."""
+    source = pair.led.sample_point(index, sampler.next_2d())
+    direction = pair.led.sample_direction_of_emission(sampler.next_2d())
+    place, passed = pair.led.leave(index, source, direction)
+    return place, release(place, pair.led.faces.frame.n, direction, clearance_of(scene, pair)), passed
+
+
+@dr.syntax
+def follow(
+    scene: mi.Scene,
+    ray: mi.Ray3f,
+    power: mi.Float,
+    clearance: mi.Float,
+    sampler: mi.Sampler,
+    most_reflections: int,
+    weighted: int,
+    visit: Callable[[PathStep], None],
+) -> None:
+    """Follow light along ``ray`` from wall to wall, and call ``visit`` at each step.
+
+    For the first ``weighted`` reflections paths carry the reflected share of their power. Later ones are reflected
+    entirely or not at all, with the share as probability: that preserves all expected powers, ends the paths, and loses
+    no power on the way. After ``most_reflections`` a path is abandoned, with its last ``onward`` unspent.
+    """
+    context = mi.BSDFContext(mi.TransportMode.Importance)
+    depth = mi.UInt32(0)
+    limit = dr.opaque(mi.UInt32, most_reflections)
+    first_whole = dr.opaque(mi.UInt32, weighted)
+    active = power > 0
+    while active:
+        si = scene.ray_intersect(ray, active)
+        hit = active & si.is_valid()
+        bs, weights = si.bsdf(ray).sample(context, si, sampler.next_1d(hit), sampler.next_2d(hit), hit)
+        weight = dr.select(hit, weights[0], 0)
+        survival = dr.select(depth < first_whole, 1, dr.minimum(weight, 1))
+        reflected = (weight > 0) & (sampler.next_1d(hit) < survival)
+        onward = dr.select(reflected, power * weight / survival, 0)
+        visit(PathStep(depth, ray, si, active, hit, power, onward, weight))
+        active &= reflected & (depth < limit)
+        ray = leave(si.p, si.n, si.to_world(bs.wo), clearance)
+        power = mi.Float(onward)
+        depth += 1
+
+
+def landed(pair: TaxelPair, step: PathStep) -> tuple[mi.Bool, mi.UInt32]:
+    """Whether light hits the front of a phototransistor of the pair, and which."""
+    nearest, _ = pair.sensor.window.faces.locate(step.si.p)
+    inside, _ = pair.sensor.contains(nearest, step.si.p, step.ray.d)
+    in_front = dr.dot(step.ray.d, pair.sensor.normal) < 0
+    return step.hit & (step.si.shape == mi.ShapePtr(pair.sensor.get_shape())) & inside & in_front, nearest
+
+
+@dataclass(frozen=True)
+class RayPaths:
+    """A sample of one taxel's paths from its LED.
+
+    Attributes
+    ----------
+    vertices : list of ndarray
+        For each path (n, 3) positions in mm, n from 2 to 64: the LED or its window, each reflection, the end. A path
+        that escapes ends shortly after its last reflection; light that does not leave a package has none.
+    reached : (N,) ndarray
+        Whether each has reached the taxel's own phototransistor.
+    power : (N,) ndarray
+        Power in W that each represents.
+    taxel : int
+        Number of the taxel, from 1.
+    drawn, arrived : int
+        Number of paths traced for this sample, and of those that reached the phototransistor.
+    """
+
+    vertices: list[np.ndarray]
+    reached: np.ndarray
+    power: np.ndarray
+    taxel: int
+    drawn: int
+    arrived: int
+
+
+@in_turn
+def sample_paths(
+    scene: mi.Scene,
+    taxel: int,
+    *,
+    count: int = 200,
+    seed: int = 0,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> RayPaths:
+    """Paths of light from a taxel's LED, up to half of them reaching its phototransistor.
+
+    At each wall a path is reflected or absorbed with the wall's reflectance as probability, so each represents the same
+    power: that of the LED divided by the number of paths traced. Up to 1048576 are traced to find enough that reach it.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded ``mi.Scene``.
+    taxel : int
+        Number of the taxel, from 1.
+    count : int
+        Paths to return, 1 to 100000; if too few reach the phototransistor, others fill up the number.
+    seed : int
+        Whole number from 0 to 2**32 - 1.
+    progress : Callable[[int, int], None]
+        Called with the numbers of reaching paths found and wanted.
+
+    Raises
+    ------
+    InputError
+        if a value is not allowed, or the scene has no `annular_led` and `phototransistor`.
+    """
+    check_whole("count", count, 1, MOST_PATHS)
+    pair, index = find_taxel(scene, taxel)
+    set_wavelength(scene, [pair.led])
+    wanted = max(1, count // 2)
+    hits: list[np.ndarray] = []
+    others: list[np.ndarray] = []
+    arrived = batch = 0
+    while batch < _MOST_BATCHES and len(hits) < wanted:
+        vertices, reached = _draw(scene, pair, index, int(np.random.SeedSequence([seed, batch]).generate_state(1)[0]))
+        arrived += int(reached.sum())
+        hits += [vertices[i] for i in np.flatnonzero(reached)[: wanted - len(hits)]]
+        others += [vertices[i] for i in np.flatnonzero(~reached)[: count - len(others)]]
+        batch += 1
+        progress(len(hits), wanted)
+    others = others[: count - len(hits)]
+    drawn = batch * _BATCH
+    power = np.full(len(hits) + len(others), pair.led.power[0] / drawn)
+    return RayPaths(hits + others, np.arange(len(power)) < len(hits), power, taxel, drawn, arrived)
+
+
+def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
+    """The pair of arrays that holds a taxel, and its index in them, given its number from 1.
+
+    Raises
+    ------
+    InputError
+        if there is no such taxel.
+    """
+    refuse_shared_places(scene)
+    pairs = taxels_of(scene)
+    total = sum(pair.count for pair in pairs)
+    if not (isinstance(taxel, Integral) and 1 <= taxel <= total):
+        allowed = f"a whole number from 1 to {total} is needed" if total > 1 else "1 is needed, as there is no other"
+        raise InputError(f"taxel = {taxel} is not allowed: {allowed}.")
+    index = int(taxel) - 1
+    for pair in pairs:
+        if index < pair.count:
+            break
+        index -= pair.count
+    return pair, index
+
+
+def _draw(scene: mi.Scene, pair: TaxelPair, index: int, seed: int) -> tuple[list[np.ndarray], np.ndarray]:
+    """Vertices of one batch of paths, as far as they leave the LED, and whether each reached the phototransistor."""
+    sampler = make_plugin("independent")
+    sampler.seed(seed, _BATCH)
+    lane = dr.arange(mi.UInt32, _BATCH)
+    positions = dr.zeros(mi.Float, 3 * MOST_VERTICES * _BATCH)
+    counts, reached = dr.ones(mi.UInt32, _BATCH), dr.zeros(mi.UInt32, _BATCH)
+    dr.make_opaque(positions, counts, reached)
+    distance = pair.led.faces.centres - pair.sensor.faces.centres
+    stub = dr.gather(mi.Float, dr.norm(distance), dr.opaque(mi.UInt32, index))
+
+    def record(step: PathStep) -> None:
+        end = dr.select(step.hit, step.si.p, step.ray(stub))
+        dr.scatter(positions, end, lane * MOST_VERTICES + step.depth + 1, step.active)
+        dr.scatter(counts, step.depth + 2, lane, step.active)
+        here, nearest = landed(pair, step)
+        dr.scatter(reached, mi.UInt32(1), lane, step.active & here & (nearest == index))
+
+    source, ray, passed = emit(scene, pair, dr.opaque(mi.UInt32, index, _BATCH), sampler)
+    dr.scatter(positions, source, lane * MOST_VERTICES)
+    leaves = mi.Bool(True)
+    if pair.is_below_windows:
+        leaves = sampler.next_1d() < passed
+    power = dr.select(leaves, 1, 0) + dr.zeros(mi.Float, _BATCH)
+    follow(scene, ray, power, clearance_of(scene, pair), sampler, MOST_VERTICES - 2, 0, record)
+    table = positions.numpy().reshape(_BATCH, MOST_VERTICES, 3)
+    lengths = counts.numpy()
+    left = np.flatnonzero(lengths > 1)
+    return [table[i, : lengths[i]].astype(float) for i in left], reached.numpy()[left] > 0

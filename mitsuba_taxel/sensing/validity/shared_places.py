@@ -1,0 +1,185 @@
+"""Refusal of surfaces in one place, of which a ray would hit either."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend.plugin_objects import kind_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.faces import matrix_of
+from mitsuba_taxel.kernels.protocols import PadShape, has_faces, is_pad
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+
+_SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+_CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * np.pi / 32)], axis=1)
+FLAT = ("Rectangle", "Disk")
+"""Classes of Mitsuba's flat shapes."""
+_ALIKE = 1e-5
+"""Largest distance from a plane, relative to the size of what lies in it, and from its normal, in rad."""
+
+
+def refuse_shared_places(scene: mi.Scene) -> None:
+    """Raise an InputError if another surface overlaps an LED or a phototransistor in its plane.
+
+    It would be undefined which of the two a ray hits, and light would leave an LED through what lies on it. A plate
+    face down on all of them, in contact, is allowed: no light passes between any two.
+    """
+    ends = [(end, end.window.faces) for end in (*scene.emitters(), *scene.sensors()) if has_faces(end)]
+    bare = [shape for shape in scene.shapes() if not is_pad(shape)]
+    others = [shape for shape in bare if not all(_is_lid(shape, faces) for _, faces in ends)]
+    surfaces = [(shape, *_triangles_of(shape)) for shape in others]
+    for end, faces in ends:
+        for shape, vertices, triangles in surfaces:
+            if shape.ptr != end.get_shape().ptr and _lie_on(faces, vertices, triangles):
+                raise InputError(
+                    f"{kind_of(end)}: the {kind_of(shape)} {shape.id()!r} lies in its plane and overlaps it, so that "
+                    "light would hit either: move or shrink one of them.",
+                    end,
+                )
+
+
+def refuse_shared_planes(scene: mi.Scene) -> None:
+    """Raise an InputError if two rectangles or disks of different walls overlap in one plane, or two pads in space.
+
+    Those that carry an LED or a phototransistor are left to `refuse_shared_places`.
+    """
+    bare = (each for each in scene.shapes() if not (is_pad(each) or each.is_emitter() or each.is_sensor()))
+    flat = [each for each in bare if each.class_name() in FLAT]
+    outlines, walls = [_outline(each) for each in flat], [each.bsdf() for each in flat]
+    for first, second in _pairs_in_one_plane(outlines):
+        if walls[first] is not walls[second] and _overlap(outlines[first], outlines[second]):
+            one, other = flat[first], flat[second]
+            raise InputError(
+                f"the {kind_of(one)} {one.id()!r} and the {kind_of(other)} {other.id()!r} overlap in one plane: "
+                "light would hit either, so move or shrink one of them.",
+                other,
+            )
+    for one, other in combinations(deformed_pads(scene), 2):
+        if not _apart(_box(one), _box(other)):
+            raise InputError("two deformable_pads are in one place: move one of them.", other)
+
+
+def _is_lid(shape: mi.Shape, faces: Any) -> bool:
+    """Whether a rectangle or disk faces ``faces`` and hides them where it lies in their plane."""
+    if shape.class_name() not in FLAT:
+        return False
+    matrix, frame = matrix_of(shape), faces.frame
+    s, t, n = (np.array(axis, dtype=float).ravel() for axis in (frame.s, frame.t, frame.n))
+    sign = -1 if shape.has_flipped_normals() else 1
+    if not sign * np.linalg.inv(matrix[:3, :3])[2] @ n < 0:
+        return False
+    half = 0.5 * np.array(faces.size, dtype=float).ravel()
+    corners = np.array(faces.centres, dtype=float).T[:, None] + _SQUARE * half @ np.stack([s, t])
+    along = (corners - matrix[:3, 3]) @ np.linalg.pinv(matrix[:3, :2]).T
+    reach = np.abs(along).max() if shape.class_name() == "Rectangle" else np.linalg.norm(along, axis=2).max()
+    return bool(reach <= 1 + _ALIKE)
+
+
+def _outline(shape: mi.Shape) -> np.ndarray:
+    """Corners (K, 3) of a rectangle, or of a disk as a polygon, in the world."""
+    return _triangles_of(shape)[0][:-1]
+
+
+def _pairs_in_one_plane(outlines: Sequence[np.ndarray]) -> Iterator[tuple[int, int]]:
+    """Numbers of flat outlines (K, 3) whose planes, and boxes along the axes, may be one: those that `_overlap` may
+    find."""
+    if not outlines:
+        return
+    centres = np.array([outline.mean(axis=0) for outline in outlines])
+    normals = np.array([_plane(outline)[1] for outline in outlines])
+    low, high = (np.array([end(outline, axis=0) for outline in outlines]) for end in (np.min, np.max))
+    size = np.array([np.linalg.norm(outline - outline.mean(axis=0), axis=1).max() for outline in outlines])
+    for number in range(len(outlines) - 1):
+        others = slice(number + 1, None)
+        slack = 3 * _ALIKE * (size[number] + size[others]) + 1e-12
+        near = np.all(low[others] <= high[number] + slack[:, None], axis=1)
+        near &= np.all(high[others] >= low[number] - slack[:, None], axis=1)
+        near &= np.abs(normals[others] @ normals[number]) >= 1 - 2 * _ALIKE
+        near &= np.abs((centres[others] - centres[number]) @ normals[number]) <= slack
+        yield from ((number, number + 1 + int(other)) for other in np.flatnonzero(near))
+
+
+def _overlap(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two flat convex outlines (K, 3) lie in one plane and overlap."""
+    centre, (sides, normal) = one.mean(axis=0), _plane(one)
+    size = max(np.abs(one - centre).max(), np.abs(other - centre).max())
+    if np.abs((other - centre) @ normal).max() > _ALIKE * size or abs(_plane(other)[1] @ normal) < 1 - _ALIKE:
+        return False
+    flat = [(outline - centre) @ sides for outline in (one, other)]
+    axes = np.concatenate([np.roll(corners, 1, axis=0) - corners for corners in flat]) @ [[0, 1], [-1, 0]]
+    return not _separated(axes, *flat)
+
+
+def _plane(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two axes (3, 2) in the plane of an outline, and its normal."""
+    _, _, rows = np.linalg.svd(outline - outline.mean(axis=0))
+    return rows[:2].T, rows[2]
+
+
+def _box(pad: PadShape) -> tuple[np.ndarray, np.ndarray]:
+    """Axes (3, 3) of a pad, and the corners (8, 3) of the box round it without a load, in the world."""
+    axes = pad.to_world[:3, :3].T / np.cbrt(np.linalg.det(pad.to_world[:3, :3]))
+    along = pad.undeformed.vertices @ axes.T
+    corners = np.stack(np.meshgrid(*zip(along.min(axis=0), along.max(axis=0), strict=True)), axis=-1)
+    return axes, corners.reshape(-1, 3) @ axes
+
+
+def _apart(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
+    """Whether two boxes do not overlap."""
+    crossed = np.cross(one[0][:, None], other[0][None]).reshape(-1, 3)
+    return _separated(np.concatenate([one[0], other[0], crossed]), one[1], other[1])
+
+
+def _separated(axes: np.ndarray, one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether one of some axes (K, D) separates two convex bodies, given by their corners (N, D)."""
+    axes = axes[np.linalg.norm(axes, axis=1) > _ALIKE * np.abs(axes).max()]
+    (low, high), (bottom, top) = ((each.min(axis=0), each.max(axis=0)) for each in (one @ axes.T, other @ axes.T))
+    slack = _ALIKE * (np.maximum(high, top) - np.minimum(low, bottom))
+    return bool(np.any((low > top - slack) | (bottom > high - slack)))
+
+
+def _triangles_of(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (N, 3) in the world and triangles (K, 3) of a shape; none of one that is neither flat nor a mesh."""
+    kind = shape.class_name()
+    if kind in FLAT:
+        to_world = matrix_of(shape)
+        rim = _SQUARE if kind == "Rectangle" else _CIRCLE
+        corners = np.concatenate([rim, np.zeros((1, 2))])
+        here, centre = np.arange(len(rim)), np.full(len(rim), len(rim))
+        triangles = np.stack([np.roll(here, 1), here, centre], axis=1)
+        return corners @ to_world[:3, :2].T + to_world[:3, 3], triangles
+    if not shape.is_mesh():
+        return np.empty((0, 3)), np.empty((0, 3), dtype=int)
+    parameters = mi.traverse(shape)
+    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
+    return vertices, np.array(parameters["faces"]).reshape(-1, 3)
+
+
+def _lie_on(faces: Any, vertices: np.ndarray, triangles: np.ndarray) -> bool:
+    """Whether one of the triangles (K, 3) of some vertices overlaps any of ``faces`` in their plane."""
+    frame = np.column_stack([np.array(axis).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
+    half = 0.5 * np.array(faces.size, dtype=float).ravel()
+    centres = np.array(faces.centres, dtype=float).T @ frame
+    furthest = max(vertices.max(initial=0), -vertices.min(initial=0))
+    step = 1e-5 * 2 * np.sqrt(half.prod()) + 3e-6 * furthest  # the offset of rays
+    in_plane = np.abs(vertices @ frame[:, 2] - centres[0, 2]) <= step
+    corners = vertices[triangles[in_plane[triangles].all(axis=1)]] @ frame[:, :2]
+    low, high = centres.min(axis=0)[:2] - half, centres.max(axis=0)[:2] + half
+    corners = corners[np.all((corners.min(axis=1) < high) & (corners.max(axis=1) > low), axis=1)]
+    sides = np.roll(corners, -1, axis=1) - corners
+    # Separating axis theorem for two convex outlines.
+    normals = np.concatenate([np.broadcast_to(np.eye(2), (len(sides), 2, 2)), sides @ [[0, 1], [-1, 0]]], axis=1)
+    spans = np.einsum("kni,kci->knc", normals, corners)
+    reach = np.abs(normals) @ half
+    slack = 1e-5 * reach
+    for middle in centres[:, :2] if len(corners) else ():
+        place = normals @ middle
+        apart = (spans.min(axis=2) > place + reach - slack) | (spans.max(axis=2) < place - reach + slack)
+        if not apart.any(axis=1).all():
+            return True
+    return False
