@@ -61,11 +61,11 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
 
     Rows are measured one by one, each in its own process; files contain those measured so far.
     """
-    from mitsuba_taxel.bench.circuit_row import CircuitRow
-    from mitsuba_taxel.bench.reading_row import ReadingRow
-    from mitsuba_taxel.bench.row import MechanicsRow, cells, headings
-    from mitsuba_taxel.bench.stability import check, stability
-    from mitsuba_taxel.bench.tables import AnyRow
+    from mitsuba_taxel.evidence.extremes.circuit_row import CircuitRow
+    from mitsuba_taxel.evidence.extremes.reading_row import ReadingRow
+    from mitsuba_taxel.evidence.extremes.stability import check, stability
+    from mitsuba_taxel.evidence.extremes.tables import AnyRow
+    from mitsuba_taxel.evidence.rows.row import MechanicsRow, cells, headings
 
     from .tables import print_text_table
 
@@ -97,11 +97,11 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
     calibrations, exported models, noise as a force and differences of variants; and how often the probabilities of a
     comparison come true.
     """
-    from mitsuba_taxel.bench import intervals, probabilities
-    from mitsuba_taxel.bench.coverage import coverage, summary, write_page
-    from mitsuba_taxel.bench.coverage_row import CoverageRow
-    from mitsuba_taxel.bench.row import cells, headings
-    from mitsuba_taxel.bench.row_files import command_of, read_rows
+    from mitsuba_taxel.evidence.coverage.coverage import coverage, summary, write_page
+    from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow
+    from mitsuba_taxel.evidence.intervals import intervals, probabilities
+    from mitsuba_taxel.evidence.rows.row import cells, headings
+    from mitsuba_taxel.evidence.rows.row_files import command_of, read_rows
 
     rows = coverage(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
     read = _shown(rows, headings(CoverageRow), partial(map, cells), summary=summary)
@@ -129,9 +129,9 @@ def light_command(only: str | None, csv: Path | None, markdown: Path | None) -> 
 
     Laws, walls, shapes and sizes are drawn at random. Each configuration is read in its own process.
     """
-    from mitsuba_taxel.bench.light import light, summary
-    from mitsuba_taxel.bench.light_row import LightRow
-    from mitsuba_taxel.bench.row import cells, headings
+    from mitsuba_taxel.evidence.coverage.light import light, summary
+    from mitsuba_taxel.evidence.coverage.light_row import LightRow
+    from mitsuba_taxel.evidence.rows.row import cells, headings
 
     rows = light(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
     _shown(rows, headings(LightRow), partial(map, cells), summary=summary)
@@ -147,8 +147,8 @@ def drags_command(only: str | None, csv: Path | None, markdown: Path | None) -> 
 
     Each state is solved in its own process; files contain those solved so far, which are not solved again.
     """
-    from mitsuba_taxel.bench.drags import DragRow, drags, summary
-    from mitsuba_taxel.bench.row import cells, headings
+    from mitsuba_taxel.evidence.coverage.drags import DragRow, drags, summary
+    from mitsuba_taxel.evidence.rows.row import cells, headings
 
     rows = drags(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
     _shown(rows, headings(DragRow), partial(map, cells), summary=summary)
@@ -164,7 +164,7 @@ def figures_command(only: str | None, csv: Path | None, markdown: Path | None) -
 
     Each is swept at the default settings and to two target errors, in a process of its own.
     """
-    from mitsuba_taxel.bench.figures import HEADINGS, cells, figures, summary
+    from mitsuba_taxel.evidence.coverage.figures import HEADINGS, cells, figures, summary
 
     rows = figures(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
     _shown(rows, HEADINGS, partial(map, cells), summary=summary)
@@ -175,7 +175,7 @@ def figures_command(only: str | None, csv: Path | None, markdown: Path | None) -
 @debug_option
 def domes_command(markdown: Path | None) -> None:
     """Compare readings of domed cells with references: exact spheres if unloaded, fine meshes if loaded."""
-    from mitsuba_taxel.bench import domes
+    from mitsuba_taxel.evidence.coverage import domes
 
     def keep(rows: Sequence[domes.DomeRow], pads: Sequence[domes.PadRow] = ()) -> None:
         if markdown:
@@ -192,7 +192,7 @@ def domes_command(markdown: Path | None) -> None:
 def slopes_command(markdown: Path | None) -> None:
     """Compare derivatives with respect to force, material and dimensions on default and fine meshes, for all cell
     shapes."""
-    from mitsuba_taxel.bench.slopes import HEADINGS, SlopeRow, slope_cells, slopes, summary, write_page
+    from mitsuba_taxel.evidence.coverage.slopes import HEADINGS, SlopeRow, slope_cells, slopes, summary, write_page
 
     def keep(rows: Sequence[SlopeRow]) -> None:
         if markdown:
@@ -207,8 +207,8 @@ def slopes_command(markdown: Path | None) -> None:
 def horizon_command(markdown: Path | None) -> None:
     """Compare derivatives along lines of designs with differences of their readings, for several widths over which the
     step at the horizon is spread."""
-    from mitsuba_taxel.bench.horizon import HorizonRow, horizon, write_page
-    from mitsuba_taxel.bench.row import cells, headings
+    from mitsuba_taxel.evidence.coverage.horizon import HorizonRow, horizon, write_page
+    from mitsuba_taxel.evidence.rows.row import cells, headings
 
     rows = _shown(horizon(_say), headings(HorizonRow), partial(map, cells))
     if markdown:
@@ -221,7 +221,7 @@ def horizon_command(markdown: Path | None) -> None:
 @debug_option
 def nominal_command(only: str | None, markdown: Path | None) -> None:
     """Read four shapes under normal and tangential force to 0.5 % with slopes to 2 %, from nothing."""
-    from mitsuba_taxel.bench.nominal import HEADINGS, NominalRow, nominal, nominal_cells, write_page
+    from mitsuba_taxel.evidence.accuracy.nominal import HEADINGS, NominalRow, nominal, nominal_cells, write_page
 
     def keep(rows: Sequence[NominalRow]) -> None:
         if markdown:
@@ -253,10 +253,10 @@ def accuracy_command(scene: str | None, defines: dict[str, str], folder: Path, s
     Without a SCENE, settings of one cell are measured: light without random numbers over the size of its patches,
     random paths over their number, derivatives over either, and touch over its depth.
     """
-    from mitsuba_taxel.bench.accuracy import accuracy
-    from mitsuba_taxel.bench.accuracy_mechanics import ELEMENTS
-    from mitsuba_taxel.bench.accuracy_settings import settings_accuracy
-    from mitsuba_taxel.bench.accuracy_tables import HEADINGS, PEERS, POINT_HEADINGS, cells, point_cells
+    from mitsuba_taxel.evidence.accuracy.accuracy import accuracy
+    from mitsuba_taxel.evidence.accuracy.mechanics import ELEMENTS
+    from mitsuba_taxel.evidence.accuracy.settings import settings_accuracy
+    from mitsuba_taxel.evidence.accuracy.tables import HEADINGS, PEERS, POINT_HEADINGS, cells, point_cells
     from mitsuba_taxel.sensing import Scene
 
     from .tables import print_text_table
@@ -288,7 +288,7 @@ def accuracy_command(scene: str | None, defines: dict[str, str], folder: Path, s
 def speed_command(target_error: float) -> None:
     """Time readings of all cell shapes, the first reading of a new process, and the tracer against bare
     intersections."""
-    from mitsuba_taxel.bench.speed import speed
+    from mitsuba_taxel.evidence.accuracy.speed import speed
 
     for line in speed(target_error):
         click.echo(line)
@@ -301,7 +301,7 @@ def speed_command(target_error: float) -> None:
 def omitted_work_command(scenes: tuple[str, ...], markdown: Path | None) -> None:
     """Read shipped scenes as they are, and with unneeded work added."""
     from mitsuba_taxel.base.atomic import write_text
-    from mitsuba_taxel.bench.omitted_work import HEADINGS, page, table
+    from mitsuba_taxel.evidence.accuracy.omitted_work import HEADINGS, page, table
 
     rows = []
     click.echo(" | ".join(HEADINGS))

@@ -38,7 +38,7 @@ def optics_command(
     cases: tuple[str, ...], systems: tuple[str, ...], runs: int, seconds: float, file: Path | None
 ) -> None:
     """Compare the light of this program's integrators with that of other programs."""
-    from mitsuba_taxel.bench.peers.optics import COLUMNS, table
+    from mitsuba_taxel.evidence.peers.optics import COLUMNS, table
 
     _show(COLUMNS, table(cases, systems, runs, seconds), file)
 
@@ -51,7 +51,7 @@ def mechanics_command(tables: tuple[str, ...], file: Path | None) -> None:
     """Compare the mechanics with CalculiX (solve), time the paper's load paths (paths), larger pads (cells), and what
     takes the time (parts); count the factorisations under bodies that press (contact); compare linear solvers
     (solvers)."""
-    from mitsuba_taxel.bench.peers.mechanics import TABLES
+    from mitsuba_taxel.evidence.peers.mechanics import TABLES
 
     for name in tables or TABLES:
         rows = TABLES[name]()
@@ -66,7 +66,7 @@ def mechanics_command(tables: tuple[str, ...], file: Path | None) -> None:
 @debug_option
 def elements_command(sizes: tuple[float, ...], ratios: tuple[float, ...], file: Path | None) -> None:
     """Compare CalculiX node by node with our implementation of the same element, on the same mesh."""
-    from mitsuba_taxel.bench.peers.elements import COLUMNS, MESH_SIZES, POISSON_RATIOS, table
+    from mitsuba_taxel.evidence.peers.elements import COLUMNS, MESH_SIZES, POISSON_RATIOS, table
 
     _show(COLUMNS, table(sizes or MESH_SIZES, ratios or POISSON_RATIOS), file)
 
@@ -78,7 +78,7 @@ def elements_command(sizes: tuple[float, ...], ratios: tuple[float, ...], file: 
 @debug_option
 def ball_command(sizes: tuple[float, ...], depths: tuple[float, ...], file: Path | None) -> None:
     """Compare the force and the displacement under a ball with CalculiX, on the same mesh."""
-    from mitsuba_taxel.bench.peers.pressed_ball import COLUMNS, DEPTHS, MESH_SIZES, table
+    from mitsuba_taxel.evidence.peers.pressed_ball import COLUMNS, DEPTHS, MESH_SIZES, table
 
     _show(COLUMNS, table(sizes or MESH_SIZES, depths or DEPTHS), file)
 

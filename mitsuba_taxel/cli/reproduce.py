@@ -32,8 +32,8 @@ def command(folder: Path, only: str | None, docs: Path | None, workers: int | No
 
     They contain the parts that are complete in DIR.
     """
-    from mitsuba_taxel.reproduce.page import write_pages
-    from mitsuba_taxel.reproduce.parts import chosen, complete, compute
+    from mitsuba_taxel.evidence.paper.page.page import write_pages
+    from mitsuba_taxel.evidence.paper.parts import chosen, complete, compute
     from mitsuba_taxel.sensing.reading.wording import stage_line
 
     start = time.monotonic()

@@ -20,8 +20,8 @@ from .options import debug_option, folder_option
 @debug_option
 def command(folder: Path, docs: Path | None) -> None:
     """Compute the missing parts of the comparison in DIR, and write the page validation.md."""
-    from mitsuba_taxel.reproduce.paper_studies import PaperStudies
-    from mitsuba_taxel.reproduce.validation import write_validation
+    from mitsuba_taxel.evidence.measured.validation import write_validation
+    from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 
     store = PaperStudies(folder, lambda name: click.echo(name, err=True))
     said = f"taxel validate -o DIR{f' --docs {docs}' if docs else ''}"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mitsuba_taxel.bench.intervals import ALLOWED, TWICE, interval_cases
+from mitsuba_taxel.evidence.intervals.intervals import ALLOWED, TWICE, interval_cases
 from mitsuba_taxel.tolerances import law_of
 from mitsuba_taxel.tolerances.shares import ENOUGH, SPARE, _bases, fitted, indices, more_samples
 

@@ -1,1 +1,0 @@
-"""Comparison with other programs on the same cases."""

@@ -1,0 +1,262 @@
+"""The mechanics: error of a reading against the time of the finite elements, by mesh size and load steps."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.base.caches import clear_caches
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point, Truth, now, relative_rms
+from mitsuba_taxel.kernels.protocols import PadShape
+from mitsuba_taxel.mechanics import State, load_path
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
+from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
+from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+from mitsuba_taxel.mechanics.path.pad_path import shared
+from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
+from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.sensing.measurement import measure
+from mitsuba_taxel.sensing.reading.readings import ERROR_SHARE, Readings
+from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.scene_pads import loaded_pads
+from mitsuba_taxel.sensing.targets import MOST_ELEMENTS
+
+COARSEST = 2 * DEFAULT_MESH_SIZE
+REFINEMENT = 2**0.5
+"""Largest elements in mm, and the ratio of successive sizes."""
+FEWEST_SIZES = 2
+"""Solved regardless of the time limit."""
+TOLERANCES = (1e-2, 1e-3, 1e-4)
+STRICT = 1e-6
+"""Step tolerance of the reference."""
+POINTS = 1 << 12
+"""Light paths for each taxel and replicate, with common random numbers."""
+SEED = 1 << 20
+ELEMENTS = "Elements are of second order (ten nodes) in all rows: there is no other order to compare."
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A scene whose pads were solved without caches, and read.
+
+    Attributes
+    ----------
+    readings : Readings
+        With long light and the stated error of the mechanics.
+    seconds : float
+        Of the mechanics alone.
+    elements : int
+        Of the largest pad.
+    """
+
+    readings: Readings
+    seconds: float
+    elements: int
+
+
+@dataclass(frozen=True)
+class FineMeshLimit:
+    """Readings in the limit of small elements.
+
+    Attributes
+    ----------
+    replicates : (R, T) ndarray
+        Power in W.
+    change : (T,) ndarray
+        In W, by the extrapolation; also the estimate of its error.
+    size : float
+        Of the smallest elements solved on, in mm.
+    """
+
+    replicates: np.ndarray
+    change: np.ndarray
+    size: float
+
+    @property
+    def truth(self) -> Truth:
+        """Reference for other readings of the scene."""
+        error = np.hypot(standard_error(self.replicates), self.change)
+        return Truth(self.replicates.mean(axis=0), error, f"elements of {self.size:.2g} mm, extrapolated")
+
+
+class PadRequest(NamedTuple):
+    """A pad under a load, without its scene."""
+
+    pad: Pad | PadFile
+    material: Material
+    load: Load
+    value: np.ndarray
+
+    def state(self, mesh_size: float, step_tolerance: float) -> State:
+        """The state on elements of a size in mm, by steps of a tolerance."""
+        path = partial(load_path, mesh_size=mesh_size, step_tolerance=step_tolerance)
+        return path(self.pad, self.material, self.value[None], load=self.load)[0]
+
+
+def open_pads(live: Any, mesh_size: float | None) -> list[PadRequest]:
+    """The loaded pads of a scene whose mesh size is that of `Scene.mesh_size`."""
+    return [PadRequest(pad.pad, pad.material, pad.load, np.array(pad.value)) for pad in _open(live, mesh_size)]
+
+
+def _open(live: Any, mesh_size: float | None) -> list[PadShape]:
+    return [pad for pad in loaded_pads(live) if pad.mesh_size == mesh_size and pad.mesh_tolerance is None]
+
+
+class SizeRuns(NamedTuple):
+    """Runs by mesh size in mm, the mesh size of their reference, and the reason for their end."""
+
+    solved: dict[float, Solved]
+    judge: float
+    ended: str
+
+
+def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]) -> SizeRuns:
+    """The scene on successively smaller elements, until a solution would exceed the time, or the number of elements.
+
+    The reference has elements of half the smallest size, or the smallest affordable ones. The time of the next solution
+    is predicted from the growth of the last, and at least from the number of elements.
+
+    Raises
+    ------
+    ComputationError
+        if the pads cannot be loaded on the coarsest mesh.
+    """
+    solved: dict[float, Solved] = {}
+    size, judge = COARSEST, 0.5 * COARSEST
+    starting("mechanics: warm-up")
+    before = solve(scene, pads, size).seconds
+    while True:
+        starting(f"mechanics: elements of {size:.2g} mm")
+        try:
+            solved[size] = last = solve(scene, pads, size)
+        except ComputationError as reason:
+            if solved:
+                return SizeRuns(solved, judge, f"no smaller elements: {reason}")
+            raise
+        if 2**3 * last.elements < MOST_ELEMENTS or _elements(pads, 0.5 * size) < MOST_ELEMENTS:
+            judge = 0.5 * size
+        size /= REFINEMENT
+        if size < 1.1 * judge:
+            return SizeRuns(solved, judge, f"elements of {judge:.2g} mm are the smallest for the memory")
+        predicted = last.seconds * max(last.seconds / before, REFINEMENT**3)
+        before = last.seconds
+        if len(solved) >= FEWEST_SIZES and predicted > seconds:
+            ended = f"elements of {size:.2g} mm left out: they would take about {predicted:.0f} s"
+            return SizeRuns(solved, judge, ended)
+
+
+def _elements(pads: Sequence[PadRequest], size: float) -> int:
+    """Of the largest pad, on elements of a size in mm; where walls have smaller ones, this is hard to foretell."""
+    return max(len(pad_mesh(each.pad, size).tets) for each in pads)
+
+
+def limits(scenes: Sequence[Scene], size: float) -> list[FineMeshLimit]:
+    """Readings of scenes in the limit of small elements, from those of ``size`` [mm] and twice that.
+
+    The error of a reading falls with the power `ORDER` of the mesh size, and follows from two sizes (L. F. Richardson,
+    Phil. Trans. R. Soc. A 210, 1911).
+    """
+    with from_nothing():
+        coarse, fine = (
+            [measure(scene.with_mesh_size(h), points=POINTS, seed=SEED, mechanics_error=False) for scene in scenes]
+            for h in (2 * size, size)
+        )
+    changes = [ERROR_SHARE * (there.replicates - here.replicates) for here, there in zip(coarse, fine, strict=True)]
+    return [
+        FineMeshLimit(there.replicates + change, change.mean(axis=0), size)
+        for there, change in zip(fine, changes, strict=True)
+    ]
+
+
+def tolerance_runs(
+    scene: Scene, pads: Sequence[PadRequest], size: float, starting: Callable[[str], None]
+) -> tuple[dict[float, Solved], FineMeshLimit]:
+    """The scene on one mesh with load steps of different tolerances, and with very small ones."""
+    solved = {}
+    for tolerance in (*TOLERANCES, STRICT):
+        starting(f"mechanics: step tolerance {tolerance:g}, elements of {size:.2g} mm")
+        solved[tolerance] = solve(scene, pads, size, tolerance)
+    strict = solved.pop(STRICT).readings
+    return solved, FineMeshLimit(strict.replicates, np.zeros(len(strict.taxel)), size)
+
+
+def size_errors(solved: Mapping[float, Solved], limit: FineMeshLimit, remark: str) -> ErrorCurve:
+    """The curve of element sizes."""
+    reference = limit.truth.name
+    points = []
+    for size, run in solved.items():
+        stated = relative_rms(run.readings.mechanics_error, run.readings.power)
+        points.append(_point(f"{size:.3g} mm", run, limit, stated, reference))
+    return ErrorCurve("mechanics", "element size", points, remark=remark)
+
+
+def tolerance_errors(solved: Mapping[float, Solved], strict: FineMeshLimit) -> ErrorCurve:
+    """The curve of step tolerances, on one mesh; readings state no error due to steps."""
+    reference = f"step tolerance {STRICT:g}, elements of {strict.size:.2g} mm"
+    points = [_point(f"{tolerance:g}", run, strict, math.nan, reference) for tolerance, run in solved.items()]
+    return ErrorCurve("mechanics", "step tolerance", points)
+
+
+def _point(setting: str, run: Solved, limit: FineMeshLimit, stated: float, reference: str) -> Point:
+    """The error of a reading that shares its random numbers with the limit, so that the noise of the light cancels."""
+    power = limit.truth.power
+    difference = run.readings.replicates - limit.replicates
+    return Point(
+        setting=setting,
+        seconds=run.seconds,
+        error=relative_rms(difference.mean(axis=0), power),
+        stated=stated,
+        floor=relative_rms(np.hypot(standard_error(difference), limit.change), power),
+        reference=reference,
+        runs=1,
+        readings=int((power > 0).sum()),
+    )
+
+
+def solve(
+    scene: Scene, pads: Sequence[PadRequest], size: float, step_tolerance: float = INTERPOLATION_TOLERANCE
+) -> Solved:
+    """Solve the pads of a scene without caches and read it; the error estimate is part of the mechanics."""
+    with from_nothing():
+        start = now()
+        states = [pad.state(size, step_tolerance) for pad in pads]
+        seconds = now() - start
+        ready = prepare(scene.with_mesh_size(size))
+        for pad, state in zip(_open(ready.scene, size), states, strict=True):
+            pad.take(state)
+        ready.scene.parameters_changed([])
+        readings = measure(ready, points=POINTS, seed=SEED)
+    return Solved(readings, seconds, max(len(state.mesh.tets) for state in states))
+
+
+@contextmanager
+def from_nothing() -> Iterator[None]:
+    """Ignore earlier solutions."""
+    kept = os.environ.get("MITSUBA_TAXEL_CACHE")
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["MITSUBA_TAXEL_CACHE"] = folder
+        _forget()
+        try:
+            yield
+        finally:
+            os.environ.pop("MITSUBA_TAXEL_CACHE")
+            if kept is not None:
+                os.environ["MITSUBA_TAXEL_CACHE"] = kept
+            _forget()
+
+
+def _forget() -> None:
+    clear_caches(shared, loaded_pad, mirror_images)

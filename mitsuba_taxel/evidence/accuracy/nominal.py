@@ -1,0 +1,126 @@
+"""The paper's nominal study, from nothing: four shapes under normal and tangential force, and what its slopes cost."""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from mitsuba_taxel.base.atomic import write_text
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.evidence.paper.loading import TARGET_ERROR, TARGET_SLOPE
+from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
+from mitsuba_taxel.pads import CELL_SHAPES
+
+PATHS = ("fz", "fx")
+MOST_SECONDS, MOST_MEMORY = 7200.0, 2**40
+"""For one shape; solvers reserve several times as many bytes as they use, which is what a limit would count."""
+
+HEADINGS = (
+    "cell", "along", "forces", "elements [mm]", "readings within", "slopes within", "steepest [µW/N]", "CPU s"
+)  # fmt: skip
+
+_PAGE = """\
+# The nominal study
+
+Written by `{command}`; do not edit by hand.
+
+Nine taxels of `pad.xml`, for each shape under normal force to -20 N and under tangential force along x at -8 N to
+where the paper's solver ended: readings wanted within {error:g}, slopes within {slope:g} of the steepest one. Each
+shape is measured in a process of its own with an empty cache of solutions.
+
+{table}
+
+- **forces**: steps of the force that its curves needed.
+- **readings within**, **slopes within**: worst total error of nine taxels, one standard deviation; of slopes relative
+  to the steepest taxel at the same force.
+- **CPU s**: of all processors, with the search for mesh, steps and points in the normal one; the tangential study takes
+  over points and mesh, and searches for a finer one only if its slopes miss the target. Kernels that Dr.Jit has
+  compiled before are not compiled again.
+"""
+
+
+@dataclass(frozen=True)
+class NominalRow:
+    """One shape; lists are by `PATHS`. ``failure`` says why there is no more."""
+
+    cell: str
+    forces: list[int]
+    mesh_size: list[float | None]
+    error: list[float]
+    slope: list[float]
+    steepest: list[float]
+    seconds: list[float]
+    failure: str = ""
+
+
+@dataclass(frozen=True)
+class NominalShape:
+    """The studies of one shape."""
+
+    cell: str
+
+    def measured(self) -> NominalRow:
+        from mitsuba_taxel.evidence.paper import loading
+        from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
+        from mitsuba_taxel.evidence.paper.slopes import slope_share
+
+        row = self.failed("")
+        with TemporaryDirectory() as folder:
+            store = PaperStudies(Path(folder), announce=lambda name: None)
+            for force, studied in (("fz", loading.normal), ("fx", loading.along_x)):
+                start = _processor_seconds()
+                study = studied(store, self.cell)
+                row.seconds.append(_processor_seconds() - start)
+                row.forces.append(study.sizes[force])
+                row.mesh_size.append(loading.settings_of(study)["mesh_size"])
+                row.error.append(float((study.total_error / study.power).max()))
+                row.slope.append(slope_share(study))
+                row.steepest.append(float(np.abs(study.derivative).max()))
+        return row
+
+    def failed(self, end: str) -> NominalRow:
+        return NominalRow(self.cell, [], [], [], [], [], [], end)
+
+
+def nominal(only: str | None = None, starting: Callable[[str], None] | None = None) -> Iterator[NominalRow]:
+    """Rows of the table as they are measured; ``starting`` is called with the name of each shape."""
+    for cell in CELL_SHAPES:
+        if only is None or fnmatchcase(cell, only):
+            if starting:
+                starting(cell)
+            yield measure_isolated(NominalShape(cell), MOST_SECONDS, MOST_MEMORY)
+
+
+def _processor_seconds() -> float:
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in used)
+
+
+def nominal_cells(rows: Sequence[NominalRow]) -> list[list[str]]:
+    """The rows as lines of text, below `HEADINGS`."""
+    return [line for row in rows for line in _lines(row)]
+
+
+def _lines(row: NominalRow) -> list[list[str]]:
+    if row.failure:
+        return [[row.cell, row.failure, *[""] * (len(HEADINGS) - 2)]]
+    lines = []
+    for k, force in enumerate(PATHS):
+        size = row.mesh_size[k]
+        elements = "default" if size is None else f"{size:.2g}"
+        shares = f"{row.error[k]:.2%}", f"{row.slope[k]:.2%}"
+        figures = f"{row.steepest[k] * 1e6:.4g}", f"{row.seconds[k]:.0f}"
+        lines.append([row.cell, force, str(row.forces[k]), elements, *shares, *figures])
+    return lines
+
+
+def write_page(rows: Sequence[NominalRow], file: Path, command: str) -> None:
+    """Write the rows as a page that says what its columns mean."""
+    table = markdown_table(HEADINGS, nominal_cells(rows))
+    write_text(file, _PAGE.format(command=command, table=table, error=TARGET_ERROR, slope=TARGET_SLOPE))

@@ -1,0 +1,204 @@
+"""The light: error against time of every integrator that supports a scene, with references of another family."""
+
+from __future__ import annotations
+
+import gc
+import math
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.evidence.accuracy.methods import (
+    METHODS,
+    Estimate,
+    Estimator,
+    Method,
+    estimator,
+    is_bounded,
+    offset_share,
+    stray_light,
+)
+from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point, Truth, now, relative_rms
+from mitsuba_taxel.sensing.reading.runs import derived_seed
+from mitsuba_taxel.sensing.scene.description import Scene
+
+FEWEST_SEEDS, MOST_SEEDS = 4, 16
+"""Runs with each number of samples, each with a seed of its own."""
+LARGEST_SHARE = 1 / 8
+"""Share of a method's time for runs beyond the minimum at one number of samples."""
+FIRST_SAMPLES = 1 << 7
+"""Few enough that a run takes as long as its launch."""
+REFERENCE_TIME = 4.0
+"""Time of a reference, relative to that of a method, whose longest run takes at most an eighth of its time."""
+UNBIASED = ("taxel_tracer", "taxel_path")
+"""Preferred references: their weights are bounded, and they benefit from quasi-random points."""
+SIGNIFICANT = 5.0
+"""Standard errors beyond which a deviation is reported."""
+
+
+@dataclass(frozen=True)
+class Rung:
+    """Runs of one method with one number of samples: (K, T) powers and stated errors in W, seconds of one run."""
+
+    samples: int
+    power: np.ndarray
+    stated: np.ndarray
+    seconds: float
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """What one method gave, before there is a reference; a reason in place of rungs where it cannot do the scene."""
+
+    method: Method
+    rungs: Sequence[Rung]
+    reason: str = ""
+
+    @property
+    def sees_all(self) -> bool:
+        """Whether its mean is the power of the taxels."""
+        return self.method.strategy == "all" and bool(self.rungs) and bool(self.rungs[-1].power.any())
+
+    @property
+    def scatter(self) -> float:
+        """Relative standard error of its longest runs, scaled to one second."""
+        last = self.rungs[-1]
+        return relative_rms(last.power.std(axis=0, ddof=1), last.power.mean(axis=0)) * math.sqrt(last.seconds)
+
+
+def optics_curves(scene: Scene, seconds: float, starting: Callable[[str], None]) -> tuple[list[ErrorCurve], Truth]:
+    """A curve for each method, and the reference for `taxel_tracer`.
+
+    Parameters
+    ----------
+    seconds : float
+        For each method; each of two references takes :data:`REFERENCE_TIME` times as long.
+    starting : Callable[[str], None]
+        Called with the name of each step.
+
+    Raises
+    ------
+    ComputationError
+        if no light is found, or fewer than two families of methods support the scene.
+    """
+    stray = stray_light(scene)
+    trials, references = [], {}
+    with tempfile.TemporaryDirectory() as folder:
+        for number, method in enumerate(METHODS, start=1):
+            starting(f"optics {number}/{len(METHODS)}: {method.name}")
+            trials.append(_trial(method, scene, Path(folder), stray, seconds))
+        for trial in _referees(trials):
+            starting(f"optics: reference by {trial.method.name}")
+            estimate = estimator(trial.method, scene, Path(folder), stray)
+            samples = trial.rungs[-1].samples
+            truth = reference(trial.method.name, estimate, samples, REFERENCE_TIME * seconds)
+            if not trial.method.is_ours:
+                truth = replace(truth, error=np.hypot(truth.error, offset_share(scene) * truth.power))
+            references[trial.method] = truth
+    unbounded = not is_bounded(scene)
+    curves = [_curve(trial, _other(references, trial.method), unbounded) for trial in trials]
+    return curves, _other(references, METHODS[0])
+
+
+def _trial(method: Method, scene: Scene, folder: Path, stray: float, seconds: float) -> _Trial:
+    gc.collect()  # a live scene adds its plugins to the kernels of every other
+    try:
+        estimate = estimator(method, scene, folder, stray)
+        return _Trial(method, list(rungs(estimate, seconds, method.most_samples)))
+    except InputError as reason:
+        return _Trial(method, [], str(reason))
+    except RuntimeError as reason:
+        return _Trial(method, [], str(reason).strip().splitlines()[-1])
+
+
+def rungs(estimate: Estimator, seconds: float, most_samples: int, first_samples: int = FIRST_SAMPLES) -> Iterator[Rung]:
+    """Runs with successively doubled samples, for about ``seconds`` in total.
+
+    Compilation is excluded; the seconds of runs are medians.
+    """
+    estimate(FIRST_SAMPLES, 0)
+    samples, spent, last = FIRST_SAMPLES, 0.0, 0.0
+    while samples <= most_samples and spent + 2 * FEWEST_SEEDS * last <= seconds:
+        runs: list[Estimate] = []
+        times: list[float] = []
+        while len(runs) < FEWEST_SEEDS or (len(runs) < MOST_SEEDS and sum(times) < LARGEST_SHARE * seconds):
+            start = now()
+            runs.append(estimate(samples, derived_seed(samples, len(runs))))
+            times.append(now() - start)
+        last = float(np.median(times))
+        spent += last * len(runs)
+        yield Rung(samples, np.array([run.power for run in runs]), np.array([run.stated for run in runs]), last)
+        samples *= 2
+
+
+def reference(name: str, estimate: Estimator, samples: int, seconds: float) -> Truth:
+    """The mean of runs of ``samples`` samples, for ``seconds`` and at least :data:`FEWEST_SEEDS` runs."""
+    powers: list[np.ndarray] = []
+    start = now()
+    while len(powers) < FEWEST_SEEDS or now() - start < seconds:
+        powers.append(estimate(samples, derived_seed(samples, MOST_SEEDS + len(powers))).power)
+    return Truth(np.mean(powers, axis=0), standard_error(np.array(powers)), name)
+
+
+def _referees(trials: Sequence[_Trial]) -> list[_Trial]:
+    """Two methods of different families: those of :data:`UNBIASED`, then those with the least noise."""
+    best: dict[str, _Trial] = {}
+    for trial in sorted((trial for trial in trials if trial.sees_all), key=_preference):
+        best.setdefault(trial.method.integrator, trial)
+    if len(best) < 2:
+        reasons = "; ".join(f"{trial.method.name}: {trial.reason or 'no light found'}" for trial in trials)
+        raise ComputationError(f"fewer than two independent methods can do the scene, and none is judged: {reasons}.")
+    return list(best.values())[:2]
+
+
+def _preference(trial: _Trial) -> tuple[bool, float]:
+    return trial.method.integrator not in UNBIASED, trial.scatter
+
+
+def _other(references: Mapping[Method, Truth], method: Method) -> Truth:
+    return next(truth for known, truth in references.items() if known.integrator != method.integrator)
+
+
+def _curve(trial: _Trial, truth: Truth, unbounded: bool) -> ErrorCurve:
+    method = trial.method
+    points = [rung_point(rung, truth) for rung in trial.rungs]
+    remarks = [trial.reason] if trial.reason else []
+    if unbounded and method.integrator == "path":
+        remarks.append("isotropic walls give paths from the detector weights without bound: the error may fall slowly")
+    if trial.rungs and not trial.rungs[-1].power.any():
+        return ErrorCurve("optics", method.name, [], remark="it finds no light here")
+    off, z = _bias(trial.rungs, truth) if trial.rungs else (0.0, 0.0)
+    if abs(z) > SIGNIFICANT:
+        remarks.append(f"off by {off:+.1g} of the reference ({z:+.0f} standard errors)")
+    return ErrorCurve("optics", method.name, points, launched=True, remark="; ".join(remarks))
+
+
+def rung_point(rung: Rung, truth: Truth) -> Point:
+    """Runs with one number of samples, compared with a reference."""
+    return Point(
+        setting=f"{rung.samples} samples",
+        seconds=rung.seconds,
+        error=relative_rms(rung.power - truth.power, truth.power),
+        stated=relative_rms(rung.stated, truth.power),
+        floor=truth.floor,
+        reference=truth.name,
+        runs=len(rung.power),
+        readings=len(rung.power) * int((truth.power > 0).sum()),
+    )
+
+
+def _bias(rungs: Sequence[Rung], truth: Truth) -> tuple[float, float]:
+    """Mean relative deviation of all runs, by their samples, and the same in standard errors of runs and reference."""
+    lit = truth.power > 0
+    runs = np.concatenate([(rung.power[:, lit] / truth.power[lit] - 1).mean(axis=1) for rung in rungs])
+    weight = np.concatenate([np.full(len(rung.power), float(rung.samples)) for rung in rungs])
+    mean = np.average(runs, weights=weight)
+    scatter = math.sqrt(np.sum((weight * (runs - mean)) ** 2)) / weight.sum()
+    known = float(np.linalg.norm(truth.error[lit] / truth.power[lit])) / lit.sum()
+    error = math.hypot(scatter, known)
+    return float(mean), float(mean / error) if error else 0.0

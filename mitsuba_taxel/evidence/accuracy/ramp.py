@@ -1,0 +1,58 @@
+"""Processor time of a ramp in many rows: of a viscoelastic pad, and of an elastic one, interpolated or not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.evidence.accuracy.mechanics import from_nothing
+from mitsuba_taxel.mechanics import NeoHookean, Viscoelastic, load_path
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE
+from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic
+from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+from mitsuba_taxel.mechanics.path.pad_path import pad_path
+from mitsuba_taxel.mechanics.path.timed_path import TimedPath
+from mitsuba_taxel.pads import Pad
+
+ROWS, FORCE, DURATION = 40, -10.0, 20.0
+"""Number of rows; N and s at the last one."""
+SERIES = ((0.2, 1.0), (0.1, 10.0))
+
+
+class Ramp(NamedTuple):
+    """CPU seconds of the rows of a ramp, from an empty cache but for the mesh: of a viscoelastic pad, of an elastic one
+    between whose few solved states the rows are interpolated, and of an elastic one solved at each row."""
+
+    viscoelastic: float
+    elastic: float
+    each: float
+
+
+def ramp(pad: Pad) -> Ramp:
+    """The three times for a pad."""
+    law, size = NeoHookean(), pad.default_mesh_size
+    values = FORCE * np.arange(1, ROWS + 1)[:, None] / ROWS * [0.0, 0.0, 1.0]
+    times = DURATION * np.arange(1, ROWS + 1) / ROWS
+    rows = tuple((float(at), tuple(value.tolist())) for at, value in zip(times, values, strict=True))
+
+    def each() -> None:
+        path = TimedPath(pad_path(pad, law, SPREAD_FORCE, size), Elastic(law))
+        for count in range(1, ROWS + 1):
+            path.state(rows[:count])
+
+    return Ramp(
+        _cpu_seconds(pad, size, lambda: load_path(pad, Viscoelastic(law, SERIES), values, times=times, mesh_size=size)),
+        _cpu_seconds(pad, size, lambda: load_path(pad, law, values, mesh_size=size)),
+        _cpu_seconds(pad, size, each),
+    )
+
+
+def _cpu_seconds(pad: Pad, mesh_size: float, run: Callable[[], object]) -> float:
+    with from_nothing():
+        pad_mesh(pad, mesh_size)
+        start = time.process_time()
+        run()
+        return time.process_time() - start

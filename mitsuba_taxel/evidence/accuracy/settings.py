@@ -1,0 +1,228 @@
+"""Error against time of what sensors are read by, in a few settings: light without random numbers over the size of its
+patches, random paths over their number, touch over its depth, and derivatives over either."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from mitsuba_taxel.base.caches import clear_caches
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.evidence.accuracy.mechanics import from_nothing
+from mitsuba_taxel.evidence.accuracy.methods import Estimate, Estimator, of_readings
+from mitsuba_taxel.evidence.accuracy.optics import Rung, reference, rung_point, rungs
+from mitsuba_taxel.evidence.accuracy.plot import plot_accuracy
+from mitsuba_taxel.evidence.accuracy.tables import write_csv
+from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point, Truth, now, relative_rms
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement
+from mitsuba_taxel.mechanics.surface.finish import LayerSteps
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.sensing import PadSensor, Scene, measure
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
+from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.diffuse.deterministic_light import deterministic_light
+from mitsuba_taxel.sensing.diffuse.diffuse_cells import kept_cell
+from mitsuba_taxel.sensing.reading.runs import MOST_POINTS, REPLICATES, Prepared, prepare
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+from mitsuba_taxel.specification.annular_led import AnnularLed
+from mitsuba_taxel.specification.photo_reflector import PhotoReflector
+from mitsuba_taxel.specification.wall import Wall
+from mitsuba_taxel.studies.plan.files import make_folder
+
+PATCHES = (2.0, 1.4, 1.0, 0.7)
+"""Sizes of patches, relative to the default."""
+BALL_RADIUS, DEPTHS, FINE = 2.0, (0.1, 0.2, 0.4), 0.7
+"""Of the ball and its depths, and size of the elements of its truth, in mm."""
+FORCE = -1.0
+"""N on the pad whose derivative by it is taken."""
+SLOPE_POINTS, SLOPE_SEEDS = (256, 1024, 4096), 2
+"""Points per replicate of derivatives by random paths, and runs with each."""
+FACETS_POINTS = 4096
+"""Points per replicate of the reading that states the error of triangles."""
+LONGER, LONGER_SLOPES = 32, 8
+"""Samples of a run of a reference, relative to those of the longest run that it judges."""
+LONGEST = MOST_POINTS * REPLICATES // LONGER
+WITHOUT, PATHS = "without random numbers", "random paths"
+
+Starting = Callable[[str], None]
+
+
+def settings() -> dict[str, Callable[[float, Starting], list[ErrorCurve]]]:
+    """Functions that measure the curves of each setting, given the seconds for each curve of random paths."""
+    grey, sides = Wall("lambertian", 0.9), Wall("lambertian", 0.5)
+    narrow = PhotoReflector(led=AnnularLed(cone_angle=1.0))
+    dome, box = Pad("hemispheric", 1, 1), Pad("parallelepiped", 1, 1)
+    plate = partial(Scene.from_file, "plate.xml", scattering="lambertian")
+    printed = PadSensor(Pad("cylindrical", 1, 1), roof=grey, side=sides, finish=LayerSteps(0.2))
+    return {
+        "plate": partial(_light, plate, False),
+        "box": partial(_light, PadSensor(box, roof=grey, side=sides).scene, True),
+        "dome": partial(_light, PadSensor(dome, roof=Wall("isotropic", 0.9)).scene, True),
+        "narrow beam": partial(_light, PadSensor(box, roof=grey, photo_reflector=narrow).scene, True),
+        "mirror dome": partial(_light, PadSensor(dome, roof=Wall("mirror", 0.9)).scene, False),
+        "rough mirror dome": partial(
+            _light, PadSensor(dome, roof=Wall("rough_mirror", 0.9, rms_slope=2.0)).scene, False
+        ),
+        "printed steps": partial(_light, printed.scene, False),
+        "slope of a dome": partial(
+            _slope, PadSensor(dome, force=(0, 0, FORCE), roof=Wall("isotropic", 0.9)).scene, True
+        ),
+        "slope of a mirror dome": partial(
+            _slope, PadSensor(dome, force=(0, 0, FORCE), roof=Wall("mirror", 0.9)).scene, False
+        ),
+        "ball by depth": _touch,
+    }
+
+
+def settings_accuracy(folder: Path, seconds: float, starting: Starting = lambda step: None) -> list[ErrorCurve]:
+    """Measure all settings, and write ``accuracy.csv``, ``accuracy.png`` and ``accuracy.svg`` to a folder.
+
+    Parameters
+    ----------
+    seconds : float
+        Of all processors together, for each curve of random paths; derivatives take some 20 s, whatever it is.
+    starting : Callable[[str], None]
+        Called with the name of each step.
+
+    Raises
+    ------
+    InputError
+        if the time is not allowed, or the folder cannot be written to.
+    """
+    if not 0 < seconds < math.inf:
+        raise InputError(f"seconds = {seconds} is not allowed: a finite number above 0 is needed.")
+    make_folder(folder)
+    curves: list[ErrorCurve] = []
+    for name, measured in settings().items():
+        starting(name)
+        curves += [replace(curve, part=name) for curve in measured(seconds, starting)]
+        write_csv(curves, folder / "accuracy.csv")
+    titles = {name: name for name in settings()}
+    plot_accuracy(curves, "What sensors are read by", folder, titles, labelled=tuple(titles))
+    return curves
+
+
+def _light(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, starting: Starting) -> list[ErrorCurve]:
+    """Readings by random paths, and without random numbers if all walls are diffuse, against many more paths."""
+    ready = prepare(scene())
+    estimate = of_readings(ready)
+    paths, truth = _over_paths(estimate, seconds, starting)
+    # Triangles of the paths are not the curved walls themselves.
+    facets = measure(ready, points=FACETS_POINTS).geometry_error
+    truth = replace(truth, error=np.hypot(truth.error, facets))
+    curves = [ErrorCurve("", PATHS, [rung_point(rung, truth) for rung in paths], launched=True)]
+    if is_diffuse:
+
+        def by_patches(size: float) -> Estimate | None:
+            found = deterministic_light(ready.scene, False, size)
+            return None if found is None else Estimate(found.power, found.error)
+
+        curves.append(_over_patches(by_patches, ready, truth, starting))
+    return curves
+
+
+def _slope(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, starting: Starting) -> list[ErrorCurve]:
+    """Derivatives by the force along z, the mechanics of which is the same in all: errors are those of the light.
+
+    Derivatives are negative where readings fall, and curves are of their magnitudes.
+    """
+    described = scene()
+    ready, change = prepare(described), rates(described, "fz")
+    powers = measure(ready, points=1024, mechanics_error=False).replicates
+
+    def by_paths(points: int, seed: int) -> Estimate:
+        found = derivatives_of_paths([change], ready, powers, seed, points, True)
+        return Estimate(np.abs(found.values[:, 0]), found.standard_errors[:, 0])
+
+    starting("reference")
+    long = [by_paths(LONGER_SLOPES * SLOPE_POINTS[-1], seed) for seed in range(SLOPE_SEEDS)]
+    stated = np.linalg.norm([run.stated for run in long], axis=0) / SLOPE_SEEDS
+    truth = Truth(np.mean([run.power for run in long], axis=0), stated, PATHS)
+    points = []
+    for count in SLOPE_POINTS:
+        starting(f"{PATHS}, {count} points")
+        start = now()
+        runs = [by_paths(count, SLOPE_SEEDS + seed) for seed in range(SLOPE_SEEDS)]
+        power, error = (np.array(each) for each in zip(*runs, strict=True))
+        points.append(_point(f"{count} points", power, error, (now() - start) / SLOPE_SEEDS, truth))
+    curves = [ErrorCurve("", PATHS, points)]
+    if is_diffuse:
+
+        def by_patches(size: float) -> Estimate:
+            found = derivatives_by([change], ready.scene, patch_size=size)
+            return Estimate(np.abs(found.values[:, 0]), found.standard_errors[:, 0])
+
+        curves.append(_over_patches(by_patches, ready, truth, starting))
+    return curves
+
+
+def _over_paths(estimate: Estimator, seconds: float, starting: Starting) -> tuple[list[Rung], Truth]:
+    """Runs with more and more samples, and the mean of few long ones with other random numbers: its error falls faster
+    than that of many short ones."""
+    starting(PATHS)
+    found = list(rungs(estimate, seconds, LONGEST))
+    starting("reference")
+    return found, reference(PATHS, estimate, LONGER * found[-1].samples, seconds)
+
+
+def _over_patches(
+    estimate: Callable[[float], Estimate | None], ready: Prepared, truth: Truth, starting: Starting
+) -> ErrorCurve:
+    """Light without random numbers over the size of patches, each from nothing but compiled code."""
+    usual = deformed_pads(ready.scene)[0].pad.default_mesh_size
+    points, remarks = [], []
+    estimate(PATCHES[0] * usual)  # compiles
+    for share in PATCHES:
+        size = share * usual
+        starting(f"{WITHOUT}, patches of {size:.2g} mm")
+        clear_caches(kept_cell)
+        start = now()
+        try:
+            found = estimate(size)
+        except ComputationError as error:
+            remarks.append(f"{size:.2g} mm: {error}")
+            continue
+        if found is None:
+            remarks.append(f"patches of {size:.2g} mm: too many, or too much light is hidden")
+        else:
+            points.append(_point(f"{size:.2g} mm", found.power, found.stated, now() - start, truth))
+    return ErrorCurve("", WITHOUT, points, remark="; ".join(remarks))
+
+
+def _touch(seconds: float, starting: Starting) -> list[ErrorCurve]:
+    """Readings of a cell below a ball with default settings, against elements of half the size."""
+    points = []
+    for depth in DEPTHS:
+        starting(f"depth {depth:g} mm")
+        load = IndenterDisplacement(Indenter("sphere", radius=BALL_RADIUS))
+        pad, roof = Pad("cylindrical", 1, 1), Wall("lambertian", 0.9)
+        scene = PadSensor(pad, force=(0, 0, -depth), load=load, roof=roof).scene()
+        with from_nothing():
+            clear_caches(kept_cell)
+            start = now()
+            found = measure(scene)
+            spent = now() - start
+            fine = measure(scene.with_mesh_size(FINE))
+        truth = Truth(fine.power, fine.total_error, f"elements of {FINE:g} mm")
+        points.append(_point(f"{depth:g} mm", found.power, found.total_error, spent, truth))
+    return [ErrorCurve("", "default elements, by depth", points)]
+
+
+def _point(setting: str, power: np.ndarray, stated: np.ndarray, seconds: float, truth: Truth) -> Point:
+    return Point(
+        setting=setting,
+        seconds=seconds,
+        error=relative_rms(power - truth.power, truth.power),
+        stated=relative_rms(stated, truth.power),
+        floor=truth.floor,
+        reference=truth.name,
+        runs=len(np.atleast_2d(power)),
+        readings=power.size,
+    )

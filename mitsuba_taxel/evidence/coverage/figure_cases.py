@@ -1,0 +1,231 @@
+"""Scenes drawn at random whose figures of merit at three target errors are compared with those on finer elements."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.polynomial import Chebyshev
+
+from mitsuba_taxel.base.convergence import ORDER
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.characterise import characteristics, simulated_experiments
+from mitsuba_taxel.evidence.coverage.figure_row import FIGURES, TARGETS, FigureRow
+from mitsuba_taxel.mechanics import MooneyRivlin, NeoHookean, Viscoelastic
+from mitsuba_taxel.mechanics.results.roof_error import size_ratio
+from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
+from mitsuba_taxel.sensing import PadSensor
+from mitsuba_taxel.specification.annular_led import AnnularLed
+from mitsuba_taxel.specification.photo_reflector import PhotoReflector
+from mitsuba_taxel.specification.wall import Wall
+from mitsuba_taxel.studies import sweep
+from mitsuba_taxel.studies.plan.batch import make_batch
+from mitsuba_taxel.studies.run.pool import open_pool
+from mitsuba_taxel.studies.run.study import run_batch
+
+SEED, CASES = 53, 40
+TRIES = 100
+LOADS = 8
+OTHER_KINDS = {4: "tangential force", 7: "random paths", 9: "viscoelastic"}
+"""Of ten scenes by their last digit; the others are under a normal force."""
+STRAINS = (0.008, 0.04)
+"""Range of the largest pressure over Young's modulus."""
+STEP = math.sqrt(2)
+"""Ratio of the sizes of elements from which the truth is extrapolated."""
+FINE = 0.6
+"""Largest size in mm of the finest elements of the truth."""
+POINTS = 1 << 14
+"""Random paths of the truth for each taxel and replicate, where light needs them."""
+OTHER_SEED = 7
+"""Of these: that of the sweeps is 0."""
+
+
+@dataclass(frozen=True)
+class FigureCase:
+    """A scene with the loads of its sweep.
+
+    Attributes
+    ----------
+    sensor : PadSensor
+    vary, together : dict[str, list of float]
+        Loads as for `sweep`.
+    """
+
+    name: str
+    sensor: PadSensor
+    vary: Mapping[str, list[float]]
+    together: Mapping[str, list[float]]
+
+    def measured(self) -> Any:
+        """The row, measured in this process."""
+        began = time.process_time()
+        numbers: dict[str, float] = {}
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                file = Path(folder) / "scene.xml"
+                self.sensor.scene().write_xml(file)
+                for target, error in TARGETS.items():
+                    study = sweep(file, self.vary, together=self.together, target_error=error)
+                    for figure, (value, stated) in _figures(study).items():
+                        numbers |= {f"{figure}_{target}_value": value, f"{figure}_{target}_error": stated}
+                seconds = time.process_time() - began
+                size = study.attrs.get("mesh_size") or self.sensor.pad.default_mesh_size
+                fine = min(size / STEP, FINE)
+                numbers |= self._truth(file, fine, study)
+        except (ComputationError, InputError) as error:
+            return FigureRow(self.name, str(error))
+        return FigureRow(self.name, "", seconds, time.process_time() - began - seconds, fine, **numbers)
+
+    def failed(self, end: str) -> Any:
+        """The row of a process that returned none."""
+        return FigureRow(self.name, end)
+
+    def _truth(self, file: Path, fine: float, study: xr.Dataset) -> dict[str, float]:
+        """Figures in the limit of small elements, and their change from the finest ones, ``fine`` mm."""
+        random = POINTS if study.attrs["points"] else None
+        seed = OTHER_SEED if random else 0
+        power = []
+        with open_pool() as pool:
+            for size in (fine * STEP, fine):
+                batch = make_batch(file, self.vary, together=self.together, mesh_size=size, points=random, seed=seed)
+                found = run_batch(replace(batch, bare=True), pool, None)
+                power.append(found.replicate_power)
+        coarse, smallest = power
+        ratio = size_ratio(*(self.sensor.pad.mesh(size) for size in (fine, fine * STEP)))
+        limit = smallest + (smallest - coarse) / (ratio**ORDER - 1)
+        smooth = "derivative" in study
+        true, finest = (_true_figures(found.assign(replicate_power=values), smooth) for values in (limit, smallest))
+        numbers = {f"{name}_further": true[name][0] - finest[name][0] for name in true}
+        for name, (value, noise) in true.items():
+            numbers |= {f"{name}_true": value, f"{name}_noise": noise}
+        return numbers
+
+
+def _figures(study: xr.Dataset) -> dict[str, tuple[float, float]]:
+    """Value and stated error of the figures of the first taxel's first run of growing force."""
+    found = simulated_experiments(study)
+    table = characteristics(found.experiments, found.off)
+    rows = table[(table.taxel == 1) & (table.loading == 1) & table.figure.isin(FIGURES)]
+    return {row.figure: (row.value, row.error) for row in rows.itertuples()}
+
+
+def _true_figures(study: xr.Dataset, smooth: bool) -> dict[str, tuple[float, float]]:
+    """The same of readings in the limit, whose only error is the noise of random paths.
+
+    Where the sweep has derivatives, its slopes are those of a curve; here of the polynomial through all readings, as
+    the loads are those at which it does not oscillate.
+    """
+    figures = _figures(study)
+    if smooth:
+        (name,) = (str(dim) for dim in study.replicate_power.dims if dim not in ("replicate", "taxel"))
+        force, power = study[name].values, study.replicate_power.mean("replicate").isel(taxel=0).values
+        rates = Chebyshev.fit(force, power, len(force) - 1).deriv()
+        most = rates(np.linspace(force.min(), force.max(), 1001))
+        figures |= {"max_slope": (float(most[np.abs(most).argmax()]), 0.0), "zero_slope": (float(rates(0.0)), 0.0)}
+    return figures
+
+
+def figure_cases(seed: int = SEED) -> list[FigureCase]:
+    """The rows of the table, in its order; the same for a seed."""
+    random = np.random.default_rng(seed)
+    return [*(_drawn(random, number) for number in range(1, CASES + 1)), _thin_roof()]
+
+
+def _thin_roof() -> FigureCase:
+    """A scene of an earlier draw, whose default elements and those of twice their size have a single layer in the roof:
+    their difference tells a third of the error."""
+    pad = Pad("parallelepiped", 1, 1, pitch=3.97, wall=0.96, height=2.76, cell_size=3.01, cell_height=1.55)
+    reflector = PhotoReflector(led=AnnularLed(law="cosine_power", exponent=4.0))
+    roof = Wall(scattering="isotropic", reflectance=0.82)
+    sensor = PadSensor(pad, NeoHookean(1.19), photo_reflector=reflector, roof=roof)
+    name = "41 thin roof: parallelepiped, 1 x 1, 3.01 mm, roof 1.21 mm, 1.19 MPa, -0.38 N"
+    return FigureCase(name, sensor, {"fz": _loads(-0.38)}, {})
+
+
+def _loads(largest: float) -> list[float]:
+    """Loads from 0 on at which a polynomial through all readings does not oscillate: Chebyshev's, with both ends."""
+    return [round(largest * share, 5) + 0.0 for share in (1 - np.cos(np.linspace(0, np.pi, LOADS))) / 2]
+
+
+def _drawn(random: np.random.Generator, number: int) -> FigureCase:
+    """A scene, drawn again until its parts fit."""
+    kind = OTHER_KINDS.get(number % 10, "normal force")
+    cell = CELL_SHAPES[(number - 1) % len(CELL_SHAPES)]
+    for _ in range(TRIES):
+        try:
+            return _with_loads(random, number, kind, *_sensor(random, kind, cell))
+        except InputError:
+            continue
+    raise AssertionError(f"no {cell} cell fits")
+
+
+def _sensor(random: np.random.Generator, kind: str, cell: str) -> tuple[PadSensor, str]:
+    """A sensor, and its parts in words."""
+    size, wall = round(random.uniform(2.0, 3.4), 2), round(random.uniform(0.7, 1.5), 2)
+    columns = 2 if kind == "normal force" and random.random() < 0.1 else 1
+    roof = round(random.uniform(1.0, 3.0), 2)
+    cell_height = 0.5 + size / 2 if cell == "hemispheric" else round(random.uniform(1.2, 2.2), 2)
+    pad = Pad(
+        cell, 1, columns, pitch=round(size + wall, 2), wall=wall, height=round(cell_height + roof, 2), cell_size=size,
+        cell_height=None if cell == "hemispheric" else cell_height,
+    )  # fmt: skip
+    law = str(random.choice(["uniform_solid_angle", "lambertian", "cosine_power"], p=[0.4, 0.3, 0.3]))
+    more: dict[str, dict[str, Any]] = {
+        "uniform_solid_angle": {"cone_angle": round(random.uniform(30, 90))},
+        "cosine_power": {"exponent": 4.0},
+    }
+    led = AnnularLed(law=law, **more.get(law, {}))
+    walls = {part: _wall(random) for part in ("roof", "side")}
+    if random.random() < 0.8:  # scenes whose sides reflect take some minutes each
+        walls["side"] = Wall(scattering="absorbing")
+    if kind == "random paths":
+        slope = round(random.uniform(5, 20), 1)
+        walls["roof"] = Wall(scattering="rough_mirror", reflectance=0.9, rms_slope=slope)
+    modulus = round(math.exp(random.uniform(math.log(0.3), math.log(3.0))), 2)
+    material: Any = NeoHookean(modulus) if random.random() < 0.7 else MooneyRivlin(0.15 * modulus, modulus / 60)
+    if kind == "viscoelastic":
+        material = Viscoelastic(material, ((0.15, 2.0), (0.1, 20.0)))
+    spacing = round(random.uniform(0.6, 0.9), 2)
+    reflector = PhotoReflector(spacing=spacing, led=led)
+    sensor = PadSensor(pad, material, photo_reflector=reflector, roof=walls["roof"], side=walls["side"])
+    name = (
+        f"{cell}, 1 x {columns}, {size:g} mm, walls {wall:g} mm, roof {roof:g} mm, "
+        f"{type(getattr(material, 'law', material)).__name__} {modulus:g} MPa, LED {law}, roof "
+        f"{_words(walls['roof'])}, sides {_words(walls['side'])}"
+    )
+    return sensor, name
+
+
+def _wall(random: np.random.Generator) -> Wall:
+    scattering = str(random.choice(["lambertian", "isotropic"]))
+    return Wall(scattering=scattering, reflectance=round(random.uniform(0.4, 0.95), 2))
+
+
+def _words(wall: Wall) -> str:
+    return wall.scattering if wall.scattering == "absorbing" else f"{wall.scattering} {wall.reflectance:g}"
+
+
+def _with_loads(random: np.random.Generator, number: int, kind: str, sensor: PadSensor, name: str) -> FigureCase:
+    """The case, with loads that compress the pad by some percent."""
+    x, y, _ = sensor.pad.extent
+    law: Any = getattr(sensor.material, "law", sensor.material)
+    modulus = law.youngs_modulus
+    largest = -float(f"{math.exp(random.uniform(*np.log(STRAINS))) * modulus * x * y:.2g}")
+    loads = _loads(largest)
+    vary: dict[str, list[float]] = {"fz": loads}
+    together: dict[str, list[float]] = {}
+    if kind == "tangential force":
+        sensor, vary = replace(sensor, force=(0.0, 0.0, largest)), {"fx": [-round(load / 3, 5) + 0.0 for load in loads]}
+    elif kind == "viscoelastic":
+        half = loads[::2] if LOADS % 2 else loads[1::2]
+        up = [0.0, *half]
+        path = [*up, *up[-2::-1]]
+        vary, together = {}, {"time": [2.0 * i for i in range(len(path))], "fz": path}
+    return FigureCase(f"{number:02d} {kind}: {name}, {largest:g} N", sensor, vary, together)

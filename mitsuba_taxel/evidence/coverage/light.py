@@ -1,0 +1,83 @@
+"""The table of readings with and without random numbers, of optical configurations drawn at random."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from statistics import median
+
+from mitsuba_taxel.base.atomic import write_text
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.evidence.coverage.light_cases import DERIVED, TIGHT, light_cases
+from mitsuba_taxel.evidence.coverage.light_row import LightRow
+from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
+from mitsuba_taxel.evidence.rows.row import cells, headings
+from mitsuba_taxel.evidence.rows.row_files import ResumedTable
+
+ALLOWED, TWICE = 3.0, 2.0
+"""Combined errors within which all readings should agree, and 95 % of them."""
+SECONDS, MEGABYTES = 30.0, 3000.0
+"""Most time and memory of a reading."""
+
+_PAGE = """\
+# Light of random configurations
+
+Written by `{command}`; do not edit by hand.
+
+Unloaded and loaded pads of one cell, with laws of the LED (cones of 0.05 to 90 degrees, powers of the cosine up to a
+million, tables), responses, walls, sizes and dies drawn at random from a seed. Each is read as by default, and by
+random paths alone, which need neither patches nor their rules.
+
+**{summary}**
+
+{table}
+
+- **random paths**: whether the default reading needs them; if not, it has no noise.
+- **deviation**: of the default reading from that of random paths, relative; **stated**, **noise**: stated errors of
+  the two, of random paths by noise and by triangles. **combined errors**: the deviation in units of the root of the sum
+  of their squares.
+- **slope**: the same of the derivative by {derived} that deviates most in these units, relative to the reading per mm.
+- **CPU s**, **MB**: time of all processors at the default and to {tight:.1%}, with compilation, and peak memory.
+"""
+
+
+def light(
+    only: str | None = None,
+    csv_file: Path | None = None,
+    markdown: Path | None = None,
+    starting: Callable[[int, int, str], None] | None = None,
+) -> Iterator[LightRow]:
+    """Rows of the table as they are measured, each in a process of its own; see `ResumedTable.rows`."""
+    made = ResumedTable("light", light_cases(), LightRow, lambda case: measure_isolated(case), write_page)
+    return made.rows(only, csv_file, markdown, starting)
+
+
+def summary(rows: Sequence[LightRow]) -> str:
+    """Sentences with the numbers of readings within their errors, and the costs."""
+    read = [row for row in rows if not row.remark]
+    if not read:
+        return f"None of {len(rows)} configurations could be read."
+    quiet = [row for row in read if row.random == "no"]
+    resolved = [row.stated / abs(row.off) for row in quiet if row.off and row.noise < row.stated]
+    slopes = [row for row in read if row.slope_deviates == row.slope_deviates]
+    dear = sum(max(row.seconds, row.tight_seconds) > SECONDS or row.megabytes > MEGABYTES for row in read)
+    sentences = [
+        f"{sum(row.deviates <= ALLOWED for row in read)} of {len(read)} readings agree within {ALLOWED:g} combined "
+        f"errors, {sum(row.deviates <= TWICE for row in read)} within {TWICE:g}; {len(quiet)} need no random paths",
+    ]
+    if resolved:
+        sentences.append(f"their stated error is {median(resolved):.1f} times the deviation in the median")
+    sentences.append(
+        f"{sum(row.slope_deviates <= ALLOWED for row in slopes)} of {len(slopes)} slopes agree within {ALLOWED:g}"
+    )
+    sentences.append(f"{dear} readings take more than {SECONDS:g} CPU s or {MEGABYTES / 1000:g} GB")
+    if len(read) < len(rows):
+        sentences.append(f"{len(rows) - len(read)} configurations could not be read")
+    return "; ".join(sentences) + "."
+
+
+def write_page(rows: Sequence[LightRow], file: Path, command: str) -> None:
+    """Write the rows as a page with an explanation of its columns."""
+    table = markdown_table(headings(LightRow), map(cells, rows), ("configuration", "random paths", "remark"))
+    derived = " or ".join(f"`{name}`" for name in DERIVED)
+    write_text(file, _PAGE.format(command=command, summary=summary(rows), table=table, derived=derived, tight=TIGHT))

@@ -1,0 +1,89 @@
+"""Extreme cases of bodies from files, which are written where they are measured."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.evidence.extremes.case import Case, with_flaw
+from mitsuba_taxel.evidence.extremes.cases import CELL
+from mitsuba_taxel.evidence.extremes.table_case import TableCase
+from mitsuba_taxel.evidence.rows.row import MechanicsRow
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+SIDE = 2.0
+"""Of the bodies in mm."""
+DEPTH = 0.3
+"""To which they are pressed, in mm."""
+
+
+@dataclass(frozen=True)
+class SolidCase(TableCase):
+    """One row of the table, for a cell that is pressed by a body from an STL file.
+
+    Attributes
+    ----------
+    solid : Callable[[], Trimesh]
+        The body, in mm.
+    tilt : float
+        By which it leans, in degrees.
+    refused : bool
+        Whether it must be refused.
+    """
+
+    ROW = MechanicsRow
+    name: str
+    solid: Callable[[], Trimesh]
+    tilt: float = 0.0
+    refused: bool = False
+
+    def measured(self) -> MechanicsRow:
+        """The row, measured in this process."""
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "body.stl")
+            self.solid().export(file)
+            try:
+                load = IndenterDisplacement(Indenter(file=str(file), tilt=self.tilt))
+            except InputError as error:
+                said = str(error).replace(str(file), file.name)
+                return with_flaw(MechanicsRow(self.name, f"refused: {said}"), self.refused)
+            return Case(self.name, CELL, load=load, value=(0.0, 0.0, -DEPTH), refused=self.refused).measured()
+
+
+def solid_cases() -> list[SolidCase]:
+    """Sharp edges and corners, and a surface that is open."""
+    return [
+        SolidCase("pressed by a box from a file, with its edge", _box, tilt=45.0),
+        SolidCase("pressed by a pyramid from a file, with its tip", _pyramid),
+        SolidCase("pressed by an open box from a file", _open_box, refused=True),
+    ]
+
+
+def _box() -> Trimesh:
+    import trimesh  # here and below, as nothing else in the table needs it
+
+    return trimesh.creation.box((SIDE, SIDE, SIDE))
+
+
+def _pyramid() -> Trimesh:
+    """Upside down."""
+    import trimesh
+
+    corners = SIDE / 2 * np.array([[0, 0, 0], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]])
+    return trimesh.convex.convex_hull(corners)
+
+
+def _open_box() -> Trimesh:
+    box = _box()
+    box.update_faces(box.face_normals[:, 2] < 0.5)
+    return box

@@ -1,0 +1,66 @@
+"""The tables of extreme cases of mechanics, readings and circuits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.evidence.extremes.cases import stability_cases
+from mitsuba_taxel.evidence.extremes.circuit_cases import circuit_cases
+from mitsuba_taxel.evidence.extremes.reading_cases import reading_cases
+from mitsuba_taxel.evidence.extremes.solid_cases import solid_cases
+from mitsuba_taxel.evidence.extremes.tables import AnyRow, write_csv, write_markdown
+from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
+from mitsuba_taxel.evidence.rows.row_files import NamedCase, chosen
+from mitsuba_taxel.studies.plan.files import check_new_file
+
+
+def stability(
+    only: str | None = None,
+    csv: Path | None = None,
+    markdown: Path | None = None,
+    starting: Callable[[int, int, str], None] | None = None,
+) -> Iterator[AnyRow]:
+    """Rows of the tables as they are measured, each in a process of its own; files hold those measured so far.
+
+    Parameters
+    ----------
+    only : str, optional
+        Pattern for a part of the cases' names, with the wildcards * and ?.
+    csv, markdown : Path, optional
+        Output files.
+    starting : Callable[[int, int, str], None], optional
+        Called with (number of a case, total number, its name).
+
+    Raises
+    ------
+    InputError
+        if no case matches, or a file cannot be written.
+    """
+    every: list[NamedCase] = [*stability_cases(), *solid_cases(), *reading_cases(), *circuit_cases()]
+    cases = chosen(every, only)
+    for file, suffix in ((csv, ".csv"), (markdown, ".md")):
+        if file:
+            check_new_file(file, suffix)
+    rows: list[AnyRow] = []
+    for number, case in enumerate(cases, start=1):
+        if starting:
+            starting(number, len(cases), case.name)
+        rows.append(measure_isolated(case))
+        if csv:
+            write_csv(rows, csv)
+        if markdown:
+            write_markdown(rows, markdown, _command(only, markdown))
+        yield rows[-1]
+
+
+def check(rows: Sequence[AnyRow]) -> None:
+    """Raise `ComputationError` if a row is wrong or missing."""
+    wrong = [row.case for row in rows if row.wrong]
+    if wrong:
+        raise ComputationError(f"{len(wrong)} of {len(rows)} rows are wrong: {'; '.join(wrong)}.")
+
+
+def _command(only: str | None, markdown: Path) -> str:
+    return f"taxel bench stability {f'--only {only!r} ' if only else ''}--markdown {markdown}"

@@ -1,0 +1,116 @@
+"""Rows as files: CSV in full precision, and a page of Markdown."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+
+from mitsuba_taxel.base.atomic import replacing, write_text
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.evidence.extremes.case import MESH_SIZE
+from mitsuba_taxel.evidence.extremes.circuit_cases import MOST_DIFFERENCE
+from mitsuba_taxel.evidence.extremes.circuit_row import CircuitRow
+from mitsuba_taxel.evidence.extremes.reading_row import MOST_DEVIATIONS, ReadingRow
+from mitsuba_taxel.evidence.rows.isolated_process import MOST_MEMORY, MOST_SECONDS
+from mitsuba_taxel.evidence.rows.row import MechanicsRow, cells, headings
+from mitsuba_taxel.mechanics import NeoHookean
+
+AnyRow = MechanicsRow | ReadingRow | CircuitRow
+LEFT = ("case", "setting", "verdict", "stability", "reference by", "remark")
+"""Headings of text columns."""
+
+_PAGE = """\
+# Extreme cases
+
+Written by `{command}`; do not edit by hand. A process that crashed or went beyond {seconds:g} s or {memory:g} GB
+is reported. `WRONG` marks a failure, with which the command exits with 1.
+"""
+
+_MECHANICS = """
+## Mechanics
+Unless stated otherwise, the pad is that of the paper
+(3 x 3 parallelepiped cells, {silicone}) on elements of {mesh_size:g} mm, which is coarse: the table is
+about robustness, not accuracy. Forces are in N, compression is z < 0. The rigid plate is the limit of a stiff layer
+bonded on top. For comparison: the paper's solver stopped at tangential forces of 11 N
+(parallelepiped), 13 N (cylindrical), 8 N (spherical) and 13 N (hemispheric) at -8 N.
+
+{table}
+
+- **verdict**: `converged`; `ends at` a load with the reason: the pad touches something there, or no stable state was
+  found beyond it; `refused` with the message. `WRONG` is a case that should have been refused, a wrong refusal, an
+  accepted step with an inverted element, a NaN, forces out of balance, or a stated error less than half of the change
+  on the finer mesh.
+- **Newton**, **steps**, **cutbacks**: iterations over all accepted steps; accepted steps; number of steps halved, for
+  lack of an acceptable state or for accuracy between steps, or given up.
+- **min J**, **min J at nodes**: smallest volume ratio at quadrature points and at the ten nodes of the elements, at any
+  step (the last one may lie beyond the load); and at the nodes in the last state, recomputed. The last state is that
+  at the whole load, or just before the end.
+- **residual**, **imbalance**: largest out-of-balance force at the steps, relative to the load; and the imbalance of
+  reaction and load in the last state, interpolated between steps, from reassembled forces.
+- **stability**: `stable` if the factored tangent had the expected number of negative pivots at every step, in each
+  block of the symmetric pad; `not checked` under friction.
+- **mean roof**: length of the roofs' mean displacement. **stated error**: that of the state, root mean square
+  over the roofs, relative to it; not computed with self_contact. **finer mesh**: change of the mean displacement on
+  elements smaller by 1.5.
+- **CPU s**, **MB**: time of all processors for the state with its error, and peak memory of the process.
+"""
+
+
+_READINGS = """
+## Readings
+Each case is read as a user would read it, and compared with a reference: rays counted by `analog_tracer`, or a scaling
+law. Some must be refused.
+
+{table}
+
+- **verdict**: `right` within {deviations:g} errors of both; `refused` with the message. `WRONG` is another reading, one
+  that should have been refused, or a wrong refusal.
+- **power**, **error**: of the worst taxel, and its relative standard error. **deviations**: from the reference, in
+  combined errors.
+- **CPU s**, **MB**: time of all processors for both, and peak memory of the process.
+"""
+
+
+_CIRCUITS = """
+## Circuits
+Unless stated otherwise, the circuit has 3.3 V, 10 kOhm, 8 mA/W and 12 bits. The reference is the root of Kirchhoff's
+current law at the emitter, in 60 decimal digits.
+
+{table}
+
+- **verdict**: `right` within {difference:g} of the reference. `WRONG` is another voltage, other counts, or a noise
+  that is no number or less than that of the converter.
+- **noise**: one standard deviation.
+- **CPU s**, **MB**: time of all processors, and peak memory of the process.
+"""
+
+
+def write_csv(rows: Sequence[AnyRow], file: Path) -> None:
+    """Write the rows with a heading, in full precision; columns that a row lacks are empty, missing numbers ``nan``."""
+    names = dict.fromkeys(field.name for kind in (MechanicsRow, ReadingRow, CircuitRow) for field in fields(kind))
+    with replacing(file) as temporary, temporary.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, list(names))
+        writer.writeheader()
+        writer.writerows(map(asdict, rows))
+
+
+def write_markdown(rows: Sequence[AnyRow], file: Path, command: str) -> None:
+    """Write the rows as a page that names its ``command`` and explains its columns."""
+    mechanics = [row for row in rows if isinstance(row, MechanicsRow)]
+    readings = [row for row in rows if isinstance(row, ReadingRow)]
+    text = _PAGE.format(command=command, seconds=MOST_SECONDS, memory=MOST_MEMORY / 2**30)
+    if mechanics:
+        table = markdown_table(headings(MechanicsRow), map(cells, mechanics), LEFT)
+        law = NeoHookean()
+        silicone = f"E = {law.youngs_modulus:g} MPa, nu = {law.poisson_ratio:g}"
+        text += _MECHANICS.format(silicone=silicone, mesh_size=MESH_SIZE, table=table)
+    if readings:
+        table = markdown_table(headings(ReadingRow), map(cells, readings), LEFT)
+        text += _READINGS.format(deviations=MOST_DEVIATIONS, table=table)
+    circuits = [row for row in rows if isinstance(row, CircuitRow)]
+    if circuits:
+        table = markdown_table(headings(CircuitRow), map(cells, circuits), LEFT)
+        text += _CIRCUITS.format(difference=MOST_DIFFERENCE, table=table)
+    write_text(file, text)

@@ -1,0 +1,241 @@
+"""The measured pad of 5 x 5 cells as a scene, and its paths under the end of a rod.
+
+The silicone is glued to a rigid grid whose collars reach into the cells, flush with their walls, and hold the lowest
+part of these between them: the model of the pad begins at the top of the collars. The grid's plate lies on the board,
+and the packages stand in its windows, level with the plate. All of the grid is opaque.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.evidence.measured import measured
+from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
+from mitsuba_taxel.evidence.paper.scenes import scene_text
+from mitsuba_taxel.mechanics import NeoHookean
+from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
+from mitsuba_taxel.sensing import Readings, Scene, measure
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+
+SIDE = 5
+"""Cells along each side of the pad."""
+TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.7, 1.95, 2.05)
+"""Travels of the indenter in mm at which a path is read."""
+POINTS, MESH_SIZE = 256, 1.6
+"""Light paths for each taxel and randomisation; size in mm of the elements away from cells and indenter, which are
+nearly as coarse as the cells permit."""
+
+_BAR = """
+    <shape type="cube">
+        <transform name="to_world"><scale value="{size}"/><translate value="{centre}"/></transform>
+        <bsdf type="wall"> <string name="scattering" value="absorbing"/> </bsdf>
+    </shape>
+"""
+
+
+_WALLS = """
+            <bsdf name="side" type="wall">
+                <string name="scattering" value="isotropic"/> <float name="reflectance" value="{walls:g}"/>
+            </bsdf>"""
+
+
+class Assumed(NamedTuple):
+    """What the model takes for granted, as nothing is published of it.
+
+    Attributes
+    ----------
+    name : str
+        In the names of studies; empty for what the fit assumes.
+    poisson_ratio : float
+        Of the silicone.
+    collar : float
+        Height in mm above the dies up to which the grid holds the walls between the cells.
+    walls : float
+        Reflectance of these walls.
+    friction : float
+        Coefficient of the indenter.
+    """
+
+    name: str = ""
+    poisson_ratio: float = NeoHookean().poisson_ratio
+    collar: float = measured.COLLAR_HEIGHT
+    walls: float = 0.0
+    friction: float = 0.0
+
+
+AS_FITTED = Assumed()
+
+
+class Press(NamedTuple):
+    """A rod with a round end (``sphere``) or a flat one (``punch``), pressed into a pad; all lengths in mm.
+
+    Attributes
+    ----------
+    height : float
+        Of the silicone above the dies' plane.
+    indenter : str
+    radius : float
+        Of the end.
+    x, y : float
+        Where its tip stands; the middle of the pad is 0.
+    """
+
+    height: float
+    indenter: str
+    radius: float
+    x: float = 0.0
+    y: float = 0.0
+
+    def moved(self, x: float, y: float) -> Press:
+        """The same elsewhere."""
+        return self._replace(x=x, y=y)
+
+    @property
+    def name(self) -> str:
+        place = f"_at_{self.x:g}_{self.y:g}" if self.x or self.y else ""
+        return f"{self.indenter}_{self.radius:g}_on_{self.height:g}{place}"
+
+
+class Reading(NamedTuple):
+    """Force in N for a long-term modulus of 1 MPa, and changes of the taxels relative to rest, each with its error.
+
+    ``step_error`` is that of the stress by time steps, relative to the largest so far.
+    """
+
+    force: float
+    force_error: float
+    change: np.ndarray
+    change_error: np.ndarray
+    step_error: float
+
+
+def path(
+    store: PaperStudies,
+    press: Press,
+    travels: tuple[float, ...] = TRAVELS,
+    with_errors: bool = False,
+    mesh_size: float | None = None,
+    assumed: Assumed = AS_FITTED,
+) -> xr.Dataset:
+    """Force and readings along the travel of an indenter, as far as the pad bears it, by ``travel`` and ``taxel``.
+
+    ``force`` is in N for a modulus of 1 MPa, to which forces are proportional; ``change`` is that of the power,
+    relative to rest. With errors, these are total ones. The attribute ``end`` tells why a path ends early; else it is
+    empty.
+
+    Raises
+    ------
+    ComputationError
+        if the path ends before the first travel.
+    """
+    size = mesh_size or MESH_SIZE
+    how = (f"in_{size:g}" if mesh_size else "", "with_errors" if with_errors else "", assumed.name)
+    name = "_".join([f"pressed/{press.name}", *filter(None, how)])
+    request = {**press._asdict(), "travels": travels, "points": POINTS, "mesh_size": size, "errors": with_errors}
+    file = store.folder / "pressed" / "_".join(filter(None, ("pad", assumed.name)))
+    return store.study(
+        name, request, lambda: _computed(file.with_suffix(".xml"), press, travels, with_errors, size, assumed)
+    )
+
+
+def _computed(
+    file: Path, press: Press, travels: tuple[float, ...], with_errors: bool, mesh_size: float, assumed: Assumed
+) -> xr.Dataset:
+    write_scene(file, assumed)
+    defines = defines_of(press, assumed) | {"mesh_size": mesh_size}
+    at_rest = measure(Scene(file, defines), points=POINTS, mechanics_error=False)
+    rows: list[Reading] = []
+    end = ""
+    for travel in travels:
+        try:
+            rows.append(read(Scene(file, defines | {"uz": -travel}), at_rest, POINTS, with_errors))
+        except ComputationError as stopped:
+            if not rows:
+                raise
+            end = str(stopped)
+            break
+    study = dataset("travel", rows)
+    return study.assign_coords(travel=("travel", np.array(travels[: len(rows)]), {"units": "mm"})).assign_attrs(end=end)
+
+
+def defines_of(press: Press, assumed: Assumed = AS_FITTED) -> dict[str, Any]:
+    """Values of the scene's parameters."""
+    return press._asdict() | {"height": press.height - assumed.collar}
+
+
+def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False) -> Reading:
+    """Force and changes of one state, with ``points`` light paths for each taxel and randomisation."""
+    found = measure(scene, points=points, mechanics_error=with_errors)
+    state = deformed_pads(scene.load())[0].state
+    force = -indentation_of(state)[1].pushed.sum(axis=0)[2]
+    force_error = state.force_error if with_errors else np.nan
+    shares = found.replicates / at_rest.replicates.mean(axis=0) - at_rest.replicates / at_rest.power
+    light = standard_error(shares)
+    shape = np.zeros(len(light)) if found.deviation is None else found.deviation / at_rest.power
+    of_steps = state.memory.error if state.memory else 0.0
+    return Reading(force, force_error, shares.mean(axis=0), np.hypot(light, shape), of_steps)
+
+
+def dataset(dim: str, rows: list[Reading]) -> xr.Dataset:
+    """Readings one after the other, by ``dim`` and ``taxel``."""
+    forces, force_errors, changes, errors, of_steps = map(np.array, zip(*rows, strict=True))
+    return xr.Dataset(
+        {
+            "force": (dim, forces, {"units": "N"}),
+            "force_error": (dim, force_errors, {"units": "N"}),
+            "change": ((dim, "taxel"), changes),
+            "change_error": ((dim, "taxel"), errors),
+            "step_error": (dim, of_steps),
+        },
+        coords={"taxel": np.arange(1, SIDE**2 + 1)},
+    )
+
+
+def centre_of(taxel: int) -> tuple[float, float]:
+    """Centre of the cell of a taxel, in mm."""
+    row, column = divmod(taxel - 1, SIDE)
+    return (column - SIDE // 2) * measured.PITCH, (SIDE // 2 - row) * measured.PITCH
+
+
+def write_scene(file: Path, assumed: Assumed = AS_FITTED) -> None:
+    """Write the scene; its folder is made if missing."""
+    board = -(assumed.collar + measured.PACKAGE_HEIGHT)
+    around = measured.CORE + (SIDE - 1) * measured.PITCH
+    values = {
+        "side": SIDE,
+        "pitch": measured.PITCH,
+        "wall": (measured.PAD_SIDE - around) / 2,
+        "core": measured.CORE,
+        "free": measured.CORE_HEIGHT - assumed.collar,
+        "poisson_ratio": assumed.poisson_ratio,
+        "friction": assumed.friction,
+        "walls": _WALLS.format(walls=assumed.walls) if assumed.walls else "",
+        "board": board,
+        "reach": measured.PAD_SIDE / 2,
+        "grid": _grid(board),
+        "mesh_size": MESH_SIZE,
+    }
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as temporary:
+        temporary.write_text(scene_text("measured_pad").format(**values), encoding="utf-8")
+
+
+def _grid(bottom: float) -> str:
+    """Bars between the windows, along x and along y, from the board to z = 0."""
+    centres = (np.arange(SIDE) - (SIDE - 1) / 2) * measured.PITCH
+    edges = centres[:, None] + np.array([-0.5, 0.5]) * measured.WINDOW
+    half = measured.PAD_SIDE / 2
+    bars = []
+    for low, high in np.concatenate([[-half], edges.ravel(), [half]]).reshape(-1, 2):
+        across, along = ((high - low) / 2, (low + high) / 2), (half, 0.0)
+        for x, y in ((across, along), (along, across)):
+            size = f"{x[0]:g}, {y[0]:g}, {-bottom / 2:g}"
+            bars.append(_BAR.format(size=size, centre=f"{x[1]:g}, {y[1]:g}, {bottom / 2:g}"))
+    return "".join(bars)

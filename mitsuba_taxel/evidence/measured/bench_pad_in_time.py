@@ -1,0 +1,117 @@
+"""The measured pad along paths in time under its indenter: a slow cycle, and a hold with its release."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.evidence.measured import bench_pad, measured
+from mitsuba_taxel.evidence.measured.bench_pad import Press
+from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
+from mitsuba_taxel.sensing import Scene, measure
+
+STEPS = 5
+"""Readings of a cycle on the way down."""
+CYCLE_TRAVEL = max(measured.PRESSES[measured.PRESSED].travels)
+"""Largest travel of the cycle in mm."""
+REACHED, HELD = 0.1, 30.0
+"""Time in s until the travel of the hold is reached, and of the hold."""
+HOLD_TIMES = (0.05, 0.2, 0.5, 1.0, 3.0, 8.0, HELD)
+"""Times of the hold in s at which it is read."""
+POINTS = 1024
+"""Light paths for each taxel and randomisation after the release, when changes are small."""
+
+Prony = tuple[tuple[float, float], ...]
+
+
+class TimedTravel(NamedTuple):
+    """A time in s, and the travel then in mm."""
+
+    time: float
+    travel: float
+
+
+def cycle(
+    store: PaperStudies,
+    press: Press,
+    prony: Prony,
+    late: float = 0.0,
+    friction: float = 0.0,
+    mesh_size: float | None = None,
+) -> xr.Dataset:
+    """Force and readings along a cycle of the measured duration, from rest to rest: by ``row`` with its ``travel``.
+
+    The record begins at a travel of ``late`` mm. Without terms, the pad is elastic. The last row, at no travel, is not
+    computed: the indenter leaves the pad there.
+    """
+    share = np.concatenate([np.arange(1, STEPS + 1), np.arange(STEPS - 1, 0, -1)]) / STEPS
+    times = measured.CYCLE_SECONDS / 2 * np.arange(1, 2 * STEPS) / STEPS
+    most = CYCLE_TRAVEL + late
+    rows = [TimedTravel(round(float(t), 6), round(float(s) * most, 6)) for t, s in zip(times, share, strict=True)]
+    return _path(store, "cycle", press, prony, rows, bench_pad.POINTS, friction, mesh_size)
+
+
+def hold_and_release(
+    store: PaperStudies, press: Press, prony: Prony, late: float = 0.0, mesh_size: float | None = None
+) -> xr.Dataset:
+    """The same at the times of the record: pressed within 0.1 s, held, and the indenter withdrawn at once."""
+    end = REACHED + HELD
+    travel = round(measured.HELD_AT + late, 6)
+    held = [TimedTravel(REACHED, travel), *(TimedTravel(REACHED + time, travel) for time in HOLD_TIMES)]
+    left = [TimedTravel(end, 0.0), *(TimedTravel(end + time, 0.0) for time in measured.TAIL_TIMES)]
+    return _path(store, "hold", press, prony, [*held, *left], POINTS, mesh_size=mesh_size)
+
+
+def _path(
+    store: PaperStudies,
+    kind: str,
+    press: Press,
+    prony: Prony,
+    rows: list[TimedTravel],
+    points: int,
+    friction: float = 0.0,
+    mesh_size: float | None = None,
+) -> xr.Dataset:
+    size = mesh_size or bench_pad.MESH_SIZE
+    terms = "; ".join(f"{share:.5g} {time:g}" for share, time in prony)
+    request = {**press._asdict(), "prony": terms, "rows": rows, "points": points, "friction": friction}
+    request |= {"mesh_size": size}
+    how = ("rubbed" if friction else "", f"on {size:g}" if mesh_size else "")
+    name = "_".join(part for part in (kind, *how, *terms.split("; ")) if part)
+    return store.study(
+        f"pressed/{name.replace(' ', '_in_')}",
+        request,
+        lambda: _computed(store, press, terms, rows, points, friction, size),
+    )
+
+
+def _computed(
+    store: PaperStudies,
+    press: Press,
+    terms: str,
+    rows: list[TimedTravel],
+    points: int,
+    friction: float,
+    mesh_size: float,
+) -> xr.Dataset:
+    file = store.folder / "pressed" / "pad.xml"
+    bench_pad.write_scene(file)
+    shares = [float(term.split()[0]) for term in terms.split("; ") if term]
+    defines: dict[str, Any] = bench_pad.defines_of(press) | {
+        "prony": terms,
+        "youngs_modulus": 1 / (1 - sum(shares)),
+        "friction": friction,
+        "mesh_size": mesh_size,
+    }
+    at_rest = measure(Scene(file, defines), points=points, mechanics_error=False)
+    history = [f"{row.time!r} 0 0 {-row.travel!r}" for row in rows]
+    readings = []
+    for number, row in enumerate(rows):
+        now = {"time": row.time if terms else 0.0, "uz": -row.travel, "history": "; ".join(history[:number])}
+        readings.append(bench_pad.read(Scene(file, defines | now), at_rest, points))
+    times, travels = (np.array(values) for values in zip(*rows, strict=True))
+    return bench_pad.dataset("row", readings).assign_coords(
+        time=("row", times, {"units": "s"}), travel=("row", travels, {"units": "mm"})
+    )

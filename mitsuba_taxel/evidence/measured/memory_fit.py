@@ -1,0 +1,252 @@
+"""A Prony series fitted to the voltage after release, with the pad under its indenter, and its loops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import CubicSpline
+from scipy.linalg import expm
+from scipy.optimize import least_squares
+
+from mitsuba_taxel.evidence.measured import measured
+from mitsuba_taxel.evidence.measured.bench_pad import Press
+from mitsuba_taxel.evidence.measured.bench_pad_in_time import HOLD_TIMES, Prony, cycle, hold_and_release
+from mitsuba_taxel.evidence.measured.pad_comparison import FINER
+from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
+
+TIMES = (0.05, 0.5, 5.0)
+"""Relaxation times in s, one per decade of the record; their shares are fitted."""
+SETTLED = 0.03
+"""Relative change of the shares below which the fit ends."""
+MOST_PATHS = 5
+FRICTION = 0.3
+"""Of the indenter, assumed to show what it would change."""
+SLOW = np.geomspace(1.0, 1e4, 81)
+"""Relaxation times in s of a further term that is asked for."""
+
+
+class Loop(NamedTuple):
+    """Widths of a cycle, in percent of the largest force or change, and energy lost, in percent of that of loading.
+
+    Attributes
+    ----------
+    force : float
+        Of the force at equal travel.
+    energy : float
+    change_at_force, change_at_travel : float
+        Of the change of the reading at equal force, and at equal travel.
+    """
+
+    force: float
+    energy: float
+    change_at_force: float
+    change_at_travel: float
+
+
+class Errors(NamedTuple):
+    """Errors of the computation, as those of `Memory`: of elements, by a finer mesh, of time steps and of the light.
+
+    Attributes
+    ----------
+    tail : (8,) ndarray
+    hold : (4,) ndarray
+    held_change : float
+    loop : Loop
+    """
+
+    tail: np.ndarray
+    hold: np.ndarray
+    held_change: float
+    loop: Loop
+
+
+class Memory(NamedTuple):
+    """Attributes
+    ----------
+    terms : tuple[tuple[float, float], ...]
+        Shares and relaxation times in s.
+    paths : int
+        Of finite elements, for the fit.
+    tail : (8,) ndarray
+        Change after release, relative to that during the hold, at the times of the record.
+    hold : (4,) ndarray
+        Force in the windows of the hold, relative to the last.
+    held_change : float
+        Largest difference of the change from that at the end of the hold, relative to it, from 0.5 s on.
+    loop, rubbed : Loop
+        Of the slow cycle, and with friction in place of the series.
+    stiffer : float
+        Largest force of the cycle with friction, relative to that of the slow one.
+    errors : Errors
+    """
+
+    terms: Prony
+    paths: int
+    tail: np.ndarray
+    hold: np.ndarray
+    held_change: float
+    loop: Loop
+    rubbed: Loop
+    stiffer: float
+    errors: Errors
+
+
+def results(store: PaperStudies, press: Press, late: float) -> Memory:
+    """Fit of the series to the tail, and predictions; missing paths are computed. Records begin at ``late`` mm."""
+
+    def computed(terms: Prony) -> np.ndarray:
+        return tail_of(hold_and_release(store, press, terms, late))
+
+    terms, paths = fit(computed)
+    study, finer = (hold_and_release(store, press, terms, late, size) for size in (None, FINER))
+    slow, slow_finer = (cycle(store, press, terms, late, mesh_size=size) for size in (None, FINER))
+    rubbed = cycle(store, press, (), late, FRICTION)
+    return Memory(
+        terms,
+        paths,
+        tail_of(study),
+        hold_of(study),
+        held_change_of(study),
+        loop_of(slow),
+        loop_of(rubbed),
+        float(rubbed.force.max() / slow.force.max()),
+        errors_of(study, finer, slow, slow_finer),
+    )
+
+
+def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer: xr.Dataset) -> Errors:
+    """Errors of a hold with its release and of a cycle, from these on finer elements."""
+    one = {"taxel": measured.PRESSED}
+    light = (study.change_error / study.change[len(HOLD_TIMES)]).sel(one).values
+    of_steps = study.step_error.values
+    after, during = slice(-len(measured.TAIL_TIMES), None), slice(1, 1 + len(HOLD_TIMES))
+    tail = np.sqrt((tail_of(finer) - tail_of(study)) ** 2 + light[after] ** 2 + of_steps[after] ** 2)
+    hold = np.hypot(hold_of(finer) - hold_of(study), of_steps[during].max())
+    held = float(np.hypot(held_change_of(finer) - held_change_of(study), light[during].max()))
+    noise = 100 * float((slow.change_error / slow.change.max("row")).sel(one).max())
+    both = 200 * float(slow.step_error.max())
+    noises = both, both, noise, noise
+    widths = zip(loop_of(slow), loop_of(slow_finer), noises, strict=True)
+    return Errors(tail, hold, held, Loop(*(float(np.hypot(there - here, more)) for here, there, more in widths)))
+
+
+def held_change_of(study: xr.Dataset) -> float:
+    """Largest difference of the change from that at the end of the hold, relative to it, from 0.5 s on."""
+    change = study.change.sel(taxel=measured.PRESSED).values[1 : 1 + len(HOLD_TIMES)]
+    late = change[np.array(HOLD_TIMES) >= 0.5]
+    return float(np.abs(late / change[-1] - 1).max())
+
+
+def slow_term() -> tuple[float, float]:
+    """Relaxation time in s of a further term that opens the measured loop of the force, and the share of the change
+    that it leaves at the end of the record of the release: of those in `SLOW`, the one that leaves least.
+
+    The solid is linear, and its loop that of a triangle in time.
+    """
+    end, held = measured.TAIL_TIMES[-1], measured.HOLD_WINDOWS[-1][-1]
+    left = []
+    for time in SLOW:
+        width, relaxed = _loop_per_share(time)
+        share = measured.FORCE_LOOP / (100 * width + measured.FORCE_LOOP * relaxed)
+        left.append(-share * np.expm1(-held / time) * np.exp(-(1 - share) * end / time) if share < 1 else np.inf)
+    least = int(np.argmin(left))
+    return float(SLOW[least]), float(left[least])
+
+
+def linear_loop(terms: Prony) -> float:
+    """Width of the loop of the force of a linear solid with this series, in percent of the largest force."""
+    shares = np.array([share for share, _ in terms])
+    widths, relaxed = np.array([_loop_per_share(time) for _, time in terms]).T
+    return float(100 * (shares @ widths) / (1 - shares @ relaxed))
+
+
+def _loop_per_share(time: float) -> tuple[float, float]:
+    """Width of the loop of a linear solid with one term of this time, and what has relaxed at the turn, relative to the
+    largest force without it, per share."""
+    half = measured.CYCLE_SECONDS / 2
+    t = np.linspace(0.0, half, 401)
+    down = -time / half * np.expm1(-t / time)
+    back = down[-1] * np.exp(-t / time) + time / half * np.expm1(-t / time)
+    relaxed, relaxed_back = t / half - down, 1 - t / half - back
+    return float((relaxed_back[::-1] - relaxed).max()), float(relaxed[-1])
+
+
+def measured_tail() -> np.ndarray:
+    """(8,) change left after release, relative to that during the hold."""
+    return np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.PRESSES[measured.PRESSED].at_rest)
+
+
+def fit(computed: Callable[[Prony], np.ndarray]) -> tuple[Prony, int]:
+    """The series whose tail ``computed(terms)`` is nearest to the measured one, and the number of series tried.
+
+    Least squares of the relative errors of :func:`linear_tail`, times the ratio of the computed tail to it at the
+    shares before, until the shares settle (space mapping; J. W. Bandler et al., 1994).
+    """
+    left, shares = measured_tail(), np.array([0.1, 0.01, 0.01])
+    ratio = np.ones(len(left))
+
+    def misfit(logs: np.ndarray) -> np.ndarray:
+        return linear_tail(np.exp(logs)) * ratio / left - 1
+
+    for count in range(MOST_PATHS + 1):
+        before, shares = shares, np.exp(least_squares(misfit, np.log(shares)).x)
+        terms = tuple((float(f"{share:.4g}"), time) for share, time in zip(shares, TIMES, strict=True))
+        if count == MOST_PATHS or (count and np.all(np.abs(shares - before) <= SETTLED * shares)):
+            break
+        ratio = computed(terms) / linear_tail(np.array([share for share, _ in terms]))
+    return terms, count
+
+
+def linear_tail(shares: np.ndarray) -> np.ndarray:
+    """(8,) small strain after a long hold and a release of the stress, relative to that held, at the record's times.
+
+    With p the strain of each dashpot's spring less that of the solid, times its share g, the strain is the negative sum
+    of all p, and dp/dt = -(p + g strain) / tau; after the hold p = -g.
+    """
+    rates = -(np.eye(len(shares)) - shares[:, None]) / np.array(TIMES)[:, None]
+    return np.array([(expm(rates * time) @ shares).sum() for time in measured.TAIL_TIMES])
+
+
+def tail_of(study: xr.Dataset) -> np.ndarray:
+    """(8,) changes after release, relative to that at the end of the hold."""
+    change = study.change.sel(taxel=measured.PRESSED).values
+    return change[-len(measured.TAIL_TIMES) :] / change[len(HOLD_TIMES)]
+
+
+def hold_of(study: xr.Dataset) -> np.ndarray:
+    """(4,) mean forces in the windows of the hold, relative to the last; linear in the logarithm of time between."""
+    force = study.force.values[1 : 1 + len(HOLD_TIMES)]
+    means = []
+    for window in measured.HOLD_WINDOWS:
+        times = np.linspace(*window, 1000)
+        means.append(np.interp(np.log(times), np.log(HOLD_TIMES), force).mean())
+    return np.array(means) / means[-1]
+
+
+def loop_of(study: xr.Dataset) -> Loop:
+    """Figures of a cycle, from rest to rest."""
+    change = study.change.sel(taxel=measured.PRESSED).values
+    half = len(change) // 2 + 1
+    travel = np.insert(study.travel.values[:half], 0, 0.0)
+    loading, unloading = (
+        np.stack([np.insert(values[part], 0, 0.0) for values in (study.force.values, change)])
+        for part in (slice(None, half), slice(None, -half - 1, -1))
+    )
+    force, volts = loading - unloading
+    return Loop(
+        100 * np.abs(force).max() / loading[0].max(),
+        100 * np.trapezoid(force, travel) / np.trapezoid(loading[0], travel),
+        100 * np.abs(_at_equal_force(*loading, *unloading)).max() / loading[1].max(),
+        100 * np.abs(volts).max() / loading[1].max(),
+    )
+
+
+def _at_equal_force(force: np.ndarray, change: np.ndarray, back: np.ndarray, change_back: np.ndarray) -> np.ndarray:
+    """Change on the way back less that on the way down, at its forces.
+
+    At rest the curves end apart, as the indenter leaves the pad before it is back: that end is left out.
+    """
+    return CubicSpline(force, change)(back[1:]) - change_back[1:]

@@ -1,0 +1,82 @@
+"""What else the model of the measured pad might have assumed, one thing at a time, and what that changes.
+
+Height and end of the indenter stay those of the fit; the modulus and where the record begins are found anew.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.evidence.measured import bench_pad, measured
+from mitsuba_taxel.evidence.measured.bench_pad import Assumed
+from mitsuba_taxel.evidence.measured.pad_comparison import (
+    Compared,
+    Results,
+    compare,
+    curve_of,
+    held_map,
+    measured_curve,
+)
+from mitsuba_taxel.evidence.measured.pad_fit import lateness, modulus, residuals
+from mitsuba_taxel.evidence.measured.taxel_spread import own_sensitivity
+from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
+
+PREDICTED = 17
+"""The taxel whose change is missed most."""
+OTHERS = {
+    "silicone that hardly changes its volume, nu = 0.4999": Assumed("stiff_volume", poisson_ratio=0.4999),
+    "an indenter with a coefficient of friction of 0.3": Assumed("rubbed", friction=0.3),
+    "walls of the cells that reflect 20 %": Assumed("grey_walls", walls=0.2),
+    "collars that hold nothing: walls are free down to the dies": Assumed("free_walls", collar=0.0),
+}
+"""Assumptions by what they are."""
+
+
+class Tried(NamedTuple):
+    """What an assumption leads to.
+
+    Attributes
+    ----------
+    fitted : Compared
+        The fitted taxel.
+    rings : (5,) ndarray
+        Of :func:`rings`, at the travel of the hold.
+    """
+
+    fitted: Compared
+    rings: np.ndarray
+
+
+def tried(store: PaperStudies, found: Results) -> dict[str, Tried]:
+    """What each of :data:`OTHERS` leads to; missing paths are computed."""
+    return {words: _tried(store, found, assumed) for words, assumed in OTHERS.items()}
+
+
+def _tried(store: PaperStudies, found: Results, assumed: Assumed) -> Tried:
+    there, study = measured_curve(measured.PRESSED), bench_pad.path(store, found.fitted, assumed=assumed)
+    curve = curve_of(study, measured.PRESSED)
+    late = lateness(curve, there)
+    misfit = float(np.sqrt(np.mean(residuals(curve, there, late) ** 2)))
+    again = found.found._replace(modulus=modulus(curve, there, late), late=late, misfit=misfit)
+    held = held_map(study.sel(travel=[measured.HELD_AT]))
+    return Tried(compare(study, measured.PRESSED, again, there), rings(held))
+
+
+def rings(values: np.ndarray) -> np.ndarray:
+    """Means in a map over all taxels at the same distance from the middle, by the five distances.
+
+    An indenter a little off the middle changes them in second order only.
+    """
+    row, column = np.indices(values.shape) - bench_pad.SIDE // 2
+    distance = np.hypot(row, column).round(6)
+    return np.array([values[distance == one].mean() for one in np.unique(distance)[1:]])
+
+
+def expected_at(found: Results) -> tuple[float, float, float]:
+    """Of :data:`PREDICTED` in the map: measured, computed, and computed if it is as sensitive as when pressed
+    itself."""
+    place = np.unravel_index(PREDICTED - 1, found.moved.shape)
+    computed = float(found.moved[place])
+    return float(np.array(measured.HELD_MAP)[place]), computed, own_sensitivity(found.taxels[PREDICTED]) * computed

@@ -1,0 +1,190 @@
+"""The measured pad beside its model: fitted at one taxel, and predicted elsewhere."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.evidence.measured import bench_pad, measured
+from mitsuba_taxel.evidence.measured.bench_pad import Press
+from mitsuba_taxel.evidence.measured.pad_fit import FittedPad, PressedTaxel, fit
+from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
+
+INDENTER, START = "sphere", (7.5, 1.05)
+"""End of the rod, and initial height and radius in mm."""
+PREDICTED_TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.65, 1.8, 2.05)
+"""Travels in mm at the other taxels, where paths may end before that of the hold."""
+MAP_TRAVEL = 1.6
+"""Travel in mm of the computed map, under an indenter off the middle, where paths may end before that of the hold."""
+FINER = 1.05
+"""Size in mm of smaller elements, on which the fitted pad is held once more."""
+
+
+class Compared(NamedTuple):
+    """A taxel pressed, measured and computed at its travels; NaN beyond the end of the computed path.
+
+    Attributes
+    ----------
+    measured, computed : PressedTaxel
+        Forces in N, with the fitted modulus.
+    along : PressedTaxel
+        The computed curve at many travels, to draw.
+    change_at_force : (S,) ndarray
+        Computed change at the measured forces.
+    end : str
+        Why the path ends early; else empty.
+    """
+
+    measured: PressedTaxel
+    computed: PressedTaxel
+    along: PressedTaxel
+    change_at_force: np.ndarray
+    end: str
+
+    @property
+    def force_error(self) -> np.ndarray:
+        """(S,) error of the force at equal travel, in percent of the largest measured one."""
+        return 100 * (self.computed.force - self.measured.force) / self.measured.force.max()
+
+    @property
+    def change_error(self) -> np.ndarray:
+        """(S,) error of the change at equal force, in percent of the largest measured one."""
+        return 100 * (self.change_at_force - self.measured.change) / self.measured.change.max()
+
+
+class Wide(NamedTuple):
+    """A pad by its height in mm: mean change of the four nearest taxels, in percent of the middle one's, and its own
+    change, while that is held."""
+
+    height: float
+    near: float
+    held: float
+
+
+class Results(NamedTuple):
+    """Attributes
+    ----------
+    found : FittedPad
+    taxels : dict[int, Compared]
+        By the taxel that is pressed.
+    offset : (2,) ndarray
+        Of the indenter from the middle, from the asymmetry of the map, in mm.
+    centred, moved : (5, 5) ndarray
+        Changes of all taxels while the middle one is held, in percent of its own, without and with the offset.
+    held : float
+        Change of the middle one then.
+    errors : xr.Dataset
+        Force and changes during the hold, with their errors.
+    finer : xr.Dataset
+        The same on smaller elements.
+    widest : Wide
+        Of the pads tried, that whose map is nearest to the measured one at the four nearest taxels.
+    """
+
+    found: FittedPad
+    taxels: dict[int, Compared]
+    offset: np.ndarray
+    centred: np.ndarray
+    moved: np.ndarray
+    held: float
+    errors: xr.Dataset
+    finer: xr.Dataset
+    widest: Wide
+
+    @property
+    def fitted(self) -> Press:
+        """The pad and the indenter found, in the middle."""
+        return _press_of(self.found)
+
+
+def results(store: PaperStudies) -> Results:
+    """Fit to taxel 13, and predictions; missing paths are computed."""
+    curves = {taxel: measured_curve(taxel) for taxel in measured.PRESSES}
+
+    def pressed(height: float, radius: float) -> PressedTaxel:
+        return curve_of(bench_pad.path(store, Press(height, INDENTER, radius)), measured.PRESSED)
+
+    found = fit(pressed, curves[measured.PRESSED], START)
+    fitted = _press_of(found)
+    middle = bench_pad.path(store, fitted)
+    studies = {
+        taxel: middle
+        if taxel == measured.PRESSED
+        else bench_pad.path(store, fitted.moved(*bench_pad.centre_of(taxel)), PREDICTED_TRAVELS)
+        for taxel in curves
+    }
+    compared = {taxel: compare(studies[taxel], taxel, found, curve) for taxel, curve in curves.items()}
+    held = (found.travel(measured.HELD_AT),)
+    errors = bench_pad.path(store, fitted, held, with_errors=True)
+    finer = bench_pad.path(store, fitted, held, mesh_size=FINER)
+    centred = held_map(errors)
+    offset = offset_from(centred, np.array(measured.HELD_MAP))
+    moved = bench_pad.path(store, fitted.moved(*offset.tolist()), (found.travel(MAP_TRAVEL),))
+    tried = [_wide(bench_pad.path(store, Press(h, INDENTER, r)), h) for h, r in found.tried]
+    there = ring(np.array(measured.HELD_MAP), 1)
+    widest = min(tried, key=lambda wide: abs(wide.near - there))
+    change = float(errors.change.sel(taxel=measured.PRESSED).item())
+    return Results(found, compared, offset, centred, held_map(moved), change, errors, finer, widest)
+
+
+def _press_of(found: FittedPad) -> Press:
+    return Press(float(found.unknowns[0]), INDENTER, float(found.unknowns[1]))
+
+
+def _wide(study: xr.Dataset, height: float) -> Wide:
+    held = study.sel(travel=[measured.HELD_AT])
+    return Wide(height, ring(held_map(held), 1), float(held.change.sel(taxel=measured.PRESSED).item()))
+
+
+def measured_curve(taxel: int) -> PressedTaxel:
+    """The measured curve of a taxel, by its voltage at rest."""
+    press = measured.PRESSES[taxel]
+    return PressedTaxel(np.array(press.travels), np.array(press.forces), np.array(press.volts) / press.at_rest)
+
+
+def curve_of(study: xr.Dataset, taxel: int) -> PressedTaxel:
+    return PressedTaxel(study.travel.values, study.force.values, study.change.sel(taxel=taxel).values)
+
+
+def compare(study: xr.Dataset, taxel: int, found: FittedPad, there: PressedTaxel) -> Compared:
+    """The computed path of a taxel beside its measured curve."""
+    computed = curve_of(study, taxel)
+    places = np.linspace(0.0, computed.travel[-1], 200)
+    along, here = (computed.at(travel) for travel in (places, there.travel + found.late))
+    along, here = (
+        one._replace(travel=one.travel - found.late, force=found.modulus * one.force) for one in (along, here)
+    )
+    change = np.interp(there.force, along.force, along.change, right=np.nan)
+    return Compared(there, here, along, change, study.attrs["end"])
+
+
+def held_map(study: xr.Dataset) -> np.ndarray:
+    """(5, 5) changes of all taxels at the last travel, in percent of the middle one's."""
+    change = study.change.isel(travel=-1).values
+    return 100 * (change / change[measured.PRESSED - 1]).reshape(bench_pad.SIDE, bench_pad.SIDE)
+
+
+def offset_from(centred: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """x and y in mm by which an indenter stands off the middle, from the asymmetry of the nearest taxels.
+
+    That of the centred map, whose dies are off the axes of the cells, is taken off. Changes are taken to depend on the
+    distance r from the indenter alone; the slope of their logarithm at one pitch is that of an even quartic in r
+    through the computed changes at 0, 1 and 2 pitches.
+    """
+    near, far = ring(centred, 1), ring(centred, 2)
+    a, b = np.linalg.solve([[1.0, 1.0], [4.0, 16.0]], np.log([near / 100.0, far / 100.0]))
+    slope = near * (2 * a + 4 * b) / measured.PITCH
+    left = there * near / ring(there, 1) - centred
+    middle = bench_pad.SIDE // 2
+    along_x = left[middle, middle + 1] - left[middle, middle - 1]
+    along_y = left[middle - 1, middle] - left[middle + 1, middle]
+    return np.round(-np.array([along_x, along_y]) / (2 * slope), 2)
+
+
+def ring(values: np.ndarray, steps: int) -> float:
+    """Mean in a map of the four taxels some steps away along rows and columns."""
+    middle = bench_pad.SIDE // 2
+    low, high = middle - steps, middle + steps
+    return float(np.mean([values[middle, low], values[middle, high], values[low, middle], values[high, middle]]))

@@ -1,0 +1,47 @@
+"""A section of the page of measured sensors: spread of the voltages at rest."""
+
+from __future__ import annotations
+
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.evidence.measured import measured
+from mitsuba_taxel.evidence.measured.rest_spread import SAMPLES, SOURCES, Spread
+from mitsuba_taxel.evidence.paper.page.words import paragraph
+
+
+def rest_section(found: Spread) -> str:
+    """The section of the page."""
+    rows = [[name, found.laws[name], SOURCES[name], f"{100 * found.shares[name]:.1f}"] for name in SOURCES]
+    return f"""\
+## Spread of the voltages at rest
+One cell of the pad, its parameters drawn {SAMPLES} times from the distributions below and each sample computed
+(`taxel tolerance` with a study that is written to DIR/tolerance). What is called assumed has no source: neither the
+tolerances of that board, grid and mould are published, nor limits of the current of the NJL5908AR, in whose place those
+of another part stand.
+
+{markdown_table(["parameter", "distribution", "what, and source", "share of the variance [%]"], rows)}
+
+{paragraph(_words(found))}
+"""
+
+
+def _words(found: Spread) -> str:
+    low, high, there = found.without_gain, found.all, measured.REST_SPREAD
+    inside = low <= there <= high
+    least, most = measured.REST_VOLTAGES
+    figures = (
+        "Standard deviation of the reading at rest, in percent of its mean: "
+        f"**{high:.0f} ± {found.all_error:.0f} % with all of these**, "
+        f"{low:.0f} ± {found.without_gain_error:.0f} % without the gain of the parts; measured, {there:g} % among 25 "
+        f"taxels (from {least:g} to {most:g} V). Errors are those of finitely many samples, noise of the light "
+        "included; at rest there is none of elements or time steps. The measured spread "
+        f"{'lies between the two' if inside else '**does not lie between the two**'}"
+    )
+    gain = found.gain_for(there)
+    if not inside:
+        return f"{figures}."
+    narrower = "is narrower than" if gain < found.gain else "is **not** narrower than"
+    return (
+        f"{figures}: with the other tolerances as assumed, a gain that varies by {gain:.0f} % would explain it. That "
+        f"{narrower} the {found.gain:.0f} % of the datasheet, as parts of one delivery are, and it is no test: one "
+        "number is met by many sets of tolerances."
+    )

@@ -1,0 +1,32 @@
+"""The paper's pads under tangential forces, in volts per newton (Table 3)."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+from mitsuba_taxel.characterise.volts import volts_table
+from mitsuba_taxel.electronics import Circuit
+from mitsuba_taxel.evidence.measured.cycles import PER_FORCE, POINTS
+from mitsuba_taxel.evidence.paper import paper
+from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
+from mitsuba_taxel.evidence.paper.scenes import YOUNGS_MODULUS
+from mitsuba_taxel.studies import sweep
+
+FORCES = (0.0, 1.0, 2.0, 3.0)
+"""In N, along x or y; how far the experiments went is not stated."""
+
+
+def pushed(store: PaperStudies, cell: str, along: str) -> xr.Dataset:
+    """Readings of an elastic pad under tangential forces along ``fx`` or ``fy``, at the experiments' normal force."""
+    vary = {along: list(FORCES)}
+    defines = {"cell": cell, "youngs_modulus": YOUNGS_MODULUS, "fz": -paper.MEASURED_FORCE * PER_FORCE}
+    request = {"vary": vary, "defines": defines, "points": POINTS}
+    name = f"sideways/{cell}_{along}"
+    return store.study(name, request, lambda: sweep("pad.xml", vary, defines, points=POINTS))
+
+
+def largest_slope(study: xr.Dataset, circuit: Circuit) -> tuple[float, float]:
+    """V/N of the most sensitive taxel, by the force on as many cells as in the experiments, and its error."""
+    table = volts_table(study, circuit)
+    best = table.loc[table.mean_slope_V_per_N.abs().idxmax()]
+    return PER_FORCE * abs(best.mean_slope_V_per_N), PER_FORCE * best.mean_slope_V_per_N_error

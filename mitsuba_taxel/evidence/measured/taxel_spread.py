@@ -1,0 +1,81 @@
+"""How far the map of the measured pad may be from the computed one, whose taxels are all alike.
+
+Taxels that are pressed themselves tell how much their sensitivities differ.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.evidence.measured import measured
+from mitsuba_taxel.evidence.measured.pad_comparison import Compared, Results
+
+ROUNDING = 1 / math.sqrt(12)
+"""In points, that of the measured map, as one standard deviation."""
+
+
+class Band(NamedTuple):
+    """Attributes
+    ----------
+    own : dict[int, float]
+        By the taxel that is pressed, of :func:`own_sensitivity`.
+    spread : float
+        Standard deviation of the logarithms of these.
+    moved : (5, 5) ndarray
+        The computed map, in points.
+    deviation : (5, 5) ndarray
+        One standard deviation of the map, in points; 0 for the middle.
+    """
+
+    own: dict[int, float]
+    spread: float
+    moved: np.ndarray
+    deviation: np.ndarray
+
+    def chance(self, times: float | np.ndarray) -> float | np.ndarray:
+        """Of being off by so many deviations or more, by Student's distribution."""
+        from scipy.stats import t
+
+        return 2 * t.sf(times, len(self.own) - 1)
+
+    def expected_beyond(self, target: float) -> float:
+        """How many taxels are to be expected further off than a ``target`` in points."""
+        with np.errstate(divide="ignore"):
+            return float(np.sum(self.chance(target / self.deviation)))
+
+    def chance_of_none_beyond(self, target: float) -> float:
+        """That no taxel is further off than a ``target`` in points.
+
+        All share what the taxel that is pressed is off by, and the standard deviation, of which few taxels tell: means
+        over as likely values of both, of what is independent then.
+        """
+        from scipy.stats import chi2, norm
+
+        degrees, likely = len(self.own) - 1, (np.arange(400) + 0.5) / 400
+        spread = self.spread * np.sqrt(degrees / chi2.ppf(likely, degrees))[:, None, None]
+        pressed = norm.ppf(likely)[:, None]
+        moved = self.moved[self.deviation > 0]
+        sd = np.hypot(spread * moved, ROUNDING)
+        within = norm.cdf((target + spread * pressed * moved) / sd) - norm.cdf(
+            (-target + spread * pressed * moved) / sd
+        )
+        return float(np.prod(within, axis=-1).mean())
+
+
+def band(found: Results) -> Band:
+    """The band of the computed map; each of its numbers is a ratio of two taxels, which both differ."""
+    own = {taxel: own_sensitivity(one) for taxel, one in found.taxels.items()}
+    spread = float(np.std(np.log(list(own.values())), ddof=1))
+    deviation = np.hypot(math.sqrt(2) * spread * found.moved, ROUNDING)
+    deviation[np.unravel_index(measured.PRESSED - 1, deviation.shape)] = 0.0
+    return Band(own, spread, found.moved, deviation)
+
+
+def own_sensitivity(one: Compared) -> float:
+    """Changes of a taxel that is pressed itself, relative to those computed at equal force, by least squares."""
+    borne = np.isfinite(one.change_at_force)
+    here, there = one.change_at_force[borne], one.measured.change[borne]
+    return float(here @ there / (here @ here))

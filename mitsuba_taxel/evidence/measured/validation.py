@@ -1,0 +1,164 @@
+"""The page that compares simulated with measured sensors, disagreements included."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.atomic import write_text
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.characterise.characteristics import NOT_RESOLVED
+from mitsuba_taxel.characterise.wording import with_error
+from mitsuba_taxel.evidence.measured import measured, memory_fit, validation_figures
+from mitsuba_taxel.evidence.measured.bench_pad_in_time import Prony
+from mitsuba_taxel.evidence.measured.cycles import PER_FORCE, circuit_at_rest, cycle, figures
+from mitsuba_taxel.evidence.measured.pad_assumptions import tried
+from mitsuba_taxel.evidence.measured.pad_comparison import results
+from mitsuba_taxel.evidence.measured.page.assumptions import assumptions_section
+from mitsuba_taxel.evidence.measured.page.memory import memory_section
+from mitsuba_taxel.evidence.measured.page.pad import pad_section
+from mitsuba_taxel.evidence.measured.page.rest import rest_section
+from mitsuba_taxel.evidence.measured.rest_spread import spread
+from mitsuba_taxel.evidence.measured.sideways import FORCES, largest_slope, pushed
+from mitsuba_taxel.evidence.paper import paper
+from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
+from mitsuba_taxel.parts import edge_positions, mirror_curve, read_part
+from mitsuba_taxel.studies.plan.files import make_folder
+
+EDGE_HEIGHT = 1.0
+MINUTES = 33
+"""CPU time of the command, rounded up."""
+_FINE = np.linspace(0.25, 6.5, 626)
+
+_HEAD = """\
+# Comparison with measured sensors
+
+Written by `{command}`; do not edit by hand. Values called *fitted* come from the measurement itself; all others are
+predicted. The numbers of the measurements are in `mitsuba_taxel/evidence/measured/measured.py` and in the part's file.
+With an empty DIR the command takes about {minutes} minutes of one core; what is there is not computed again.
+"""
+
+
+def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
+    """Compute missing studies, and write ``validation.md`` and the figures in ``validation/``; returns the page."""
+    pictures = docs / "validation"
+    make_folder(pictures)
+    found = results(store)
+    memory = memory_fit.results(store, found.fitted, found.found.late)
+    sections = [
+        _HEAD.format(command=command, minutes=MINUTES),
+        pad_section(found, pictures),
+        assumptions_section(found, tried(store, found)),
+        memory_section(memory, pictures),
+        rest_section(spread(store)),
+        _vcnt2020(pictures),
+        _tables(store, memory.terms, pictures),
+    ]
+    page = docs / "validation.md"
+    write_text(page, "\n".join(sections))
+    return page
+
+
+def _vcnt2020(pictures: Path) -> str:
+    part = read_part("vcnt2020")
+    heights, given = np.array(part.distance_curve).T
+    curve = mirror_curve(part, _FINE)
+    model, curve = mirror_curve(part, heights) / curve.max(), curve / curve.max()
+    validation_figures.mirror(heights, given, _FINE, curve, pictures / "vcnt2020.png")
+    rows = [
+        [f"{z:g}", f"{100 * a:.1f}", f"{100 * b:.1f}", f"{100 * (b - a):+.1f}"]
+        for z, a, b in zip(heights, given, model, strict=True)
+    ]
+    far = 100 * (1 - model[-3:] / given[-3:]).mean()
+    worst = int(np.abs(model - given).argmax())
+    edges = [[word, *(f"{place:.3f}" for place in edge_positions(part, EDGE_HEIGHT, k))] for k, word in enumerate("xy")]
+    return f"""\
+## VCNT2020 under a mirror
+![Current against the height of the mirror](validation/vcnt2020.png)
+
+Fitted: the size of the dies and their depth under the windows, to the distance curve itself. Percent of the largest
+current:
+
+{markdown_table(["height [mm]", "datasheet", "here", "difference"], rows)}
+
+The largest difference is {100 * (model - given)[worst]:+.1f} % of the peak, at {heights[worst]:g} mm. Beyond 4 mm we
+are too {"low" if far > 0 else "high"} by {abs(far):.0f} % of the value.
+
+Predicted, without a measurement: position of the edge of a mirror at {EDGE_HEIGHT:g} mm, from the centre of the
+body, for 10, 50 and 90 % of the current (`taxel parts vcnt2020 --edges {EDGE_HEIGHT:g}`):
+
+{markdown_table(["along", "10 % [mm]", "50 % [mm]", "90 % [mm]"], edges)}
+"""
+
+
+def _tables(store: PaperStudies, terms: Prony, pictures: Path) -> str:
+    cycles = {cell: cycle(store, cell, terms) for cell in paper.MEASURED_NORMAL}
+    found = {cell: figures(study) for cell, study in cycles.items()}
+    ranges = {cell: (both, (found[cell].least, found[cell].most)) for cell, both in paper.MEASURED_NORMAL.items()}
+    validation_figures.sensitivities(ranges, pictures / "sensitivities.png")
+    rows = []
+    for cell, ours in found.items():
+        low, high = paper.MEASURED_NORMAL[cell]
+        rows.append(
+            [
+                cell,
+                f"{1e3 * low:.2f} to {1e3 * high:.2f}",
+                f"{1e3 * ours.least:.2f} to {1e3 * ours.most:.2f}",
+                f"{paper.MEASURED_NONLINEARITY[cell]:g}",
+                _resolved(*ours.nonlinearity),
+                f"{measured.MEASURED_HYSTERESIS[cell]:g}",
+                _resolved(*ours.hysteresis),
+            ]
+        )
+    heads = ["shape", "mV/N measured", "here", "e_nl [%] measured", "here", "e_h [%] measured", "here"]
+    electronics = f"{measured.LOAD_RESISTANCE / 1e3:g} kOhm, {measured.ADC_BITS} bit at {measured.ADC_REFERENCE:g} V"
+    sideways_heads = ["shape", "along x: mV/N measured", "here", "along y: mV/N measured", "here"]
+    first = found["parallelepiped"]
+    shares = ", ".join(f"{100 * found[cell].most / max(both):.0f} %" for cell, both in paper.MEASURED_NORMAL.items())
+    hysteresis = f"{100 * first.hysteresis[0] / measured.MEASURED_HYSTERESIS['parallelepiped']:.0f}"
+    return f"""\
+## The paper's Tables 2 to 4 in volts, and its hysteresis
+![Sensitivities of the taxels of three shapes](validation/sensitivities.png)
+
+*From the least to the most sensitive taxel of a pad.*
+
+Cycles to the force per cell of the experiments (10 N on 12 cells) at their rate, on the nominal pad of nine cells.
+Nothing is fitted to these tables: the electronics are those of the pad above ({electronics}), with LEDs
+that give its mean voltage at rest, {measured.REST_VOLTAGE:g} V; the Prony series is that fitted above, possibly of
+another silicone, with the paper's modulus as the long-term one. Slopes are means from 0 to 10 N.
+
+{markdown_table(heads, rows)}
+
+No gain was fitted to these tables. The most sensitive taxels come out at {shares} of the measured ones, flat, spherical
+and hemispheric. The spread between taxels does not include that of boards and moulds
+([tolerances](tutorials/tolerances.md)). The viscoelastic loop of the parallelepiped is {hysteresis} %
+as wide as the measured one. Ratios are not resolved where readings change by little more than their error:
+under 10 N that of a hemispheric cell falls and rises again. The steps of printed moulds, to which the authors attribute
+the nonlinearity of round cells, are not modelled here ([a rough mould](tutorials/rough_mould.md)).
+
+Table 3, under tangential forces along x and y, at 10 N of normal force on 12 cells, with the same circuit. Here they go
+up to {FORCES[-1] / PER_FORCE:g} N on as many, as it is not stated how far those of the experiments went; the pads are
+elastic, of the paper's modulus, and the taxel is the most sensitive one, where the experiments took that of the largest
+normal sensitivity:
+
+{markdown_table(sideways_heads, _sideways(store, cycles))}
+"""
+
+
+def _sideways(store: PaperStudies, cycles: Mapping[str, xr.Dataset]) -> list[list[str]]:
+    """Rows of Table 3, with the circuits of the cycles."""
+    rows = []
+    for cell, both in paper.MEASURED_TANGENTIAL.items():
+        row, circuit = [cell], circuit_at_rest(cycles[cell])
+        for along, slope in zip(("fx", "fy"), both, strict=True):
+            here = (1e3 * value for value in largest_slope(pushed(store, cell, along), circuit))
+            row += [f"{1e3 * slope:.2f}", _resolved(*here)]
+        rows.append(row)
+    return rows
+
+
+def _resolved(value: float, error: float) -> str:
+    return with_error(value, error) if value > error else NOT_RESOLVED

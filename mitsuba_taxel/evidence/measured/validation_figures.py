@@ -1,0 +1,98 @@
+"""Figures of the comparison with measured sensors: marks are measured, lines computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.evidence.measured import measured
+from mitsuba_taxel.evidence.measured.pad_comparison import Compared, Results
+from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_small
+
+
+def mirror(heights: np.ndarray, given: np.ndarray, places: np.ndarray, curve: np.ndarray, file: Path) -> None:
+    """Current under a mirror against its height, in percent of the largest."""
+    ax = axes_of((6, 3.6), 1, 1)[0, 0]
+    ax.plot(places, 100 * curve, color=COLOURS[0], label="here")
+    ax.plot(heights, 100 * given, MARKERS[0], color=COLOURS[1], label="datasheet")
+    _finished(ax, "height of the mirror [mm]", "current / largest [%]", file)
+
+
+def memory(tail: np.ndarray, hold: np.ndarray, file: Path) -> None:
+    """Voltage after release, and force during the hold, at the times and windows of the record.
+
+    Parameters
+    ----------
+    tail : (2, n) ndarray
+        Measured and fitted, in percent of the change during the hold.
+    hold : (3, m) ndarray
+        Measured, its scatter, and computed, relative to the last window.
+    """
+    after, during = axes_of((10, 3.6), 1, 2)[0]
+    after.loglog(measured.TAIL_TIMES, tail[1], color=COLOURS[0], label="fitted")
+    after.loglog(measured.TAIL_TIMES, tail[0], MARKERS[0], color=COLOURS[1], label="measured")
+    _labelled(after, "time after release [s]", "change left [%]")
+    windows = np.array(measured.HOLD_WINDOWS)
+    middle = np.sqrt(windows.prod(axis=1))
+    widths = np.abs(windows.T - middle)
+    marks: dict[str, Any] = {"linestyle": "none", "capsize": 3}
+    during.errorbar(middle, hold[0], hold[1], widths, marker=MARKERS[0], color=COLOURS[1], label="measured", **marks)
+    during.plot(middle, hold[2], MARKERS[1], color=COLOURS[0], label="here")
+    during.set_xscale("log")
+    _finished(during, "time of the hold [s]", "force / that at the end", file)
+
+
+def pressed(taxels: Mapping[int, Compared], file: Path) -> None:
+    """Force against travel, and change of the reading against force, of the taxels that were pressed."""
+    force, change = axes_of((10, 4), 1, 2)[0]
+    for number, (taxel, one) in enumerate(taxels.items()):
+        colour = COLOURS[number]
+        label = f"taxel {taxel}, {'fitted' if taxel == measured.PRESSED else 'predicted'}"
+        force.plot(one.along.travel, one.along.force, color=colour, label=label)
+        force.plot(one.measured.travel, one.measured.force, MARKERS[number], color=colour, markersize=5)
+        change.plot(one.along.force, 100 * one.along.change, color=colour)
+        change.plot(one.measured.force, 100 * one.measured.change, MARKERS[number], color=colour, markersize=5)
+    _labelled(force, "travel [mm]", "force [N]")
+    change.grid(alpha=0.3)
+    change.set(xlabel="force [N]", ylabel="change of the voltage [% of that at rest]")
+    save_small(change.figure, file)
+
+
+def maps(found: Results, file: Path) -> None:
+    """Changes of all taxels while the middle one is held: measured, and computed with the offset."""
+    axes = axes_of((8, 4), 1, 2)[0]
+    for ax, title, values in zip(axes, ("measured", "here"), (np.array(measured.HELD_MAP), found.moved), strict=True):
+        image = ax.imshow(values, cmap="viridis", vmin=0, vmax=100)
+        for (row, column), value in np.ndenumerate(values):
+            ax.text(column, row, f"{round(value)}", ha="center", va="center", color="k" if value > 60 else "w")
+        ax.set(title=title, xticks=[], yticks=[])
+    axes[0].figure.colorbar(image, ax=axes, label="change, of that of taxel 13 [%]", shrink=0.8)
+    save_small(axes[0].figure, file)
+
+
+def sensitivities(ranges: Mapping[str, tuple[tuple[float, float], tuple[float, float]]], file: Path) -> None:
+    """Sensitivities in V/N from the least to the most sensitive taxel of each shape: measured, and computed."""
+    ax = axes_of((6, 3.4), 1, 1)[0, 0]
+    for side, label in enumerate(("measured", "here")):
+        low, high = 1e3 * np.array([both[side] for both in ranges.values()]).T
+        place = np.arange(len(ranges)) + (0.1, -0.1)[side]
+        colour, marker = COLOURS[1 - side], MARKERS[side]
+        ax.vlines(place, low, high, color=colour, linewidth=2)
+        ax.plot(np.tile(place, 2), np.concatenate([low, high]), marker, color=colour, label=label)
+    ax.set_xticks(range(len(ranges)), list(ranges))
+    ax.set_yscale("log")
+    _finished(ax, "shape of the cells", "sensitivity [mV/N]", file)
+
+
+def _labelled(ax: Any, x: str, y: str) -> None:
+    ax.grid(alpha=0.3)
+    ax.set(xlabel=x, ylabel=y)
+    ax.legend(frameon=False)
+
+
+def _finished(ax: Any, x: str, y: str, file: Path) -> None:
+    _labelled(ax, x, y)
+    save_small(ax.figure, file)

@@ -1,0 +1,135 @@
+"""Analysis of a rerun's studies against the paper's numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.evidence.paper import paper
+from mitsuba_taxel.evidence.paper.analog import Emulated, emulated
+from mitsuba_taxel.evidence.paper.comparison import Fit, common_scale
+from mitsuba_taxel.evidence.paper.slopes import Sensitivity, change, curves, sensitivity
+
+Paths = Mapping[str, xr.Dataset]
+PUBLISHED = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
+"""Table 1 by kind of force."""
+PLACES = 201
+"""Forces at which a curve is compared with a straight line."""
+
+
+def table_one(studies: Mapping[str, Paths]) -> dict[str, dict[str, Sensitivity]]:
+    """Sensitivities by path (``fz``, ``fx``, ...) and shape, and by ``normal`` and ``tangential`` as in Table 1.
+
+    The paper gives one number for tangential forces along x or y: here, that of the steeper of the two.
+    """
+    cells = list(studies)
+    table = {path: {cell: sensitivity(studies[cell][path], path) for cell in cells} for path in studies[cells[0]]}
+    table["normal"] = table["fz"]
+    table["tangential"] = {cell: max(table["fx"][cell], table["fy"][cell], key=lambda s: s.max_slope) for cell in cells}
+    return table
+
+
+def expected_of_counting(nominal: Mapping[str, Paths]) -> dict[str, dict[str, Emulated]]:
+    """Expected result of the paper's procedure at our readings, by kind of force and shape."""
+    return {
+        "normal": {cell: emulated(paths["fz"], "fz") for cell, paths in nominal.items()},
+        "tangential": {cell: emulated(paths["fx"], "fx") for cell, paths in nominal.items()},
+    }
+
+
+def readings(nominal: Mapping[str, Paths]) -> dict[str, dict[str, float]]:
+    """Mean reading of the taxels in W before the slopes are taken: at rest, and at -8 N, by kind of force and shape."""
+    return {
+        "normal": {cell: float(paths["fz"].power.sel(fz=0).mean()) for cell, paths in nominal.items()},
+        "tangential": {cell: float(paths["fx"].power.sel(fx=0).mean()) for cell, paths in nominal.items()},
+    }
+
+
+def explanations(
+    published: Mapping[str, float],
+    slopes: Mapping[str, Sensitivity],
+    counts: Mapping[str, Emulated],
+    reading: Mapping[str, float],
+) -> dict[str, Fit]:
+    """Three explanations of a column of Table 1, by shape, each with one free common factor.
+
+    The numbers are true slopes, with the errors of ours; or proportional to the square root of the reading, or to the
+    maximum slope with counting noise, with the scatter of one repetition.
+    """
+    cells = list(published)
+    numbers = np.array([published[cell] for cell in cells])
+    counted = np.array([counts[cell].mean for cell in cells])
+    scatter = np.array([counts[cell].spread for cell in cells]) / counted
+    root = np.sqrt([reading[cell] for cell in cells])
+    return {
+        "true maximum slope": against_slopes(numbers, [slopes[cell] for cell in cells]),
+        "square root of the reading": common_scale(numbers, root, scatter),
+        "maximum slope with counting noise": common_scale(numbers, counted, scatter),
+    }
+
+
+def against_slopes(published: np.ndarray, slopes: list[Sensitivity]) -> Fit:
+    """Published numbers as a common factor times our maximum slopes."""
+    error = np.array([one.max_slope_error for one in slopes])
+    value = np.array([least(one) for one in slopes])
+    return common_scale(published, value, error / value)
+
+
+def least(slope: Sensitivity) -> float:
+    """A positive maximum slope for ratios: at least its error."""
+    return max(slope.max_slope, slope.max_slope_error)
+
+
+def against_table_one(table: Mapping[str, Mapping[str, Sensitivity]]) -> Fit:
+    """All eight numbers of Table 1 as one common factor times ours, of equal weight: they differ by much more than our
+    errors."""
+    pairs = [(PUBLISHED[kind][cell], least(one)) for kind in PUBLISHED for cell, one in table[kind].items()]
+    published, slopes = np.array(pairs).T
+    return common_scale(published, slopes, np.ones(len(slopes)))
+
+
+class Difference(NamedTuple):
+    """A difference of readings in W with its error."""
+
+    value: float
+    error: float
+
+
+def skewness(study: xr.Dataset) -> dict[str, Difference]:
+    """Fig. 10: differences of mirror taxels under a force along the secondary diagonal, less those without it.
+
+    ``3 - 7`` : the corners on the diagonal; ``(2 + 6 - 4 - 8) / 2`` : the sides; ``1, 5, 9`` : the largest difference
+    from their mean on the main diagonal, where there should be little.
+    """
+    taxels = np.eye(9)
+    middle = (taxels[0] + taxels[4] + taxels[8]) / 3
+    sums = {
+        "3 - 7": [taxels[2] - taxels[6]],
+        "(2 + 6 - 4 - 8) / 2": [(taxels[1] + taxels[5] - taxels[3] - taxels[7]) / 2],
+        "1, 5, 9": [taxels[taxel] - middle for taxel in (0, 4, 8)],
+    }
+    found = {
+        name: [Difference(*change(study, "resultant", paper.SHOWN_TANGENTIAL_FORCE, each)) for each in weights]
+        for name, weights in sums.items()
+    }
+    return {name: max(each, key=lambda one: abs(one.value)) for name, each in found.items()}
+
+
+def nonlinearity_of(study: xr.Dataset) -> tuple[float, float]:
+    """Nonlinearity in percent (paper, equation 7) of the taxel with the largest change up to 10 N, and its error.
+
+    The error is its change with slopes changed by their errors, with opposite signs at no force and at the end.
+    """
+    along = curves(study, "fz")
+    force = np.linspace(0, -paper.MEASURED_FORCE, PLACES)
+    power = along.power(force)
+    values = power - power[0]
+    taxel = int(np.abs(values[-1]).argmax())
+    largest = np.abs(values[:, taxel]).max()
+    line = values[-1, taxel] * force / force[-1]
+    slope_error = np.interp(force[::-1], along.force, along.slope_error[:, taxel]).mean()
+    off = slope_error * paper.MEASURED_FORCE / 4
+    return float(100 * np.abs(values[:, taxel] - line).max() / largest), float(100 * off / largest)

@@ -1,0 +1,246 @@
+"""The figures of a rerun. Colour, marker and dash of curves are distinguishable with any colour vision."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.evidence.paper import paper
+from mitsuba_taxel.evidence.paper.analog import Emulated
+from mitsuba_taxel.evidence.paper.plate import LAWS, Peak, normalised
+from mitsuba_taxel.evidence.paper.scenes import CENTRE, CORNER
+from mitsuba_taxel.evidence.paper.slopes import Sensitivity, curves
+from mitsuba_taxel.plots.curves import PLACES
+from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_small
+
+TICKS = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
+DASHES = ("-", "--", ":", "-.")
+ABSCISSAE = {"fz": "normal force $F_z$ [N]", "fx": "force along x [N]", "fy": "force along y [N]"}
+ABSCISSAE["resultant"] = "force along the diagonal [N]"
+
+
+@contextmanager
+def _figure(file: Path, rows: int, columns: int, size: tuple[float, float], **options: Any) -> Iterator[np.ndarray]:
+    """Axes (rows, columns) of a figure that is written to ``file``."""
+    axes = axes_of(size, rows, columns, **options)
+    yield axes
+    save_small(axes[0, 0].figure, file)
+
+
+def _curves(study: xr.Dataset, path: str) -> tuple[np.ndarray, np.ndarray]:
+    """Forces, and readings (forces, taxels) there."""
+    along = curves(study, path)
+    places = np.linspace(along.force[0], along.force[-1], PLACES)
+    return places, along.power(places)
+
+
+def plate_curves(studies: Mapping[float, xr.Dataset], dim: str, abscissa: str, label: str, file: Path) -> None:
+    """Figs. 4 to 6: normalised power by emission law, one panel for each die spacing.
+
+    Parameters
+    ----------
+    studies : Mapping[float, xr.Dataset]
+        By spacing, with ``dim`` and ``law``.
+    abscissa : str
+        Coordinate to draw against.
+    """
+    with _figure(file, 1, len(studies), (11, 3.4), sharey=True) as axes:
+        for ax, (spacing, study) in zip(axes[0], studies.items(), strict=True):
+            share, error = normalised(study, dim)
+            for number, law in enumerate(study.law.values):
+                y, bar = share.sel(law=law), error.sel(law=law)
+                style = {"color": COLOURS[number], "linestyle": DASHES[number]}
+                ax.plot(study[abscissa], y, label=str(law).replace("_", " "), **style)
+                ax.fill_between(study[abscissa].values, y - 2 * bar, y + 2 * bar, color=COLOURS[number], alpha=0.2)
+            if dim == "z":
+                ax.axvline(paper.PEAK_HEIGHT, color="0.5", linewidth=0.8)
+            ax.set_title(f"die spacing {spacing:g} mm", fontsize=10)
+            ax.set_xlabel(label)
+            ax.grid(alpha=0.3)
+        axes[0, 0].set_ylabel("optical power / largest")
+        handles = axes[0, 0].get_legend_handles_labels()
+        axes[0, 0].figure.legend(*handles, loc="outside upper center", ncols=len(LAWS), frameon=False)
+
+
+def peak_positions(found: Mapping[str, Mapping[float, Peak]], file: Path) -> None:
+    """Height of the peak against die spacing, by emission law."""
+    with _figure(file, 1, 1, (6, 4)) as axes:
+        ax = axes[0, 0]
+        for number, (law, peaks) in enumerate(found.items()):
+            at, error = np.array([[peak.at, peak.error] for peak in peaks.values()]).T
+            style = {"color": COLOURS[number], "linestyle": DASHES[number], "marker": MARKERS[number]}
+            ax.errorbar(list(peaks), at, error, label=law.replace("_", " "), markersize=4, capsize=2, **style)
+        ax.axhline(paper.PEAK_HEIGHT, color="0.5", linewidth=0.8, label="datasheet's peak")
+        ax.set_xlabel("die spacing [mm]")
+        ax.set_ylabel("height of the peak [mm]")
+        ax.grid(alpha=0.3)
+        ax.legend(frameon=False)
+
+
+def normal_curves(studies: Mapping[str, xr.Dataset], file: Path) -> None:
+    """Fig. 9 for all shapes: power of the nine taxels against normal force."""
+    with _figure(file, 2, 2, (10, 7), sharex=True) as axes:
+        for ax, (cell, study) in zip(axes.flat, studies.items(), strict=True):
+            places, smooth = _curves(study, "fz")
+            for number, taxel in enumerate(study.taxel.values):
+                one, style = study.sel(taxel=taxel), {"color": COLOURS[number], "linestyle": DASHES[number // 3]}
+                ax.plot(places, smooth[:, number], linewidth=0.8, label=str(taxel), **style)
+                marks = {"color": COLOURS[number], "marker": MARKERS[number], "linestyle": "none", "markersize": 3}
+                ax.errorbar(study.fz.values, one.power.values, one.standard_error.values, elinewidth=0.6, **marks)
+            ax.set_title(cell, fontsize=10)
+            ax.grid(alpha=0.3)
+        for ax in axes[:, 0]:
+            ax.set_ylabel("optical power [W]")
+        for ax in axes[-1]:
+            ax.set_xlabel(ABSCISSAE["fz"])
+            ax.locator_params("x", nbins=5)
+        axes[0, 0].invert_xaxis()
+        axes[0, -1].figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside right center", title="taxel")
+
+
+def tangential_curves(
+    nominal: Mapping[str, Mapping[str, xr.Dataset]], beyond: Mapping[str, Mapping[str, xr.Dataset]] | None, file: Path
+) -> None:
+    """Change of power at -8 N against tangential force, of a corner taxel and the centre; dashed beyond the paper, on
+    from there, as meshes may be coarser."""
+    paths = ("fx", "fy", "resultant")
+    with _figure(file, len(paths), len(nominal), (12, 8), sharex=True) as axes:
+        for column, (cell, studies) in enumerate(nominal.items()):
+            for row, path in enumerate(paths):
+                ax = axes[row, column]
+                runs = [(studies[path], "-"), *([(beyond[cell][path], "--")] if beyond else [])]
+                reached = 0.0
+                for study, dash in runs:
+                    places, power = _curves(study, path)
+                    change = reached + power - power[0]
+                    reached = change[-1]
+                    for number, taxel in enumerate((CORNER, CENTRE)):
+                        style = {"color": COLOURS[number], "linestyle": dash, "linewidth": 0.9}
+                        label = f"taxel {taxel}" if dash == "-" else None
+                        ax.plot(places, change[:, taxel - 1], label=label, **style)
+                ax.grid(alpha=0.3)
+                ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
+                ax.set_xlabel(ABSCISSAE[path])
+            axes[0, column].set_title(cell, fontsize=10)
+        for ax in axes[:, 0]:
+            ax.set_ylabel("change of power [W]")
+        axes[0, 0].legend(frameon=False)
+
+
+def diagonal_maps(nominal: Mapping[str, Mapping[str, xr.Dataset]], roofs: Mapping[str, xr.Dataset], file: Path) -> None:
+    """Fig. 10: movement of the roofs and change of the powers, with 8 N along the secondary diagonal at -8 N."""
+    with _figure(file, 2, len(nominal), (12, 5.4)) as axes:
+        for column, (cell, studies) in enumerate(nominal.items()):
+            tops = 1e3 * (roofs[cell].diagonal - roofs[cell].normal).values
+            power = curves(studies["resultant"], "resultant").power(np.array([0.0, paper.SHOWN_TANGENTIAL_FORCE]))
+            change = 1e6 * (power[1] - power[0])
+            for row, (values, unit) in enumerate(((tops, "µm"), (change, "µW"))):
+                ax, largest = axes[row, column], np.abs(values).max()
+                image = ax.imshow(values.reshape(3, 3), cmap="PuOr", vmin=-largest, vmax=largest)
+                for taxel, value in enumerate(values):
+                    dark = abs(value) > 0.6 * largest
+                    words = f"{taxel + 1}\n{value:+.0f}"
+                    ax.text(taxel % 3, taxel // 3, words, ha="center", va="center", color="w" if dark else "k")
+                ax.figure.colorbar(image, ax=ax, label=unit, shrink=0.8)
+                ax.set(xticks=[], yticks=[])
+            axes[0, column].set_title(cell, fontsize=10)
+        axes[0, 0].set_ylabel("rise of the roof [µm]")
+        axes[1, 0].set_ylabel("change of power [µW]")
+
+
+def sensitivities(
+    ours: Mapping[str, Mapping[str, Sensitivity]], expected: Mapping[str, Mapping[str, Emulated]], file: Path
+) -> None:
+    """Table 1 as a picture: the paper, ours, and what 60 000 counted rays would have given.
+
+    Parameters
+    ----------
+    ours, expected : Mapping[str, Mapping[str, Sensitivity]] and Mapping[str, Mapping[str, Emulated]]
+        By ``normal`` and ``tangential``, then by shape.
+    """
+    theirs = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
+    with _figure(file, 1, 2, (10, 4), sharey=True) as axes:
+        for ax, (kind, values) in zip(axes[0], theirs.items(), strict=True):
+            x = np.arange(len(paper.CELLS))
+            found = [ours[kind][cell] for cell in paper.CELLS]
+            counts = [expected[kind][cell] for cell in paper.CELLS]
+            rows = (
+                ("paper", list(values.values()), [0.0] * len(x)),
+                ("here", [one.max_slope for one in found], [one.max_slope_error for one in found]),
+                ("60 000 counted rays", [one.mean for one in counts], [one.spread for one in counts]),
+            )
+            for number, (label, y, bar) in enumerate(rows):
+                place = x + 0.15 * (number - 1)
+                style = {"color": COLOURS[number], "marker": MARKERS[number], "linestyle": "none", "capsize": 3}
+                ax.errorbar(place, 1e6 * np.array(y), 1e6 * np.array(bar), label=label, **style)
+            ax.set_xticks(x, paper.CELLS, fontsize=8)
+            ax.set_yscale("log")
+            ax.set_yticks(TICKS, [f"{tick:g}" for tick in TICKS])
+            ax.minorticks_off()
+            ax.set_title(f"{kind} force", fontsize=10)
+            ax.grid(alpha=0.3)
+        axes[0, 0].set_ylabel("maximum slope [µW/N]")
+        axes[0, 0].legend(frameon=False)
+
+
+def choices(found: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: Path) -> None:
+    """Sensitivities under each choice (rows), normal and tangential, of the four shapes, and the paper's.
+
+    Parameters
+    ----------
+    found : Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]
+        By choice, then ``normal`` and ``tangential``, then shape.
+    """
+    theirs = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
+    rows, ticks = np.arange(len(found)), (10, 100, 1000, 10_000)
+    with _figure(file, 1, 2, (11, 0.32 * len(found) + 1.8), sharey=True) as axes:
+        for ax, kind in zip(axes[0], theirs, strict=True):
+            for number, cell in enumerate(paper.CELLS):
+                results = [table[kind][cell] for table in found.values()]
+                x = 1e6 * np.array([one.max_slope for one in results])
+                bar = 1e6 * np.array([one.max_slope_error for one in results])
+                style = {"color": COLOURS[number], "marker": MARKERS[number], "linestyle": "none", "markersize": 4}
+                ax.errorbar(x, rows + 0.15 * (number - 1.5), xerr=bar, label=cell, **style)
+                ax.axvline(1e6 * theirs[kind][cell], color=COLOURS[number], linestyle=DASHES[number], linewidth=0.9)
+            ax.set_xscale("log")
+            ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks], fontsize=8)
+            ax.minorticks_off()
+            ax.set_title(f"{kind} force (lines: paper)", fontsize=10)
+            ax.set_xlabel("steepest slope [µW/N]")
+            ax.grid(alpha=0.3)
+        axes[0, 0].set_yticks(rows, list(found))
+        axes[0, 0].invert_yaxis()
+        handles = axes[0, 0].get_legend_handles_labels()
+        axes[0, 0].figure.legend(*handles, loc="outside upper center", ncols=len(paper.CELLS), frameon=False)
+
+
+def repetitions(
+    counted: Mapping[str, np.ndarray], drawn: Mapping[str, np.ndarray], true: Mapping[str, float], file: Path
+) -> None:
+    """Maximum slopes of the centre taxel in repetitions of the paper's procedure, compared with the true one.
+
+    Parameters
+    ----------
+    counted, drawn : Mapping[str, ndarray]
+        Maximum slopes in W/N by shape, of repetitions with counted rays and of binomial counts.
+    true : Mapping[str, float]
+        Maximum slopes in W/N.
+    """
+    with _figure(file, 2, 2, (10, 6)) as axes:
+        for ax, (cell, slopes) in zip(axes.flat, counted.items(), strict=True):
+            edges = np.histogram_bin_edges(1e6 * np.concatenate([slopes, drawn[cell]]), 20)
+            ax.hist(1e6 * slopes, edges, density=True, color=COLOURS[4], label="counted rays")
+            ax.hist(1e6 * drawn[cell], edges, density=True, histtype="step", color=COLOURS[0], label="binomial counts")
+            ax.axvline(1e6 * paper.NORMAL[cell], color=COLOURS[1], linestyle="--", label="paper")
+            ax.axvline(1e6 * true[cell], color=COLOURS[2], linestyle=":", label="true")
+            ax.set_xlim(0)
+            ax.set_title(cell, fontsize=10)
+            ax.set_yticks([])
+        for ax in axes[-1]:
+            ax.set_xlabel("maximum slope over 0.5 N [µW/N]")
+        axes[0, 0].legend(frameon=False)

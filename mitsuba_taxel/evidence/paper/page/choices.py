@@ -1,0 +1,128 @@
+"""A section of the page: effect of the choices that the paper leaves open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.characterise.wording import with_error
+from mitsuba_taxel.evidence.paper import figures, paper, plate
+from mitsuba_taxel.evidence.paper.analysis import PUBLISHED, against_table_one, least, table_one
+from mitsuba_taxel.evidence.paper.comparison import Fit, pairs_in_order
+from mitsuba_taxel.evidence.paper.page.words import Found, paragraph, steepest
+from mitsuba_taxel.evidence.paper.slopes import Sensitivity
+from mitsuba_taxel.evidence.paper.variations import NOMINAL, NOMINAL_LAW, NOMINAL_SPACING, choices
+
+NEAR_THE_DATASHEET = 0.03
+"""Largest distance in mm of a peak from the datasheet's to count as consistent."""
+
+
+def variations(found: Found, pictures: Path) -> str:
+    tables = {words: table_one(cells) for words, cells in found["variations"].items()}
+    fits = {words: against_table_one(table) for words, table in tables.items()}
+    figures.choices(tables, pictures / "choices.png")
+    heights = _heights(found)
+    columns = [(kind, cell) for kind in PUBLISHED for cell in paper.CELLS]
+    head = [
+        "choice",
+        *(f"{cell[:4]}. {kind[0].upper()}" for kind, cell in columns),
+        "order",
+        "factor",
+        "misfit",
+        "peak",
+    ]
+    rows = []
+    for words, table in tables.items():
+        slopes = [steepest(table[kind][cell]) for kind, cell in columns]
+        orders = [pairs_in_order({c: s.max_slope for c, s in table[k].items()}, PUBLISHED[k]) for k in PUBLISHED]
+        same = "+".join(str(one) for one, _ in orders)
+        rows.append(
+            [words, *slopes, same, f"{fits[words].scale:.3g}", f"{fits[words].misfit:.2f}", _height(heights[words])]
+        )
+    return f"""\
+## Which unstated choices move Table 1
+![Sensitivities under each choice](paper/choices.png)
+
+Steepest slopes in µW/N of the corner and the centre taxel up to 20 N of normal force (N), and up to 8 N along x or y
+at -8 N (T): of the curves through readings and their derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors,
+which need random paths, between these forces: there, noise may be more than the slope. On the elements of Table 1's
+normal forces. *Order*: pairs of shapes, of 6 + 6, that come in the paper's order. *Factor* is
+what all must be multiplied by to come nearest to the paper's numbers (a source of so many watts), *misfit* the typical
+factor that each is then still off by. *Peak*: height in mm at which the part reads most under a mirror plate.
+
+{markdown_table(head, rows)}
+
+{_computed(tables)}
+
+A sensor whose packages are turned by 90 degrees has x and y exchanged; Table 1 takes the steeper of the two.
+
+{_influence(tables)}
+
+{_unexplained(tables, fits, heights)}
+"""
+
+
+def _computed(tables: Mapping[str, Any]) -> str:
+    """How many choices are computed, and which are not."""
+    names = [choice.words for choice in choices() if choice.words not in tables]
+    missing = f" Not computed: {'; '.join(names)}." if names else ""
+    return paragraph(f"{len(tables)} of {len(choices())} choices and pairs.{missing}")
+
+
+def _heights(found: Found) -> dict[str, plate.Peak]:
+    """Height of the peak for die spacing and law of each choice; NaN if unknown."""
+    peaks = plate.peaks(found["peak"]) if "peak" in found else {}
+
+    def height(values: Mapping[str, Any]) -> plate.Peak:
+        if not peaks or {"hole", "detector_width", "body_reflectance"} & set(values):
+            return plate.Peak(math.nan, math.nan)
+        return peaks[values.get("law", NOMINAL_LAW)][values.get("spacing", NOMINAL_SPACING)]
+
+    return {choice.words: height(choice.values) for choice in choices()}
+
+
+def _height(peak: plate.Peak) -> str:
+    return with_error(*peak) if math.isfinite(peak.at) else "-"
+
+
+def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) -> str:
+    """The single choices, ranked by their effect on the eight slopes."""
+    nominal = tables[NOMINAL]
+
+    def moved(words: str) -> float:
+        logs = [
+            math.log(least(tables[words][kind][cell]) / least(nominal[kind][cell]))
+            for kind in PUBLISHED
+            for cell in paper.CELLS
+        ]
+        return math.exp(math.sqrt(float(np.mean(np.square(logs)))))
+
+    single = [choice.words for choice in choices() if choice.single and choice.words in tables]
+    ranked = sorted(single, key=moved, reverse=True)
+    listed = ", ".join(f"{words} ({moved(words):.2f})" for words in ranked)
+    return f"Single choices by the typical factor by which they change a slope: {listed}."
+
+
+def _unexplained(tables: Mapping[str, Any], fits: Mapping[str, Fit], heights: Mapping[str, plate.Peak]) -> str:
+    """Remaining ratios of the choices with the least misfit, number by number."""
+    consistent = [words for words in tables if abs(heights[words].at - paper.PEAK_HEIGHT) <= NEAR_THE_DATASHEET]
+    groups = {"Of all choices": tables, "Of those that put the peak within 0.03 mm of the datasheet's": consistent}
+    lines = []
+    for group, names in groups.items():
+        if names:
+            best = min(names, key=lambda words: fits[words].misfit)
+            ours = {(kind, cell): one for kind in PUBLISHED for cell, one in tables[best][kind].items()}
+            rest = ", ".join(
+                f"{cell} {kind} {PUBLISHED[kind][cell] / (fits[best].scale * least(one)):.2f}"
+                for (kind, cell), one in ours.items()
+            )
+            lines.append(
+                f"- {group}, the least misfit has *{best}*: {fits[best].misfit:.2f}, with a factor of "
+                f"{fits[best].scale:.3g}. The paper's numbers are still these multiples of it: {rest}."
+            )
+    return "**What is left**\n\n" + "\n".join(lines)

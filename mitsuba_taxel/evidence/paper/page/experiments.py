@@ -1,0 +1,48 @@
+"""A section of the page: the paper's experiments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.characterise.wording import with_error
+from mitsuba_taxel.evidence.paper import paper
+from mitsuba_taxel.evidence.paper.analysis import PUBLISHED, nonlinearity_of, table_one
+from mitsuba_taxel.evidence.paper.comparison import pairs_in_order
+from mitsuba_taxel.evidence.paper.page.words import Found
+
+
+def experiments(found: Found, pictures: Path) -> str:
+    table = table_one(found["nominal"])
+    measured = {
+        "normal": {cell: max(values) for cell, values in paper.MEASURED_NORMAL.items()},
+        "tangential": {cell: max(values) for cell, values in paper.MEASURED_TANGENTIAL.items()},
+    }
+    rows = []
+    for cell in paper.MEASURED_NORMAL:
+        row = [cell]
+        for kind, values in measured.items():
+            one, first = table[kind][cell], table[kind]["parallelepiped"]
+            row.append(f"{values[cell] / values['parallelepiped']:.3f}")
+            row.append(f"{one.max_slope / first.max_slope:.3f}")
+        percent = nonlinearity_of(found["nominal"][cell]["fz"])
+        rows.append([*row, f"{paper.MEASURED_NONLINEARITY[cell]:g}", with_error(*percent)])
+    lines = []
+    for kind, values in measured.items():
+        for who, others in (
+            ("ours", {cell: one.max_slope for cell, one in table[kind].items()}),
+            ("the paper's simulation", PUBLISHED[kind]),
+        ):
+            same, pairs = pairs_in_order(values, others)
+            lines.append(f"- {kind}: {same} of {pairs} pairs in the order of the experiments by {who}.")
+    head = ["shape", "normal: measured", "here", "tangential: measured", "here", "e_nl measured [%]", "here [%]"]
+    return f"""\
+## The paper's experiments (Tables 2 to 4)
+Sensitivities relative to the parallelepiped's (of the most sensitive taxel; measured in V/N), and nonlinearity
+(equation 7, from the end-point line up to 10 N). The sensor of the experiments has 6 x 2 cells, so that forces per cell
+differ; ratios and orders can be compared, numbers cannot.
+
+{markdown_table(head, rows)}
+
+{chr(10).join(lines)}
+"""

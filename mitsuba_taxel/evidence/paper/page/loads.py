@@ -1,0 +1,144 @@
+"""Sections of the page: four shapes under normal and tangential load."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.characterise.wording import with_error
+from mitsuba_taxel.evidence.paper import figures, paper
+from mitsuba_taxel.evidence.paper.analysis import PUBLISHED, expected_of_counting, skewness, table_one
+from mitsuba_taxel.evidence.paper.comparison import order, pairs_in_order
+from mitsuba_taxel.evidence.paper.page.words import NAMES, TANGENTIAL, Found, micro, steepest
+from mitsuba_taxel.evidence.paper.paper_studies import add_seconds
+from mitsuba_taxel.evidence.paper.slopes import Sensitivity
+from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
+from mitsuba_taxel.studies import stage_totals
+
+
+def nominal(found: Found, pictures: Path) -> str:
+    nominal, table = found["nominal"], table_one(found["nominal"])
+    expected = expected_of_counting(nominal)
+    figures.normal_curves({cell: paths["fz"] for cell, paths in nominal.items()}, pictures / "fig9.png")
+    figures.tangential_curves(nominal, found.get("beyond"), pictures / "tangential.png")
+    figures.sensitivities(table, expected, pictures / "table1.png")
+    head = ["shape", "force", "paper [µW/N]", "here [µW/N]", "here / paper", "mean slope here [µW/N]", "steepest at"]
+    rows = []
+    for kind, published in PUBLISHED.items():
+        for cell in paper.CELLS:
+            one = table[kind][cell]
+            ratio = with_error(one.max_slope / published[cell], one.max_slope_error / published[cell])
+            mean = micro(one.mean_slope, one.mean_slope_error)
+            place = f"taxel {one.taxel}, {one.at:g} N"
+            rows.append([cell, kind, f"{1e6 * published[cell]:.3g}", steepest(one), ratio, mean, place])
+    direction = [[cell, *(steepest(table[path][cell]) for path in TANGENTIAL)] for cell in paper.CELLS]
+    return f"""\
+## Fig. 9 and Table 1: four shapes under load
+![Power under normal force](paper/fig9.png)
+
+![Change of power under tangential force](paper/tangential.png)
+
+**Tangential forces at -8 N**: change of power of the corner taxel at (+x, +y) and of the centre. Solid: as far as the
+paper's solver went.
+
+![Sensitivities](paper/table1.png)
+
+{markdown_table(head, rows)}
+
+The maximum slope is that of all nine curves, which are cubics through readings without random numbers and their
+derivatives with respect to the force; its error is that of the derivatives (light, mechanics and geometry).
+Tangential: the steeper of x and y.
+
+{markdown_table(["shape", *(f"{NAMES[path]} [µW/N]" for path in TANGENTIAL)], direction)}
+
+{_orders(table)}
+
+{_cost(nominal)}
+"""
+
+
+def _orders(table: Mapping[str, Mapping[str, Sensitivity]]) -> str:
+    """Sentences that compare the order of the shapes with the paper's."""
+    lines = []
+    for kind, published in PUBLISHED.items():
+        values = {cell: one.max_slope for cell, one in table[kind].items()}
+        ours = order(values, {cell: one.max_slope_error for cell, one in table[kind].items()})
+        theirs = sorted(published, key=lambda cell: -published[cell])
+        same, pairs = pairs_in_order(values, published)
+        lines.append(
+            f"- **{kind}**: here {' > '.join(ours.names)} (probability {ours.certainty:.3f}, errors taken as "
+            f"independent); paper {' > '.join(theirs)}. {same} of {pairs} pairs of shapes come in the same order."
+        )
+    return "\n".join(lines)
+
+
+def _cost(nominal: Mapping[str, Mapping[str, Any]]) -> str:
+    """Seconds by stage, and accuracy of the readings."""
+    studies = [study for paths in nominal.values() for study in paths.values()]
+    seconds: dict[str, float] = {}
+    for study in studies:
+        add_seconds(seconds, stage_totals(study))
+    wall = sum(float(study.attrs["wall_seconds"]) for study in studies)
+    light, total = (
+        max(float((study[name] / study.power).max()) for study in studies) for name in ("standard_error", "total_error")
+    )
+    roofs = max(float(study.roof_error.max()) for study in studies)
+    sizes = sorted({float(study.attrs.get("mesh_size", DEFAULT_MESH_SIZE)) for study in studies})
+    meshes = f"{sizes[0]:.2f} mm" + (f" to {sizes[-1]:.2f} mm" if len(sizes) > 1 else "")
+    count = sum(study.power.size for study in studies)
+    shares = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
+    noise = f", of which the noise of the light is at most {light:.2%}" if light else ""
+    return (
+        f"{count} readings took {wall:.0f} s, summed over their studies ({shares}, summed over processes). The largest "
+        f"total error of a reading is {total:.2%}{noise}; the estimated error of the roofs' displacement is at "
+        f"most {1e3 * roofs:.1f} µm, on finite elements of {meshes}."
+    )
+
+
+def roofs(found: Found, pictures: Path) -> str:
+    nominal = found["nominal"]
+    figures.diagonal_maps(nominal, found["roofs"], pictures / "fig10.png")
+    rows = []
+    for cell in paper.CELLS:
+        parts = skewness(nominal[cell]["resultant"])
+        rows.append([cell, *(micro(*part) for part in parts.values())])
+    return f"""\
+## Fig. 10: a force along the secondary diagonal
+![Roofs and powers](paper/fig10.png)
+
+Change from the state at -8 N when {paper.SHOWN_TANGENTIAL_FORCE:g} N along (1, 1) are added, taxels as they lie on the
+board. The paper sees the largest difference between taxels 3 and 7, a medium one between the sides, and next to none
+on the main diagonal:
+
+{markdown_table(["shape", "3 - 7 [µW]", "(2 + 6 - 4 - 8) / 2 [µW]", "largest of 1, 5, 9 from their mean [µW]"], rows)}
+"""
+
+
+def beyond(found: Found, pictures: Path) -> str:
+    rows = []
+    for cell in paper.CELLS:
+        ends = [float(study[path].max()) for path, study in found["beyond"][cell].items()]
+        rows.append([cell, f"{paper.TANGENTIAL_LIMIT[cell]:g}", *(f"{end:g}" for end in ends)])
+    said = "\n".join(
+        f"- {cell}, {NAMES[path]}: {_shorter(reason)}"
+        for cell, paths in found["beyond"].items()
+        for path, study in paths.items()
+        for reason in study.attrs["failures"].splitlines()[:1]
+    )
+    return f"""\
+### How far the load paths go
+Largest tangential force in N that the pad bears at -8 N, in steps of 1 N, and that at which the paper's solver stopped:
+
+{markdown_table(["shape", "paper", *(NAMES[path] for path in TANGENTIAL)], rows)}
+
+What stops them, at the first step that fails:
+{said}
+"""
+
+
+def _shorter(text: str) -> str:
+    """A text with numbers shortened to four digits."""
+    return re.sub(r"\d+\.\d{4,}", lambda number: f"{float(number[0]):.4g}", text)

@@ -1,0 +1,124 @@
+"""Sections of the page: counted rays, and whether Table 1 is their noise."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.characterise.wording import with_error
+from mitsuba_taxel.evidence.paper import analog as counting
+from mitsuba_taxel.evidence.paper import figures, paper
+from mitsuba_taxel.evidence.paper.analysis import (
+    PUBLISHED,
+    expected_of_counting,
+    explanations,
+    least,
+    readings,
+    table_one,
+)
+from mitsuba_taxel.evidence.paper.page.words import Found, micro, steepest
+from mitsuba_taxel.evidence.paper.slopes import curves, sensitivity
+
+
+def analog(found: Found, pictures: Path) -> str:
+    nominal, counted = found["nominal"], found["analog"]
+    slopes, drawn, true, rows = {}, {}, {}, []
+    for cell, study in counted.items():
+        force, power = study.fz.values, study.power.values
+        centre = nominal[cell]["fz"].sel(taxel=[5])
+        reading = curves(centre, "fz").power(force)
+        binomial = counting.binomial(reading, counting.RAYS, counting.REPETITIONS)
+        slopes[cell], drawn[cell] = (counting.max_slopes(force, samples) for samples in (power, binomial))
+        one = sensitivity(centre, "fz")
+        true[cell] = one.max_slope
+        answer, test = counting.summary(slopes[cell]), counting.counting_test(power, counting.RAYS)
+        rows.append(
+            [
+                cell,
+                steepest(one),
+                micro(answer.mean, answer.error),
+                f"{1e6 * answer.spread:.0f}",
+                f"{answer.mean / least(one):.3g}",
+                f"{1e6 * counting.summary(drawn[cell]).mean:.0f}",
+                f"{test.ratio:.3f} (p = {test.p:.2g})",
+            ]
+        )
+    figures.repetitions(slopes, drawn, true, pictures / "analog.png")
+    head = [
+        "shape",
+        "true [µW/N]",
+        "mean answer [µW/N]",
+        "spread [µW/N]",
+        "answer / true",
+        "binomial [µW/N]",
+        "scatter",
+    ]
+    repetitions = next(iter(counted.values())).sizes["replicate"]
+    return f"""\
+## The paper's own procedure, repeated {repetitions} times
+![Maximum slopes by counted rays](paper/analog.png)
+
+`analog_tracer` counts {counting.RAYS} rays (the power of two next to 20 x 3000) for the centre taxel at each of the 41
+normal forces, with new rays each time, and the maximum slope over steps of 0.5 N is taken:
+
+{markdown_table(head, rows)}
+
+*Binomial*: the mean answer if readings are counts of n rays, of which a share p arrives. *Scatter*: the variance of the
+readings over p (1 - p) / n, and its p-value. A ray tracer that repeats its random numbers at every step would have less
+noise.
+"""
+
+
+def hypotheses(found: Found, pictures: Path) -> str:
+    nominal = found["nominal"]
+    table, means, expected = table_one(nominal), readings(nominal), expected_of_counting(nominal)
+    rows, lines, factors = [], [], []
+    for kind, published in PUBLISHED.items():
+        fits = explanations(published, table[kind], expected[kind], means[kind])
+        factors.append(fits["maximum slope with counting noise"])
+        for words, fit in fits.items():
+            factor = with_error(fit.scale, fit.scale_error)
+            test = f"{fit.chi_square:.1f} / {fit.freedom} (p = {fit.p:.2g})"
+            rows.append([kind, words, factor, test, f"{fit.misfit:.2f}"])
+        best = min(fits, key=lambda words: fits[words].misfit)
+        lines.append(f"- {kind}: nearest is the {best}, with a misfit of {fits[best].misfit:.2f}.")
+    normal, tangential = factors
+    ratio = tangential.scale / normal.scale
+    error = ratio * math.hypot(tangential.scale_error / tangential.scale, normal.scale_error / normal.scale)
+    ratios = [
+        [
+            cell,
+            *(
+                f"{values[cell] / values['parallelepiped']:.2f}"
+                for kind in PUBLISHED
+                for values in (
+                    PUBLISHED[kind],
+                    {c: math.sqrt(value) for c, value in means[kind].items()},
+                    {c: one.mean for c, one in expected[kind].items()},
+                )
+            ),
+        ]
+        for cell in paper.CELLS
+    ]
+    head = ["shape", *(f"{kind}: {what}" for kind in PUBLISHED for what in ("paper", "root of reading", "counting"))]
+    return f"""\
+## Is Table 1 counting noise?
+With {paper.RAYS} rays a reading p scatters by sqrt(p (1 - p) / n). The largest of many steps of 0.5 N is then mostly
+noise, and proportional to the square root of the reading. Three explanations of Table 1, each with one free common
+factor; that of the last is the source's power in W, or any other scale:
+
+{markdown_table(["force", "explanation", "factor", "chi-square / freedom", "misfit"], rows)}
+
+{chr(10).join(lines)}
+
+Counting noise with one source and equal steps would give both kinds of force the same factor. The tangential one is
+{with_error(ratio, error)} times the normal one, as if its steps had been of {paper.FORCE_STEP / ratio:.2g} N.
+
+Relative to the parallelepiped:
+
+{markdown_table(head, ratios)}
+
+*Counting*: the mean maximum slope of nine curves with {paper.RAYS} rays for each reading, by binomial counts about our
+readings.
+"""

@@ -1,0 +1,296 @@
+"""The page of the best sensors for three purposes, compared with the paper's four shapes."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.atomic import write_text
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.evidence.paper import paper
+from mitsuba_taxel.evidence.paper.optima import (
+    EFFORT,
+    EVALUATIONS,
+    HEIGHTS,
+    LEAST_HEIGHT,
+    LEAST_RADIUS,
+    LEAST_WALL,
+    LOWEST,
+    MESH_SIZE,
+    MOST_LEAN,
+    NEARLY,
+    NOISE,
+    POINTS,
+    PROFILE_HEIGHT,
+    PROFILES,
+    RANGE,
+    VARIABLES,
+)
+from mitsuba_taxel.optimum.course import NEAR
+from mitsuba_taxel.optimum.search import BALANCED
+from mitsuba_taxel.plots.figures import COLOURS, panel_axes, save_small
+from mitsuba_taxel.studies.plan.files import make_folder
+
+Optima = Mapping[str, Mapping[str, xr.Dataset]]
+
+_HEAD = """\
+# The paper's sensor optimised
+
+Written by `{command}`; do not edit by hand. Every number and every comparison in the text comes from the runs.
+
+The paper compares four shapes of cells, each of one size. Here [`taxel optimise`](theory/optimum.md) looks for the
+dimensions of each shape that are best for a purpose: cell_size {cell_size} mm, height of the pad {height} mm, wall
+around {wall} mm, and cell_height {lowest:g} (hemispheric {hemispheric:g}) to 2.4 mm. The mould allows walls from
+{least_wall:g} mm, so with the paper's pitch the cells are at most 2.75 mm wide. The start is the paper's dimensions:
+cells 2.55 mm wide and {heights} mm high, the pad 4.55 mm, walls 1 mm. Silicone, package and light are those of
+`pad.xml`; readings are in W for 1 W per LED.
+
+A *profile* is any roof of revolution given by three points of a spline: with the three dimensions above, its eight
+variables are r of the first two, relative to half of cell_size, from {r1:g} and {r2:g} on, and z of all, from
+{lowest:g} to {profile_height:g} mm. It starts as the paper's cylinder. A *square profile* has the same curve on four
+sides, as pyramids do, and starts as the paper's parallelepiped; its radii of curvature are at least {least_radius:g}
+mm, as light is not followed into spikes. A *leaning parallelepiped* has tops that may lie up to {most_lean:g} mm off
+the axes of the cells along x, that of the force; all cells lean alike.
+
+Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by that
+mesh. *Held by* names active bounds, and *left* is the slope of the objective that neither bounds nor constraints hold,
+relative to it and over the width of the bounds. Gradients scatter from mesh to mesh, so it is that of the mean of the
+best design's own, of that on the finer mesh, and of those of designs within {near:.0%} of the bounds; ± is its standard
+error. A design is called a local *optimum* if both together are at most {balanced:.0%}. Where they are not, a descent
+from it on the finer mesh tells what there is to gain: until its steps gain no more (*within*, rounded up), or no more
+designs are allowed. One descent of at most {evaluations} designs was made for
+each shape, so a better design elsewhere within the bounds is not excluded; {effort}.
+
+![Before and after](optimum/optima.png)
+"""
+TITLES = {
+    "normal": "Most sensitive to normal force",
+    "tangential": "Most sensitive to tangential force",
+    "resolution": "Best resolution of all three components",
+}
+ASKED = {
+    "normal": "Mean slope of the worse of taxels 3 (corner) and 5 (centre) to -20 N, nonlinearity at most 3 %.",
+    "tangential": "Mean slope of the worse of taxels 3 (corner) and 6 (side at +x) from 0 to 4 N along x, at -8 N.",
+    "resolution": "The worst standard deviation of Fx, Fy and Fz if all three are estimated from the four corner "
+    f"taxels, each with a noise of {1e6 * NOISE:g} µW: of mean slopes from 0 to 2 N along x and y at -8 N, and from 0 "
+    "to -8 N along z.",
+}
+SCALES = {"normal": (1e6, "µW/N"), "tangential": (1e6, "µW/N"), "resolution": (1e3, "mN")}
+
+
+def write_optima(found: Optima, docs: Path, command: str) -> Path:
+    """Write ``optimum.md`` and its picture; returns the page."""
+    pictures = docs / "optimum"
+    make_folder(pictures)
+    _draw(found, pictures / "optima.png")
+    ranges = {name: f"{low:g} to {high:g}" for name, (low, high) in VARIABLES.items()}
+    head = _HEAD.format(
+        command=command,
+        **ranges,
+        lowest=LOWEST,
+        hemispheric=LEAST_HEIGHT["hemispheric"],
+        least_wall=LEAST_WALL,
+        least_radius=LEAST_RADIUS,
+        heights=", ".join(f"{HEIGHTS[cell]:g}" for cell in paper.CELLS),
+        mesh_size=MESH_SIZE,
+        balanced=BALANCED,
+        near=NEAR,
+        most_lean=MOST_LEAN,
+        r1=POINTS["r1"][1],
+        r2=POINTS["r2"][1],
+        profile_height=PROFILE_HEIGHT,
+        evaluations=", ".join(f"{most} ({purpose})" for purpose, most in EVALUATIONS.items()),
+        effort="; ".join(
+            f"for the most sensitive {cell} to {purpose} force, {starts} descents, all but one from points of a Sobol' "
+            f"set, of at most {most} designs each"
+            for (purpose, cell), (starts, most) in EFFORT.items()
+        ),
+    )
+    page = docs / "optimum.md"
+    write_text(page, "\n".join([head, *(_section(name, of) for name, of in found.items()), _cost(found)]))
+    return page
+
+
+def _section(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
+    scale, unit = SCALES[purpose]
+    names = ("cell_height", *VARIABLES)
+    head, rows = ["shape", f"paper's [{unit}]", f"best [{unit}]", "better by", *names], []
+    for cell, one in found.items():
+        before, best = (scale * value for value in _goal(one))
+        at = [f"{name} ({end})" for name, end in zip(_words(one, "variable"), _words(one, "at"), strict=True) if end]
+        values = _values(one)
+        rows.append(
+            [
+                cell,
+                f"{before:.3g}",
+                f"{best:.3g}",
+                f"{one.attrs['gain']:.0%} ± {one.attrs['gain_error']:.0%}",
+                *(f"{values[name]:.3g}" if name in values else "" for name in names),
+                ", ".join(at),
+                _left(one),
+                _optimal(one),
+            ]
+        )
+    lines = [
+        f"- {cell}: {line}"
+        for cell, one in found.items()
+        for line in (*_roof(one), *_lean(one), *json.loads(one.attrs["said"]))
+    ]
+    lines += [f"- {cell}: {_descents(purpose, cell, one)}" for cell, one in found.items() if one.sizes["descent"] > 1]
+    said = "\n".join(lines) + "\n\n" if lines else ""
+    table = markdown_table([*head, "held by", "left", "optimum"], rows)
+    about = f"{_best_of(purpose, found)} {_reach_of(found)}"
+    return f"## {TITLES[purpose]}\n{ASKED[purpose]}\n\n{table}\n\n{said}{about}\n"
+
+
+def _reach_of(found: Mapping[str, xr.Dataset]) -> str:
+    """How far the best pads may be loaded."""
+    ends = [
+        f"the {cell} one to {one.attrs['reach']:.3g} N ({one.attrs['reach_ended']})"
+        for cell, one in found.items()
+        if one.attrs["reach"] < RANGE
+    ]
+    whole = f"Under normal force alone, the best pads touch nothing up to {RANGE} N, the range of the sensor"
+    return f"{whole}, but {', '.join(ends)}." if ends else f"{whole}."
+
+
+def _best_of(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
+    """The best of the paper's shapes compared with the best of all."""
+    scale, unit = SCALES[purpose]
+    sign = -1 if purpose == "resolution" else 1
+    before = max(paper.CELLS, key=lambda cell: sign * _goal(found[cell])[0])
+    best = max(found, key=lambda cell: sign * _goal(found[cell])[1])
+    values = _goal(found[before])[0], _goal(found[best])[1]
+    ratio = max(values) / min(values)
+    nonlinear = ""
+    if purpose == "normal":
+        of = found[before].figures_before_finer.values[1], found[best].figures_best_finer.values[1]
+        nonlinear = f", with a nonlinearity of {of[1]:.1%} instead of {of[0]:.1%}"
+    return (
+        f"Of the paper's four the {before} one is best, with {scale * values[0]:.3g} {unit}; of those found the {best} "
+        f"one, with {scale * values[1]:.3g} {unit}: {ratio:.2f} times better{nonlinear}.{_profiles_of(found)}"
+    )
+
+
+def _profiles_of(found: Mapping[str, xr.Dataset]) -> str:
+    """The best profiles compared with the paper's shapes, before and after."""
+    ends = [(cell, *_goal(found[cell])) for cell in paper.CELLS]
+    (first, before, _), (second, _, after) = max(ends, key=lambda row: row[1]), max(ends, key=lambda row: row[2])
+    best = {cell: _goal(found[cell])[1] for cell in PROFILES if cell in found}
+    return "".join(
+        f" The best {cell} is {value / before:.2f} times as sensitive as the paper's {first} cells, and "
+        f"{value / after:.2f} times as sensitive as the best {second} ones."
+        for cell, value in best.items()
+    )
+
+
+def _values(one: xr.Dataset) -> dict[str, float]:
+    return dict(zip(_words(one, "variable"), one.variables_best.values.tolist(), strict=True))
+
+
+def _roof(one: xr.Dataset) -> list[str]:
+    """Where the points of a profile are."""
+    values = _values(one)
+    if "r1" not in values:
+        return []
+    points = [(values.get(f"r{k}", 0.0), values[f"z{k}"]) for k in (1, 2, 3)]
+    shown = ", ".join(f"({0.5 * values['cell_size'] * r:.3g}, {PROFILE_HEIGHT * z:.3g})" for r, z in points)
+    return [f"points (r, z) of the roof in mm, from the rim to the crown: {shown}"]
+
+
+def _lean(one: xr.Dataset) -> list[str]:
+    """By how much tops of cells lean."""
+    values = _values(one)
+    if "top_x" not in values:
+        return []
+    lean = round(values["top_x"], 6)
+    said = f"tops of cells lie {lean:.3g} mm off their axes along x, by which the outer wall is thinner there"
+    return [said if lean else "it does not lean, as the outer wall would be thinner by as much"]
+
+
+def _optimal(one: xr.Dataset) -> str:
+    """Whether it is a local optimum, or how far from one at most."""
+    if one.attrs["unbalanced"] + one.attrs["unbalanced_error"] <= BALANCED:
+        return "yes"
+    if np.isnan(one.attrs["beyond"]):
+        return "not shown"
+    if one.attrs["beyond_ended"]:
+        return f"within {math.ceil(1e3 * one.attrs['beyond']) / 1e3:.1%}"
+    return f"{one.attrs['beyond']:.1%} or more off"
+
+
+def _left(one: xr.Dataset) -> str:
+    """The slope that is left, with its error if more than one gradient is known."""
+    error = one.attrs["unbalanced_error"]
+    return f"{one.attrs['unbalanced']:.1%}{f' ± {error:.1%}' if np.isfinite(error) else ''}"
+
+
+def _descents(purpose: str, cell: str, one: xr.Dataset) -> str:
+    """Where each of several descents ended, and whether it could have gone on."""
+    scale, unit = SCALES[purpose]
+    _, most = EFFORT[purpose, cell]
+    columns = (one[f"descent_{name}"].values for name in ("best", "designs", "failed", "seconds", "close"))
+    shown = []
+    for best, count, failed, seconds, close in zip(*columns, strict=True):
+        value = f"{scale * best:.3g} {unit}" if np.isfinite(best) else "no allowed design"
+        ended = "as no more was allowed" if count >= most else "as its steps gained no more"
+        near = f", within {NEARLY:.0%} of the best of all after {close:.0f}" if np.isfinite(close) else ""
+        shown.append(f"{value} ({count:.0f} designs in {seconds:.0f} s{near}, {failed:.0f} failed; {ended})")
+    return f"its descents ended at {', '.join(shown)}"
+
+
+def _goal(one: xr.Dataset) -> tuple[float, float]:
+    """The objective before and after, on the finer mesh if possible."""
+    ends = (f"figures_{when}{'_finer' if 'figures_best_finer' in one else ''}" for when in ("before", "best"))
+    before, best = (float(one[name].values[0]) for name in ends)
+    return before, best
+
+
+def _words(one: xr.Dataset, column: str) -> list[str]:
+    return [str(word) for word in one[f"variables_{column}"].values.astype(str)]
+
+
+def _cost(found: Optima) -> str:
+    every = [one for of in found.values() for one in of.values()]
+    total = {name: sum(float(one.attrs[name]) for one in every) for name in ("designs", "load_steps", "seconds")}
+    head = ["purpose", "shape", "designs", "failed", "load steps", "s"]
+    names = ("designs", "failed", "load_steps", "seconds")
+    rows = [
+        [purpose, cell, *(f"{float(one.attrs[name]):.0f}" for name in names)]
+        for purpose, of in found.items()
+        for cell, one in of.items()
+    ]
+    return (
+        f"## Cost\n{total['designs']:.0f} designs with {total['load_steps']:.0f} load steps took "
+        f"{total['seconds'] / 60:.0f} minutes, summed over processes, without the verification of the best ones.\n\n"
+        f"{markdown_table(head, rows)}\n"
+    )
+
+
+def _draw(found: Optima, file: Path) -> None:
+    axes = panel_axes(1, len(found), size=(3.6, 3.0), sharex=False)
+    for ax, (purpose, of) in zip(axes[0], found.items(), strict=True):
+        _draw_bars(ax, purpose, of)
+    axes[0, 0].legend(fontsize="small")
+    save_small(axes[0, 0].figure, file)
+
+
+def _draw_bars(ax: Any, purpose: str, of: Mapping[str, xr.Dataset]) -> None:
+    scale, unit = SCALES[purpose]
+    goals, place = scale * np.array([_goal(one) for one in of.values()]), np.arange(len(of))
+    for shift, values, label, colour in ((-0.2, goals[:, 0], "paper", 7), (0.2, goals[:, 1], "best", 1)):
+        ax.bar(place + shift, values, 0.4, label=label, color=COLOURS[colour])
+    ax.set_xticks(place, [_short(cell) for cell in of], fontsize="small")
+    ax.set_title(TITLES[purpose], fontsize="small")
+    ax.set_ylabel(f"[{unit}]")
+
+
+def _short(cell: str) -> str:
+    """Such as ``parall.`` and ``square\nprofile``."""
+    return "\n".join(word if len(word) < 8 else f"{word[:6]}." for word in cell.split())

@@ -1,0 +1,64 @@
+"""The page of a rerun: tables, figures, and text whose numbers come from the studies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from mitsuba_taxel.base.atomic import write_text
+from mitsuba_taxel.evidence.paper.page import choices as page_choices
+from mitsuba_taxel.evidence.paper.page import experiments as page_experiments
+from mitsuba_taxel.evidence.paper.page import loads as page_loads
+from mitsuba_taxel.evidence.paper.page import noise as page_noise
+from mitsuba_taxel.evidence.paper.page import plate as page_plate
+from mitsuba_taxel.evidence.paper.page.optima import write_optima
+from mitsuba_taxel.evidence.paper.page.words import Found
+from mitsuba_taxel.evidence.paper.variations import NOMINAL_SPACING
+from mitsuba_taxel.studies.plan.files import make_folder
+
+_HEAD = """\
+# The paper, rerun
+
+Written by `{command}`; do not edit by hand. Every number and every comparison in the text comes from the runs.
+
+*Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile Sensor* simulates a pad of 3 x 3 cells
+on photo-reflectors with a commercial suite. Here are its figures and tables recomputed by `mitsuba_taxel`.
+The paper does not state position and orientation of LED and phototransistor in the package, the size of the dark
+centre of the LED, which of two "conical" emission laws it used, or Poisson's ratio. The *nominal* sensor is that
+of `pad.xml`: {spacing:g} mm between the dies, LED at -x, phototransistor's long side along x, dark centre 0.1 mm, LED
+uniform per solid angle up to 88 degrees, neo-Hookean silicone with nu = 0.49, roofs isotropic, all else absorbing.
+Nothing is fitted to the paper's numbers. Errors are one standard deviation: total for slopes, of the light alone for
+readings; 1 W per LED. The source power scales all readings and slopes alike and needs no computation.
+"""
+
+SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Found, Path], str]], ...] = (
+    (("fig4", "fig5", "fig6"), page_plate.optics),
+    (("peak",), page_plate.peaks),
+    (("nominal",), page_loads.nominal),
+    (("nominal", "roofs"), page_loads.roofs),
+    (("beyond",), page_loads.beyond),
+    (("variations",), page_choices.variations),
+    (("nominal", "analog"), page_noise.analog),
+    (("nominal",), page_noise.hypotheses),
+    (("nominal",), page_experiments.experiments),
+)
+"""Sections of the page, and the parts that each needs."""
+
+
+def write_pages(found: Found, docs: Path, command: str) -> list[Path]:
+    """Write the pages with any complete part: ``paper.md``, and ``optimum.md`` for the best sensors."""
+    pages = [write_page(found, docs, command)] if set(found) - {"optimum"} else []
+    return [*pages, *([write_optima(found["optimum"], docs, command)] if "optimum" in found else [])]
+
+
+def write_page(found: Found, docs: Path, command: str) -> Path:
+    """Write ``paper.md`` and, in ``paper/``, the figures of the complete parts; returns the page."""
+    pictures = docs / "paper"
+    make_folder(pictures)
+    sections = [_HEAD.format(command=command, spacing=NOMINAL_SPACING)]
+    for wanted, section in SECTIONS:
+        if all(name in found for name in wanted):
+            sections.append(section(found, pictures))
+    page = docs / "paper.md"
+    write_text(page, "\n".join(sections))
+    return page

@@ -1,0 +1,105 @@
+"""The parts of a rerun: computation, selection, and completeness."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.evidence.paper import analog, loading, optima, paper, plate, variations
+from mitsuba_taxel.evidence.paper.paper_studies import MissingStudy, PaperStudies, add_seconds
+from mitsuba_taxel.evidence.paper.shapes import ShapePart, compute_shapes
+
+Part = Callable[..., Any]
+
+OF_SHAPES: dict[str, ShapePart] = {
+    "nominal": loading.nominal,
+    "roofs": loading.roof_heights,
+    "beyond": loading.beyond,
+    "analog": analog.counted,
+}
+"""Parts computed for each shape separately, so that shapes can be computed concurrently."""
+
+
+def _stages(names: Sequence[str]) -> list[list[ShapePart]]:
+    """Computations of parts for one shape, ordered in stages that depend only on earlier ones."""
+    others = [part for name, part in OF_SHAPES.items() if name in names and name != "nominal"]
+    stages: list[list[ShapePart]] = []
+    if set(names) - {"analog"}:
+        stages = [[loading.normal], [loading.along_x], [loading.along_y, loading.along_diagonal]]
+    return [*stages, others] if others else stages
+
+
+def _of_all_shapes(part: ShapePart, store: PaperStudies, *, workers: int | None) -> dict[str, Any]:
+    return {cell: part(store, cell) for cell in paper.CELLS}
+
+
+PARTS: dict[str, Part] = {
+    "fig4": plate.heights,
+    "fig5": partial(plate.edges, axis="x"),
+    "fig6": partial(plate.edges, axis="y"),
+    "peak": plate.peak_heights,
+    **{name: partial(_of_all_shapes, part) for name, part in OF_SHAPES.items()},
+    "variations": variations.vary,
+    "optimum": optima.optima,
+}
+"""Parts by name; each returns its studies, from disk if available."""
+
+GROUPS = {"optics": ("fig4", "fig5", "fig6", "peak"), "nominal": ("nominal", "roofs")}
+
+
+def chosen(only: str | None) -> list[str]:
+    """Names of the parts selected by a comma-separated list of parts and groups; all without one.
+
+    Raises
+    ------
+    InputError
+        if there is no such part.
+    """
+    if only is None:
+        return list(PARTS)
+    wanted: list[str] = []
+    for word in (word.strip() for word in only.split(",")):
+        if word not in PARTS and word not in GROUPS:
+            allowed = ", ".join(dict.fromkeys([*GROUPS, *PARTS]))
+            raise InputError(f"only = {word!r} is not allowed: some of {allowed} are needed.")
+        wanted.extend(GROUPS.get(word, (word,)))
+    return [name for name in PARTS if name in wanted]
+
+
+def compute(
+    folder: Path, names: Sequence[str], workers: int | None, announce: Callable[[str], None]
+) -> dict[str, float]:
+    """Compute missing studies of the parts called ``names`` and store them in ``folder``.
+
+    Parameters
+    ----------
+    workers : int or None
+        Number of worker processes; parts of all shapes are distributed over them by shape.
+    announce : Callable[[str], None]
+        Called with the name of each study before it is computed, in the process that computes it.
+
+    Returns
+    -------
+    Seconds that the studies took by stage, summed over processes.
+    """
+    store = PaperStudies(folder, announce)
+    of_shapes = [name for name in names if name in OF_SHAPES]
+    if workers and of_shapes:
+        add_seconds(store.seconds, compute_shapes(folder, _stages(of_shapes), workers, announce))
+    for name in names:
+        PARTS[name](store, workers=workers)
+    return store.seconds
+
+
+def complete(folder: Path) -> dict[str, Any]:
+    """The studies of every part that is complete in ``folder``, by the name of the part."""
+    store, found = PaperStudies(folder), {}
+    for name, part in PARTS.items():
+        try:
+            found[name] = part(store, workers=None)
+        except MissingStudy:
+            continue
+    return found

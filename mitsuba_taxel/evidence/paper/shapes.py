@@ -1,0 +1,74 @@
+"""Concurrent computation of the paper's four shapes, in stages that determine the settings of the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies, add_seconds
+from mitsuba_taxel.studies.run import processes
+
+COSTLIEST_FIRST = ("hemispheric", "spherical", "cylindrical", "parallelepiped")
+
+MOST_AT_ONCE = 2 * len(COSTLIEST_FIRST)
+"""Number of processes that are busy most of the time."""
+
+ShapePart = Callable[[PaperStudies, str], Any]
+"""Computes missing studies of one shape."""
+
+
+def compute_shapes(
+    folder: Path, stages: Sequence[Sequence[ShapePart]], workers: int, announce: Callable[[str], None]
+) -> dict[str, float]:
+    """Compute missing studies of parts, in at most ``workers`` processes.
+
+    Parameters
+    ----------
+    stages : Sequence[Sequence[ShapePart]]
+        Parts that depend only on earlier stages of the same shape; must be picklable.
+    announce : Callable[[str], None]
+        As for :class:`PaperStudies`; must be picklable.
+
+    Returns
+    -------
+    Time of the studies in s by stage, summed over processes.
+
+    Raises
+    ------
+    InputError, ComputationError
+        the first error of a part, which ends all others; or if a process died.
+    """
+    count = min(workers, MOST_AT_ONCE)
+    executor = processes.start(count, sharing=count)
+    seconds: dict[str, float] = {}
+    waiting = {cell: list(stages) for cell in COSTLIEST_FIRST}
+    running: dict[Future[dict[str, float]], str] = {}
+
+    def advance(cell: str) -> None:
+        while waiting[cell] and cell not in running.values():
+            for part in waiting[cell].pop(0):
+                running[executor.submit(_computed, folder, part, cell, announce)] = cell
+
+    try:
+        for cell in COSTLIEST_FIRST:
+            advance(cell)
+        while running:
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                cell = running.pop(future)
+                add_seconds(seconds, future.result())
+                advance(cell)
+    except BrokenProcessPool as error:
+        raise ComputationError("a process died that computed a shape: fewer workers need less memory.") from error
+    finally:
+        processes.end(executor)
+    return seconds
+
+
+def _computed(folder: Path, part: ShapePart, cell: str, announce: Callable[[str], None]) -> dict[str, float]:
+    store = PaperStudies(folder, announce)
+    part(store, cell)
+    return store.seconds

@@ -1,0 +1,145 @@
+"""CalculiX (`ccx`): its ten-node tetrahedron C3D10 and neo-Hookean law on our mesh, under the same nodal forces."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.evidence.peers.displacement_form import bulk_modulus, held, nodal_forces
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.materials.laws import NeoHookean
+
+_JOB = "pad"
+
+
+@dataclass(frozen=True)
+class CalculixRun:
+    """Result of one run of the program.
+
+    Attributes
+    ----------
+    displacement : (N, 3) ndarray
+        Of each node in mm, to seven digits, as many as the program prints.
+    force : (3,) ndarray
+        In N, on the body that is moved; NaN without one.
+    seconds : float
+        Wall time of the whole process: it reads the deck, solves, and writes the displacements.
+    increments : int
+        Number of load increments.
+    iterations : int
+        Of Newton's method, including those of abandoned increments.
+    """
+
+    displacement: np.ndarray
+    force: np.ndarray
+    seconds: float
+    increments: int
+    iterations: int
+
+
+def installed() -> bool:
+    """Whether `ccx` is installed."""
+    return shutil.which("ccx") is not None
+
+
+def require() -> None:
+    """Raise `ComputationError` if CalculiX is not installed."""
+    if not installed():
+        raise ComputationError("ccx is not installed.")
+
+
+def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], threads: int = 1) -> CalculixRun:
+    """Deform a pad glued to the board by a dead load spread over its undeformed top.
+
+    Increments and tolerances are the program's defaults: the whole load at once, reduced if that fails.
+
+    Parameters
+    ----------
+    force : sequence of float
+        (3,) total force in N.
+    threads : int
+        Of the program's own.
+
+    Raises
+    ------
+    InputError
+        if the material is incompressible.
+    ComputationError
+        if the program ends without the whole load applied.
+    """
+    return run(deck(mesh, material, force), len(mesh.points), threads)
+
+
+def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
+    """Run the program on its input ``text``, which prints displacements of all ``nodes``, and maybe a force, last."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.joinpath(f"{_JOB}.inp").write_text(text)
+        environment = {**os.environ, "OMP_NUM_THREADS": str(threads)}
+        start = time.perf_counter()
+        done = subprocess.run(["ccx", _JOB], cwd=folder, env=environment, capture_output=True, text=True)
+        seconds = time.perf_counter() - start
+        if done.returncode:
+            raise ComputationError(f"ccx stopped: {_complaint(done.stdout + done.stderr)}.")
+        status, convergence = (_rows(folder / f"{_JOB}.{kind}") for kind in ("sta", "cvg"))
+        increments = sum(not row[2].endswith("U") for row in status)  # U: given up
+        table = folder / f"{_JOB}.dat"
+        moved, force = read_displacement(table, nodes), read_force(table)
+        return CalculixRun(moved, force, seconds, increments, len(convergence))
+
+
+def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> str:
+    """Input of the program. The order of C3D10's mid-edge nodes (12, 23, 13, 14, 24, 34) is that of our meshes."""
+    load = nodal_forces(mesh, force)
+    lines = pad_lines(mesh, material)
+    lines += ["*STEP, NLGEOM", "*STATIC", "*CLOAD"]
+    lines += [f"{n + 1},{axis + 1},{load[n, axis]:.13e}" for n, axis in np.argwhere(load)]
+    lines += ["*NODE PRINT, NSET=PAD, FREQUENCY=1000000", "U", "*END STEP", ""]  # after the last increment only
+    return "\n".join(lines)
+
+
+def pad_lines(mesh: VolumeMesh, material: NeoHookean) -> list[str]:
+    """The part of the input before the step that holds the pad: the set PAD of nodes, and of elements."""
+    lines = ["*NODE, NSET=PAD", *node_lines(mesh.points, 1), "*ELEMENT, TYPE=C3D10, ELSET=PAD"]
+    lines += [",".join(map(str, (n, *nodes))) for n, nodes in enumerate(mesh.tets + 1, start=1)]
+    lines += ["*MATERIAL, NAME=SILICONE", "*HYPERELASTIC, NEO HOOKE"]
+    lines += [f"{0.5 * material.shear_modulus:.13e},{2 / bulk_modulus(material):.13e}"]
+    lines += ["*SOLID SECTION, ELSET=PAD, MATERIAL=SILICONE", "*BOUNDARY"]
+    return lines + [f"{n},1,3" for n in np.flatnonzero(held(mesh)) + 1]
+
+
+def node_lines(points: np.ndarray, first: int) -> list[str]:
+    """Lines of nodes (N, 3), numbered from ``first`` on."""
+    return [f"{n},{x:.13e},{y:.13e},{z:.13e}" for n, (x, y, z) in enumerate(points, start=first)]
+
+
+def read_displacement(file: Path, nodes: int) -> np.ndarray:
+    """(N, 3) displacements in mm of nodes 1 to N, from a `.dat` file that begins with their table."""
+    return np.loadtxt(file, skiprows=3, usecols=(1, 2, 3), ndmin=2, max_rows=nodes)
+
+
+def read_force(file: Path) -> np.ndarray:
+    """(3,) N, the total force that a `.dat` file ends with; NaN if it holds none."""
+    _, _, total = file.read_text().partition("total force")
+    return np.array(total.split()[-3:], dtype=float) if total else np.full(3, np.nan)
+
+
+def _rows(file: Path) -> list[list[str]]:
+    """The words of each line that begins with a number."""
+    words = [line.split() for line in file.read_text().splitlines()]
+    return [row for row in words if row and row[0].isdigit()]
+
+
+def _complaint(output: str) -> str:
+    """The program's first error message, on one line."""
+    _, _, rest = output.partition("*ERROR")
+    return " ".join(rest.split("\n\n")[0].lstrip(": ").split()) or "it names no reason"

@@ -1,0 +1,292 @@
+"""The pad's mechanics: error against time beside CalculiX, the paper's load paths, growth with the number of cells, and
+what takes the time.
+
+Every figure is taken in a process of its own, with an empty cache of solutions.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import resource
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from multiprocessing import get_context
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.evidence.peers import calculix
+from mitsuba_taxel.evidence.peers.elements import CELL, mean_roof_displacement
+from mitsuba_taxel.geometry.mirror import ACROSS_Y, MIRRORS
+from mitsuba_taxel.mechanics import (
+    Indenter,
+    IndenterDisplacement,
+    NeoHookean,
+    PlateDisplacement,
+    SpreadForce,
+    load_path,
+)
+from mitsuba_taxel.mechanics.elements.solvers import Rslab, available_solvers
+from mitsuba_taxel.mechanics.elements.symmetry import node_images
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.results.locate import displacement_at
+from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
+from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
+
+MATERIAL = NeoHookean()
+FORCE = (0.0, 0.0, -20.0)
+OBLIQUE_FORCE = (0.5, 0.0, -5.0)
+NORMAL = [(0.0, 0.0, -0.5 * step) for step in range(41)]
+TANGENTIAL = [(0.5 * step, 0.0, -8.0) for step in range(17)]
+REFERENCE_SIZE = 0.28
+"""Mesh size in mm of the reference, for the eighth of the pad that a normal load needs."""
+TANGENTIAL_REFERENCE_SIZE = 0.5
+"""The same for the half that a tangential load needs."""
+
+
+def solve_table() -> Iterator[tuple[object, ...]]:
+    """Error of the centre roof's mean displacement under one normal load, against seconds from pad to displacement."""
+    pad = Pad()
+    truth = _isolated(_own, pad, REFERENCE_SIZE, True, "rslab")[0]
+    yield "system", "mesh size", "seconds", "MB", "roof mm", "error"
+
+    def row(system: str, size: float, roof: float, seconds: float, memory: float) -> tuple[object, ...]:
+        return system, size, f"{seconds:.2f}", f"{memory:.0f}", f"{roof:.6f}", f"{abs(roof / truth - 1):.2%}"
+
+    cases: list[tuple[str, bool, str, tuple[float, ...]]] = [
+        ("ours", True, "rslab", (2.0, 1.2, 0.8, 0.55, 0.4)),
+        ("ours, SuperLU", True, "superlu", (2.0, 1.2, 0.8)),
+        ("ours, whole pad", False, "rslab", (2.0, 1.2, 0.8)),
+        ("ours, whole pad, SuperLU", False, "superlu", (2.0,)),
+    ]
+    for system, symmetric, solver, sizes in cases:
+        for size in sizes:
+            roof, seconds, memory = _isolated(_own, pad, size, symmetric, solver)
+            yield row(system, size, roof, seconds, memory)
+    if not calculix.installed():
+        yield ("ccx is not installed", "", "", "", "", "")
+        return
+    for threads in (1, 2):
+        for size in (2.0, 1.2, 0.8):
+            try:
+                yield row(f"ccx, {threads} threads", size, *_isolated(_peer, pad, size, threads))
+            except ComputationError as reason:
+                yield (f"ccx, {threads} threads", size, str(reason), "", "", "")
+
+
+def _own(pad: Pad, size: float, symmetric: bool, solver: str) -> tuple[float, float]:
+    """Mean roof displacement in mm, and seconds with meshing."""
+    start = time.perf_counter()
+    mesh = mesh_pad(pad, size)
+    images, mirrors = (node_images(mesh), MIRRORS) if symmetric else ({}, ())
+    loaded = LoadedPad(mesh, MATERIAL, SpreadForce(), mirrors, images, solver)
+    solution, _ = loaded.solve(np.zeros(loaded.unknowns), np.array(FORCE))
+    displacement = loaded.split(solution.unknowns)[0]
+    return mean_roof_displacement(mesh, displacement, CELL), time.perf_counter() - start
+
+
+def _peer(pad: Pad, size: float, threads: int) -> tuple[float, float]:
+    """The same by CalculiX, on the same mesh; the time excludes meshing and writing the deck."""
+    mesh = mesh_pad(pad, size)
+    result = calculix.solve(mesh, MATERIAL, FORCE, threads)
+    return mean_roof_displacement(mesh, result.displacement, CELL), result.seconds
+
+
+def paths_table() -> Iterator[tuple[object, ...]]:
+    """The paper's paths: seconds and memory without caches, and the error of the last step against a finer mesh."""
+    yield "cells", "path", "steps", "seconds", "MB", "stated error", "largest error", "rms error", "between nodes"
+    for cell in CELL_SHAPES:
+        for name, steps, size in (
+            ("normal", NORMAL, REFERENCE_SIZE),
+            ("tangential", TANGENTIAL, TANGENTIAL_REFERENCE_SIZE),
+        ):
+            seconds, stated, memory = _isolated(_path, Pad(cell), steps)
+            largest, rms, between, _ = _isolated(_path_errors, Pad(cell), steps[-1], size)
+            errors = f"{stated:.2%}", f"{largest:.2%}", f"{rms:.2%}", f"{between:.4%}"
+            yield cell, name, len(steps), f"{seconds:.1f}", f"{memory:.0f}", *errors
+
+
+def _path(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float]:
+    start = time.perf_counter()
+    states = load_path(pad, MATERIAL, steps)
+    error = states[-1].error
+    return time.perf_counter() - start, error.relative if error else float("nan")
+
+
+def _path_errors(pad: Pad, last: tuple[float, ...], size: float) -> tuple[float, float, float]:
+    """Errors of the roofs' nodes under the last force, relative to the largest displacement of any node.
+
+    The largest and the root mean square against a finer mesh, and the largest against a solve at that very force.
+    """
+    state = load_path(pad, MATERIAL, [last])[0]
+    images = node_images(state.mesh)
+    group = tuple(mirror for mirror in images if np.array_equal(mirror.image(np.array(last)), last))
+    here = LoadedPad(state.mesh, MATERIAL, SpreadForce(), group, images)
+    exact, _ = here.solve(here.gather(state.displacement, state.pressure), np.array(last))
+    fine = load_path(pad, MATERIAL, [last], mesh_size=size)[0]
+    roof = np.unique(state.mesh.faces[state.mesh.face_region == REGIONS["roof"]])
+    reference = displacement_at(fine.mesh, fine.displacement, state.mesh.points[roof], tolerance=0.1)
+    error = np.linalg.norm(state.displacement[roof] - reference, axis=1)
+    between = np.linalg.norm(state.displacement - here.split(exact.unknowns)[0], axis=1)[roof]
+    most = np.linalg.norm(reference, axis=1).max()
+    return error.max() / most, float(np.sqrt(np.mean(error**2))) / most, between.max() / most
+
+
+def cells_table() -> Iterator[tuple[object, ...]]:
+    """Seconds and memory of a path to the same pressure, against the number of cells."""
+    yield "cells", "load", "unknowns", "seconds", "MB"
+    grown: dict[str, list[tuple[int, float, float]]] = {"normal": [], "tangential": []}
+    for load, sides in (("normal", (1, 2, 3, 6, 9, 12)), ("tangential", (1, 2, 3, 4, 6))):
+        for side in sides:
+            unknowns, seconds, memory = _isolated(_grown, side, load)
+            grown[load].append((side * side, seconds, memory))
+            yield f"{side} x {side}", load, unknowns, f"{seconds:.1f}", f"{memory:.0f}"
+    for load, rows in grown.items():
+        cells, seconds, memory = np.log(np.array(rows[-3:], dtype=float)).T
+        for what, figures in (("seconds", seconds), ("MB", memory)):
+            exponent, offset = np.polyfit(cells, figures, 1)
+            at_32 = np.exp(offset + exponent * np.log(32 * 32))
+            yield f"{load}: {what} ~ cells^{exponent:.2f}", f"32 x 32 would take {at_32:.0f}", "", "", ""
+
+
+def _grown(side: int, load: str) -> tuple[int, float]:
+    pad = Pad(rows=side, columns=side)
+    pressure = 20 / (9.65 * 9.65) * pad.extent[0] * pad.extent[1]
+    force = (0.0, 0.0, -pressure) if load == "normal" else (0.2 * pressure, 0.0, -0.4 * pressure)
+    start = time.perf_counter()
+    state = load_path(pad, MATERIAL, [force])[0]
+    return 3 * len(state.mesh.points) + state.mesh.corner_count, time.perf_counter() - start
+
+
+def parts_table() -> Iterator[tuple[object, ...]]:
+    """CPU seconds of 41 normal steps and their stated error, to the same force a cell, and what takes them."""
+    yield "cells", "steps", "CPU seconds", "factorisation", "stability", "second mesh", "MB"
+    for side in (1, 3, 6):
+        total, *parts, memory = _isolated(_parts, Pad(rows=side, columns=side), NORMAL)
+        shares = [f"{part / total:.0%}" for part in parts]
+        yield f"{side} x {side}", len(NORMAL), f"{total:.1f}", *shares, f"{memory:.0f}"
+
+
+def _parts(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float, float, float]:
+    """CPU seconds in all, of factorisations with their analyses, of checks of stability, and of the second mesh."""
+    share = len(pad.cell_centres) / 9
+    values = [tuple(share * part for part in step) for step in steps]
+    began = time.process_time()
+    with _clocked(Rslab, "factor") as factors, _clocked(LoadedPad, "refuse_unstable") as checks:
+        states = load_path(pad, MATERIAL, values)
+        solved = time.process_time()
+        _ = states[-1].error
+    ended = time.process_time()
+    return ended - began, sum(factors), sum(checks), ended - solved
+
+
+def contact_table() -> Iterator[tuple[object, ...]]:
+    """Factorisations on the way of bodies into a cell, beside those of a plate that is bonded to it.
+
+    A ball off the centre leaves no symmetry: beside it stands a plate on a cell that leans. Checks of stability against
+    displacements without the symmetry of a state, which are as many for all, are left out.
+    """
+    yield "pressed by", "mm", "factorisations", "per mm", "relative to a plate", "CPU seconds"
+    cell, ball, down = Pad("hemispheric", rows=1, columns=1), Indenter("sphere", radius=2.5), (0.0, 0.0, -0.8)
+    rows: list[tuple[str, Pad, Indenter | None, tuple[float, ...]]] = [
+        ("a plate", cell, None, down),
+        ("a ball of 2.5 mm", cell, ball, down),
+        ("a rod of 1 mm", cell, Indenter("cylinder", radius=1.0), down),
+        ("a punch of 1.5 mm", cell, Indenter("punch", radius=1.5), (0.0, 0.0, -0.6)),
+        ("a ball dragged by 0.2 mm, friction of 0.3", cell, replace(ball, friction=0.3), (0.2, 0.0, -0.5)),
+        ("a plate, without symmetry", replace(cell, top_x=0.2, top_y=0.1), None, down),
+        ("a ball off the centre", cell, replace(ball, at=(0.8, 0.5)), down),
+    ]
+    of_plate = math.nan
+    for name, pad, body, way in rows:
+        count, seconds, _ = _isolated(_factorisations, pad, body, way)
+        per_mm = count / np.abs(way).sum()
+        of_plate = per_mm if body is None else of_plate
+        yield name, f"{np.abs(way).sum():g}", count, f"{per_mm:.1f}", f"{per_mm / of_plate:.2f}", f"{seconds:.1f}"
+
+
+def _factorisations(pad: Pad, body: Indenter | None, way: tuple[float, ...]) -> tuple[int, float]:
+    """Number of them, and CPU seconds, of a way of a body, or of a plate if that is None."""
+    load = PlateDisplacement() if body is None else IndenterDisplacement(body)
+    began = time.process_time()
+    with _clocked(LoadedPad, "_factored") as factors:
+        load_path(pad, MATERIAL, [way], load=load, mesh_size=DEFAULT_MESH_SIZE)
+    return len(factors), time.process_time() - began
+
+
+@contextmanager
+def _clocked(owner: type, method: str) -> Iterator[list[float]]:
+    """Meanwhile, CPU seconds of each call of a method are listed."""
+    original, taken = getattr(owner, method), []
+
+    def clocked(*arguments: object) -> object:
+        began = time.process_time()
+        try:
+            return original(*arguments)
+        finally:
+            taken.append(time.process_time() - began)
+
+    setattr(owner, method, clocked)
+    try:
+        yield taken
+    finally:
+        setattr(owner, method, original)
+
+
+def solvers_table() -> Iterator[tuple[object, ...]]:
+    """One load on each shape's 3 x 3 cells by each linear solver at hand: CPU seconds with one thread, and the largest
+    difference of the displacements, relative to the largest of them."""
+    yield "cells", "solver", "unknowns", "CPU seconds", "relative", "difference", "MB"
+    for cell in CELL_SHAPES:
+        solved = [(name, *_isolated(_solved_by, name, cell)) for name in available_solvers()]
+        _, reference, _, least, _ = solved[0]
+        for name, displacement, unknowns, seconds, memory in solved:
+            difference = np.abs(displacement - reference).max() / np.abs(reference).max()
+            figures = f"{seconds:.2f}", f"{seconds / least:.1f}", f"{difference:.0e}", f"{memory:.0f}"
+            yield cell, name, unknowns, *figures
+
+
+def _solved_by(solver: str, cell: str) -> tuple[np.ndarray, int, float]:
+    """Displacements in mm, number of unknowns, and CPU seconds without meshing: the smaller of two times.
+
+    The half of the pad is solved that such a load needs, and its stability is judged.
+    """
+    pad = Pad(cell)
+    mesh, seconds = mesh_pad(pad, pad.default_mesh_size), math.inf
+    for _ in range(2):
+        loaded = LoadedPad(mesh, MATERIAL, SpreadForce(), (ACROSS_Y,), node_images(mesh), solver)
+        with threadpool_limits(1):
+            began = time.process_time()
+            solution, _ = loaded.solve(np.zeros(loaded.unknowns), np.array(OBLIQUE_FORCE))
+            seconds = min(seconds, time.process_time() - began)
+    return loaded.split(solution.unknowns)[0], loaded.unknowns, seconds
+
+
+TABLES: dict[str, Callable[[], Iterator[tuple[object, ...]]]] = {
+    "solve": solve_table,
+    "paths": paths_table,
+    "cells": cells_table,
+    "parts": parts_table,
+    "contact": contact_table,
+    "solvers": solvers_table,
+}
+
+
+def _isolated(function: Callable, *arguments: object) -> tuple:
+    """The return value of ``function`` in a process of its own, and its peak memory in MB."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(_measured, function, arguments).result()
+
+
+def _measured(function: Callable, arguments: tuple) -> tuple:
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["MITSUBA_TAXEL_CACHE"] = folder
+        result = function(*arguments)
+    usage = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return *result, usage / 1024

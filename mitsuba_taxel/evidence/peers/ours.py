@@ -1,0 +1,29 @@
+"""This project's integrators, through `measure` on a scene that stays loaded."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.evidence.peers.cases import Estimator, PeerCase, Unsuitable
+
+INTEGRATORS = ("taxel_tracer", "taxel_path", "analog_tracer")
+
+
+def prepare(case: PeerCase, integrator: str) -> Estimator:
+    """One run is one call of `measure`: the mean of its independent randomisations, which share the samples."""
+    from mitsuba_taxel import InputError, measure
+    from mitsuba_taxel.backend import plugin_files
+    from mitsuba_taxel.sensing.reading.runs import REPLICATES
+
+    if integrator not in plugin_files():
+        raise Unsuitable("no plugin of this name is registered")
+    scene = case.load(integrator)
+    try:
+        measure(scene, points=1)
+    except InputError as reason:
+        raise Unsuitable(str(reason)) from reason
+
+    def estimate(samples: int, seed: int) -> np.ndarray:
+        return measure(scene, points=max(1, samples // REPLICATES), seed=seed).power
+
+    return estimate
