@@ -27,7 +27,8 @@ nitpick_ignore_regex = [
     ("py:func", r"(mitsuba_taxel\.pads\.imported\.regions\.)?(tagged|prepare)"),
     ("py:data", r"mitsuba_taxel\.mechanics\.path\.load_segment\.\w+|TET_EDGES|FACE_EDGES|ENDS"),
     ("py:meth", r"Location\.interpolate|PointLocator\.locate"),
-    ("py:class", r"Relief|Load|RigidBodies|ndarray|DataFrame|\d+|[A-Z]|corners|width|height"),  # shapes of arrays, too
+    ("py:class", r"Relief|Load|RigidBodies|ndarray|(pandas\.)?DataFrame|Unseen"),
+    ("py:class", r"\d+|[A-Z]|corners|width|height|inputs|terms|taxels|forces"),  # shapes of arrays
     ("py:class", r"(mitsuba_taxel\.mechanics\.path\.state\.)?(Comparison|PathRate)|FirstContact|Estimate"),
 ]
 exclude_patterns = ["_build", "_extensions"]

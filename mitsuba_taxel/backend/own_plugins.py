@@ -25,7 +25,7 @@ def load_plugins(*files: str | Path) -> None:
 
     Parameters
     ----------
-    files : str or Path
+    *files : str or Path
         Paths. A file finds Mitsuba in the variant in use, which it must leave, and imports what is installed.
 
     Raises

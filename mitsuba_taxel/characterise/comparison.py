@@ -42,12 +42,26 @@ DRAWS = 20_000
 class Comparison(NamedTuple):
     """Variants by rank.
 
-    ``table`` : ``rank``; the parameters in which the variants differ; a column for each figure and its ``_error``;
-    ``allowed``, the probability that the variant meets the limits; ``first``, that it is the best of those that do;
-    ``behind``, the difference from the first one, and ``behind_error``. ``by``, the figure of the ranking; ``limits``
-    of figures; ``unit`` of each; ``channel``, the channel that represents the taxels; ``volts``, the
-    ``volts_table`` of all studies, None without a circuit; ``notes``. Where no variant is more likely within the limits
-    than not, none has a rank, and ``behind`` is NaN.
+    Where no variant is more likely within the limits than not, none has a rank, and ``behind`` is NaN.
+
+    Attributes
+    ----------
+    table : pandas.DataFrame
+        A row for each variant: ``rank``; the parameters in which the variants differ; a column for each figure and its
+        ``_error``; ``allowed``, the probability that the variant meets the limits; ``first``, that it is the best of
+        those that do; ``behind``, the difference from the first one, and ``behind_error``.
+    by : str
+        The figure of the ranking.
+    limits : dict[str, float]
+        Largest magnitudes of figures, in their units.
+    unit : dict[str, str]
+        Unit of each figure.
+    channel : str
+        The channel that represents the taxels.
+    volts : pandas.DataFrame or None
+        The ``volts_table`` of all studies; None without a circuit.
+    notes : list[str]
+        What a reader of the table should know.
     """
 
     table: pandas.DataFrame
@@ -106,6 +120,11 @@ def compare(
         Largest force in N that is used; variants that do not reach it are left out.
     circuit : Circuit, optional
         Behind which all readings are compared, instead of those of the studies.
+
+    Returns
+    -------
+    Comparison
+        A table of the variants, the best first.
 
     Raises
     ------

@@ -34,12 +34,13 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
     ----------
     source : str or Path
         Path of an XML scene, or the name of a shipped one.
-    parameters : object
+    **parameters : object
         Values for the ``<default>``s of the file, by name.
 
     Returns
     -------
-    All findings, in the order of the file.
+    list[Finding]
+        All findings, in the order of the file.
 
     Raises
     ------

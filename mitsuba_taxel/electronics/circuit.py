@@ -155,7 +155,13 @@ class Circuit(Checked):
         return min(self.full_scale, self.supply, self.buffer_gain * (self.supply - self.saturation_voltage))
 
     def as_table(self) -> dict[str, Any]:
-        """The circuit as a table of a study file."""
+        """The circuit as a table of a study file.
+
+        Returns
+        -------
+        dict[str, Any]
+            All parameters by name.
+        """
         return values_of(self)
 
 
@@ -172,6 +178,16 @@ def circuit_of(table: object) -> Circuit:
 
 def read_circuit(file: str | Path) -> Circuit:
     """The circuit in a TOML file, at top level or in a table ``[circuit]`` as in a study file.
+
+    Parameters
+    ----------
+    file : str or Path
+        The TOML file.
+
+    Returns
+    -------
+    Circuit
+        Parameters that the file leaves out have their defaults.
 
     Raises
     ------

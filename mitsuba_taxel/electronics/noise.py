@@ -45,7 +45,7 @@ def resolution_notes(step: float, noise: np.ndarray) -> list[str]:
 
 
 def noise_parts(circuit: Circuit, power: Any) -> dict[str, np.ndarray]:
-    """Standard deviations in V for optical powers in W, by their source.
+    """Noise of the output voltage by its source, as standard deviations.
 
     ``shot`` of the photocurrent, 2 q I (1 + 2 b): with a current gain b, the currents that feed its base and recombine
     there, each I / b, are amplified by b. ``thermal`` of the load, 4 k T R, in parallel with the resistance of the
@@ -53,6 +53,23 @@ def noise_parts(circuit: Circuit, power: Any) -> dict[str, np.ndarray]:
     ``flicker``, K^2 / f, from ``flicker_from`` on: K^2 / 2 ln(1 + (bandwidth / flicker_from)^2). ``other`` as given.
     ``quantisation`` of the converter, a step / sqrt(12), which assumes a signal uniformly distributed within a step: it
     does not hold for a signal that stays within one.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+    power : array_like
+        Optical powers in W, of any shape, at least 0.
+
+    Returns
+    -------
+    dict[str, ndarray]
+        By source, in V, of the shape of the powers; ``shot`` and ``thermal`` of a saturated output are 0.
+
+    Raises
+    ------
+    InputError
+        if a power is below 0.
     """
     shown = respond(circuit, power)
     width = math.pi / 2 * circuit.bandwidth
@@ -78,5 +95,23 @@ def noise_parts(circuit: Circuit, power: Any) -> dict[str, np.ndarray]:
 
 
 def total_noise(circuit: Circuit, power: Any) -> np.ndarray:
-    """All noise together, as one standard deviation in V, for optical powers in W."""
+    """All noise of the output voltage together; see :func:`noise_parts`.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+    power : array_like
+        Optical powers in W, of any shape, at least 0.
+
+    Returns
+    -------
+    ndarray
+        One standard deviation in V, of the shape of the powers.
+
+    Raises
+    ------
+    InputError
+        if a power is below 0.
+    """
     return np.sqrt(sum(part**2 for part in noise_parts(circuit, power).values()))

@@ -63,7 +63,19 @@ class Response(NamedTuple):
 
 
 def respond(circuit: Circuit, power: Any) -> Response:
-    """Response of a circuit to optical powers in W, an array of any shape or a number.
+    """Response of a circuit to light.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+    power : array_like
+        Optical powers in W, of any shape, at least 0.
+
+    Returns
+    -------
+    Response
+        Currents, voltages, counts and slopes, of the same shape.
 
     Raises
     ------
@@ -110,9 +122,20 @@ def counts_of(circuit: Circuit, voltage: Any) -> np.ndarray:
 
 
 def power_at(circuit: Circuit, voltage: Any) -> np.ndarray:
-    """Optical power in W that brings the converter to voltages in V, from 0 to below the supply.
+    """Optical power that brings the converter to a voltage; the inverse of :func:`respond`.
 
-    Negative where the dark current alone exceeds the voltage; NaN where no power reaches it.
+    Parameters
+    ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+    voltage : array_like
+        In V, of any shape, from 0 to below the supply.
+
+    Returns
+    -------
+    ndarray
+        In W, of the same shape: negative where the dark current alone exceeds the voltage, NaN where no power reaches
+        it.
     """
     voltage = np.asarray(voltage, dtype=float)
     emitter = voltage / circuit.buffer_gain

@@ -36,7 +36,13 @@ class ShownDerivatives(NamedTuple):
     to_saturation: np.ndarray
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """One derivative each: as of ``Derivatives``, with ``counts``, ``noise_equivalent`` and ``to_saturation``."""
+        """The derivatives one by one.
+
+        Yields
+        ------
+        dict[str, Any]
+            As of ``Derivatives.rows``, in V, with ``counts``, ``noise_equivalent`` and ``to_saturation`` beside.
+        """
         others = (self.counts, self.noise_equivalent, self.to_saturation)
         cells = zip(*(values.T.ravel().tolist() for values in others), strict=True)
         for row, (counts, noise, change) in zip(self.in_volts.rows(), cells, strict=True):
@@ -93,7 +99,20 @@ class Shown(NamedTuple):
 
 
 def shown(circuit: Circuit, readings: Any) -> Shown:
-    """``Readings`` behind a circuit."""
+    """``Readings`` behind a circuit.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+    readings : Readings
+        Of :func:`measure`; powers that are negative by their error count as 0.
+
+    Returns
+    -------
+    Shown
+        Voltages, counts and their errors for each taxel; derivatives if the readings have them.
+    """
     power = np.maximum(readings.power, 0.0)
     response, noise = respond(circuit, power), total_noise(circuit, power)
     error = response.rate * readings.total_error

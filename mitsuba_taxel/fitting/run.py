@@ -79,10 +79,17 @@ def run_fit(
         A study file of one scene with tables ``[fit]`` and ``[fit.unknowns]``.
     output : str or Path
         Folder for the results.
-    workers, scheduler : int and str, optional
-        As for :func:`sweep`.
+    workers : int, optional
+        Number of processes to use, in place of this one.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers to use; they need access to the same files.
     progress : Callable[[int], None], optional
         Called with the number of model evaluations.
+
+    Returns
+    -------
+    FitResult
+        Estimates with the errors of data and model, which are also written to ``output``.
 
     Raises
     ------

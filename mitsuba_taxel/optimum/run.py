@@ -48,10 +48,19 @@ def optimise(
         A study file of one scene with a table ``[optimise]``.
     output : str or Path
         Folder for the results; new, empty, or that of the same scene, whose readings are reused.
+    workers : int, optional
+        Number of processes to use, in place of this one.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers to use; they need access to the same files.
+    retry_failed : bool
+        Whether load steps that failed in an earlier call are computed again.
     progress : Callable[[OptimisationProgress], None], optional
         Called after each design.
 
-    The others are those of :func:`sweep`.
+    Returns
+    -------
+    Optimum
+        The best design, its figures and their errors, which are also written to ``output``.
 
     Raises
     ------

@@ -157,7 +157,25 @@ class Pad(Kinded, Displayed):
         self.shape.check_side(thinnest)
 
     def changed(self, **dimensions: Any) -> Pad:
-        """The pad with other dimensions, as named in `dimensions`; an unset `cell_height` takes its new default."""
+        """The pad with other dimensions, as named in `dimensions`; an unset `cell_height` takes its new default.
+
+        Parameters
+        ----------
+        **dimensions : Any
+            New values by the name of a parameter of the pad or of its cells, lengths in mm.
+
+        Returns
+        -------
+        Pad
+            A new pad; this one stays as it is.
+
+        Raises
+        ------
+        InputError
+            if the pad is not possible with these values.
+        TypeError
+            if there is no such parameter.
+        """
         follows: dict[str, Any] = {"cell_height": None} if self._height_follows else {}
         own = {name: dimensions.pop(name, value) for name, value in self.shape.dimensions.items()}
         if own:
@@ -165,8 +183,23 @@ class Pad(Kinded, Displayed):
         return replace(self, **follows | dimensions)
 
     def as_profile(self, points: int = 4) -> Pad:
-        """The same pad with its cells given by a profile of some points, from 3 on; parallelepipeds have a square
-        section."""
+        """The same pad with its cells given by a profile; parallelepipeds have a square section.
+
+        Parameters
+        ----------
+        points : int
+            Number of control points, from 3 on.
+
+        Returns
+        -------
+        Pad
+            With the cell ``profile``; a pad of such cells as it is.
+
+        Raises
+        ------
+        InputError
+            if ``points`` is not allowed, or cells of this shape have no equivalent profile.
+        """
         check_whole("points", points, 3, MOST_POINTS)
         if self.cell == Profile.name:
             return self
@@ -196,7 +229,18 @@ class Pad(Kinded, Displayed):
             raise InputError(f"meshed_as: {refused}") from refused
 
     def moved_from(self, origin: Pad) -> Pad:
-        """The same pad with the mesh of ``origin``, or of what that has it from, which differs in dimensions only."""
+        """The same pad with the mesh of ``origin``, or of what that has it from, which differs in dimensions only.
+
+        Parameters
+        ----------
+        origin : Pad
+            Of the same cells and number of taxels.
+
+        Returns
+        -------
+        Pad
+            Of this pad's dimensions.
+        """
         if origin.meshed_as:
             return replace(self, meshed_as=origin.meshed_as)
         return replace(self, meshed_as=", ".join(f"{name}={value!r}" for name, value in origin.dimensions.items()))
@@ -260,6 +304,25 @@ class Pad(Kinded, Displayed):
         """The pad's volume mesh; see `mesh_pad` and, for one that is moved, `moved_onto`.
 
         The mesh that is moved is that of the origin, from the mesher or, if it is kept, from ``of_origin``.
+
+        Parameters
+        ----------
+        mesh_size : float
+            Length of the edges of elements, mm.
+        of_origin : Callable[[Pad, float], VolumeMesh], optional
+            Gives the mesh of the origin for its size of elements.
+
+        Returns
+        -------
+        VolumeMesh
+            Undeformed quadratic tetrahedra with tagged faces.
+
+        Raises
+        ------
+        InputError
+            if the size is not allowed, or the mesh of the origin cannot be moved as far.
+        ComputationError
+            if the mesher fails.
         """
         from mitsuba_taxel.pads.parametric.meshing import mesh_pad
         from mitsuba_taxel.pads.parametric.morphing import moved_onto

@@ -70,7 +70,9 @@ class PadFile(Displayed):
         name="file_up",
     )
     suffix: str = field(init=False, repr=False)
+    """Ending of the file's name, in small letters."""
     digest: str = field(init=False, repr=False)
+    """SHA-256 of the file's content when this object was made."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "path", path_of("path", self.path))
@@ -121,13 +123,42 @@ class PadFile(Displayed):
         return default_size_of(self)
 
     def mesh(self, mesh_size: float) -> VolumeMesh:
-        """The pad's volume mesh; see `mesh_pad_file`."""
+        """The pad's volume mesh; see `mesh_pad_file`.
+
+        Parameters
+        ----------
+        mesh_size : float
+            Length of the edges of elements, mm.
+
+        Returns
+        -------
+        VolumeMesh
+            Undeformed quadratic tetrahedra with tagged faces.
+
+        Raises
+        ------
+        InputError
+            if the size is not allowed, or the file is not a pad.
+        ComputationError
+            if the mesher fails.
+        """
         from mitsuba_taxel.pads.imported.file_meshing import mesh_pad_file
 
         return mesh_pad_file(self, mesh_size)
 
     def content(self) -> bytes:
-        """The content of the file; raises `InputError` if it has changed since this object was made."""
+        """The content of the file.
+
+        Returns
+        -------
+        bytes
+            As it was when this object was made.
+
+        Raises
+        ------
+        InputError
+            if the file cannot be read, or has changed since then.
+        """
         content = self._read()
         if hashlib.sha256(content).hexdigest() != self.digest:
             raise InputError(f"filename = {self.path} is not allowed: it has changed since it was opened.")

@@ -32,7 +32,8 @@ def card_curve(part: Part, heights: Any) -> np.ndarray:
     Parameters
     ----------
     part : Part
-    heights : float or (N,) array
+        Emitter and detector.
+    heights : float or (N,) array_like
         Of the card above the windows in mm, parallel to them; it is larger than the light that it meets.
 
     Returns
@@ -68,6 +69,23 @@ def card_curve(part: Part, heights: Any) -> np.ndarray:
 
 
 def distance_model(part: Part, heights: Any) -> np.ndarray:
-    """Power on the detector under the reflector of the part's distance curve, of reflectance 1; see `mirror_curve` and
-    `card_curve`."""
+    """Power on the detector under the reflector of the part's distance curve, of reflectance 1.
+
+    Parameters
+    ----------
+    part : Part
+        Emitter and detector.
+    heights : float or (N,) array_like
+        Of the reflector above the windows, mm.
+
+    Returns
+    -------
+    (N,) ndarray
+        As `mirror_curve` or `card_curve` gives it.
+
+    Raises
+    ------
+    InputError
+        if a height is not above 0.
+    """
     return (card_curve if part.distance_reflector == "white card" else mirror_curve)(part, heights)

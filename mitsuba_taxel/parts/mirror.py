@@ -52,7 +52,19 @@ class MirrorRays(NamedTuple):
 
 
 def mirror_rays(part: Part, height: float) -> MirrorRays:
-    """Rays reflected by a mirror of reflectance 1 at a height in mm above the windows, parallel to them.
+    """Rays reflected by a mirror of reflectance 1, parallel to the windows.
+
+    Parameters
+    ----------
+    part : Part
+        Emitter and detector.
+    height : float
+        Of the mirror above the windows, mm.
+
+    Returns
+    -------
+    MirrorRays
+        Where each ray meets the mirror, and its power.
 
     Raises
     ------
@@ -79,8 +91,25 @@ def mirror_rays(part: Part, height: float) -> MirrorRays:
 
 
 def mirror_curve(part: Part, heights: Any) -> np.ndarray:
-    """Power on the detector, in W per W that the emitter's die sends into the resin, under a mirror of reflectance 1 at
-    heights in mm above the windows."""
+    """Power on the detector under a mirror of reflectance 1, parallel to the windows.
+
+    Parameters
+    ----------
+    part : Part
+        Emitter and detector.
+    heights : float or (N,) array_like
+        Of the mirror above the windows, mm.
+
+    Returns
+    -------
+    (N,) ndarray
+        In W per W that the emitter's die sends into the resin.
+
+    Raises
+    ------
+    InputError
+        if a height is not above 0.
+    """
     return np.array([mirror_rays(part, float(height)).power.sum() for height in np.atleast_1d(heights)])
 
 
@@ -96,8 +125,23 @@ def leaving_share(part: Part) -> float:
 
 
 def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5, 0.9)) -> np.ndarray:
-    """Positions in mm of the straight edge of a mirror, from the body's centre along x (0) or y (1), at which it
-    returns given shares of the power of an infinite mirror; it lies on the lower side of the edge.
+    """Positions of the straight edge of a mirror at which it returns fractions of the power of an infinite mirror.
+
+    Parameters
+    ----------
+    part : Part
+        Emitter and detector.
+    height : float
+        Of the mirror above the windows, mm.
+    axis : int
+        Along which the edge moves: 0 for x, 1 for y. The mirror lies on the lower side of its edge.
+    shares : float or (N,) array_like
+        Fractions between 0 and 1.
+
+    Returns
+    -------
+    (N,) ndarray
+        From the body's centre, mm.
 
     Raises
     ------

@@ -122,12 +122,28 @@ class Part:
 
 
 def part_names() -> list[str]:
-    """Names of the parts that ship with the package."""
+    """Names of the parts that ship with the package.
+
+    Returns
+    -------
+    list[str]
+        In alphabetical order.
+    """
     return sorted(file.stem for file in _catalogue().glob(f"*{SUFFIX}"))
 
 
 def read_part(part: str | Path) -> Part:
     """A part by its name in the catalogue, or from a TOML file of the same kind.
+
+    Parameters
+    ----------
+    part : str or Path
+        Name in the catalogue in any case, or path of a file that ends in .toml.
+
+    Returns
+    -------
+    Part
+        Lengths in mm.
 
     Raises
     ------

@@ -115,6 +115,11 @@ def energy_audit(
     progress : Callable[[int, int], None], optional
         Called with the numbers of finished and of all sequences of points.
 
+    Returns
+    -------
+    EnergyAudit
+        Where the light ends, as fractions of the emitted power, with their standard errors.
+
     Raises
     ------
     InputError

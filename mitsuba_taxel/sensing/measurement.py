@@ -121,6 +121,11 @@ def measure(
         They are without noise where all walls of the cells are diffuse, else differences of random paths, as their
         ``method`` tells. The scene must be a `Scene`, a path or a name.
 
+    Returns
+    -------
+    Readings
+        Power of each taxel in W, with its errors, and what was asked for beside.
+
     Raises
     ------
     InputError
@@ -306,7 +311,21 @@ def crosstalk(
 ) -> Crosstalk:
     """Power that each LED brings to each phototransistor.
 
-    Parameters are those of :func:`measure`; a target error applies to the taxels' own readings.
+    Parameters
+    ----------
+    scene : Scene or str or Path or dict or mi.Scene or Prepared
+        As for :func:`measure`.
+    target_error : float, optional
+        Relative error that the taxels' own readings should reach.
+    points : int, optional
+        Light paths for each LED and replicate, instead of a target; rounded up to a power of two.
+    seed : int
+        Whole number from 0 to 2**32 - 1.
+
+    Returns
+    -------
+    Crosstalk
+        The matrix of powers in W, with errors.
 
     Raises
     ------

@@ -41,10 +41,27 @@ MOST_TERMS = 300
 
 
 class Calibration(NamedTuple):
-    """``polynomial`` : from readings to forces in N; ``forces`` : their names; ``half_width`` (forces,) in N, of the
-    intervals that contain a share ``coverage`` of the forces; ``covered`` : the share contained on left-out paths, with
-    the width from the others; ``unit`` of the readings; ``noise`` added to the light, relative, NaN of a measurement,
-    which has its own; ``tested``, a description of the test."""
+    """Forces from readings, with intervals.
+
+    Attributes
+    ----------
+    polynomial : Polynomial
+        From readings to forces in N.
+    forces : tuple[str, ...]
+        Names of the forces.
+    half_width : (forces,) ndarray
+        Of the intervals, N.
+    coverage : float
+        Fraction of the forces that the intervals should contain.
+    covered : float
+        The fraction contained on left-out paths, with the width from the others.
+    unit : str
+        Of the readings, W or V.
+    noise : float
+        Relative standard deviation added to the light; NaN of a measurement, which has its own.
+    tested : str
+        A description of the test.
+    """
 
     polynomial: Polynomial
     forces: tuple[str, ...]
@@ -76,11 +93,16 @@ def calibrate(
         A study with varied forces, in which a path is one curve; or a measurement along one line, in which it is a run
         between turning points of the force.
     coverage : float
-        Share of forces that the intervals should contain, on paths like those given.
-    noise : float
+        Fraction of forces that the intervals should contain, on paths like those given.
+    noise : float, optional
         Relative standard deviation of the noise added to the light of a study; by default 0.005, or 0 with a circuit.
     seed : int
         Seed of this noise.
+
+    Returns
+    -------
+    Calibration
+        Polynomial, and half widths of its intervals in N.
 
     Raises
     ------

@@ -58,7 +58,10 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
 
     Returns
     -------
-    The polynomial of the model, and notes.
+    model : Polynomial
+        What the file holds.
+    notes : list[str]
+        Its errors, and what it leaves out.
 
     Raises
     ------
@@ -142,9 +145,18 @@ def _missed_volts(circuit: Circuit, unseen: Unseen) -> tuple[float, float]:
 
 
 def write_calibration(found: Calibration, file: str | Path) -> None:
-    """Write a calibration as a model: ``inputs`` (rows, taxels) are readings in its unit; outputs are ``force`` (rows,
-    forces) and ``half_width`` (forces,) of the intervals in N, and ``inside`` (rows,), whether the readings lie within
-    the ranges of the fit.
+    """Write a calibration as an ONNX model.
+
+    Its input ``inputs`` (rows, taxels) are readings in the calibration's unit; outputs are ``force`` (rows, forces) and
+    ``half_width`` (forces,) of the intervals in N, and ``inside`` (rows,), whether the readings lie within the ranges
+    of the fit.
+
+    Parameters
+    ----------
+    found : Calibration
+        As :func:`calibrate` returns it.
+    file : str or Path
+        Which is replaced if it exists.
 
     Raises
     ------

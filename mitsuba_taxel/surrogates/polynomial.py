@@ -26,10 +26,23 @@ class Unseen(NamedTuple):
 class Polynomial(NamedTuple):
     """Readings (rows, taxels) in W as a polynomial of inputs (rows, inputs), within a box.
 
-    ``names`` and ``units`` (inputs,); ``low`` and ``high`` (inputs,), the box; ``exponents`` (terms, inputs) of inputs
-    scaled to -1 ... 1; ``weights`` (terms, taxels) in W; ``rms`` and ``worst``, error of readings unseen by the fit,
-    root mean square of the worst taxel and largest of all, relative to the taxel's full scale, the range of its
-    readings; ``tested``, a description of the test; ``unseen``, those readings.
+    Attributes
+    ----------
+    names, units : tuple[str, ...]
+        Of the inputs.
+    low, high : (inputs,) ndarray
+        The box, in the units of the inputs.
+    exponents : (terms, inputs) ndarray of int
+        Of the inputs, scaled to -1 ... 1.
+    weights : (terms, taxels) ndarray
+        In W.
+    rms, worst : float
+        Error of readings unseen by the fit, relative to the taxel's full scale, the range of its readings: root mean
+        square of the worst taxel, and largest of all.
+    tested : str
+        A description of the test.
+    unseen : Unseen or None
+        The readings of the test.
     """
 
     names: tuple[str, ...]
@@ -62,6 +75,16 @@ def polynomial_of(study: xr.Dataset) -> Polynomial:
 
     A path is one curve of the study, at one combination of the other parameters. Inner paths are left out, so that the
     rest spans the same box; for a study of one path, inner points.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene, as returned by ``sweep`` or ``open_study``.
+
+    Returns
+    -------
+    Polynomial
+        Readings in W from the varied parameters, with its error on what was left out.
 
     Raises
     ------

@@ -43,7 +43,18 @@ class Law:
         return float(self.distribution.std())
 
     def values(self, shares: np.ndarray) -> np.ndarray:
-        """Quantiles."""
+        """Quantiles of the distribution.
+
+        Parameters
+        ----------
+        shares : ndarray
+            Probabilities from 0 to 1; those nearer than 1e-12 to an end are taken at that distance.
+
+        Returns
+        -------
+        ndarray
+            In the unit of the parameter, of the same shape.
+        """
         return self.distribution.ppf(np.clip(shares, 1e-12, 1 - 1e-12))
 
     def standardised(self, shares: np.ndarray) -> np.ndarray:
@@ -67,7 +78,19 @@ LAWS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
 
 
 def law_of(name: str, table: object) -> Law:
-    """The distribution of a parameter in a study file, such as ``{law = "normal", mean = 0.9, sd = 0.02}``.
+    """The distribution of a parameter in a study file.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter.
+    table : object
+        Such as ``{law = "normal", mean = 0.9, sd = 0.02}``, as the TOML file has it.
+
+    Returns
+    -------
+    Law
+        In the unit of the parameter.
 
     Raises
     ------

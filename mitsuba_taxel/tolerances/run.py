@@ -49,11 +49,22 @@ def run_tolerance(
     output : str or Path
         Folder for the results; new, empty, or that of the same study.
     exact : int, optional
-        Number of samples computed by the whole chain, from 8 to all, instead of ``exact`` in the table
-        ``[tolerance]``, and of all if that says nothing. The others get the linear answer from derivatives, and mean,
-        spread and quantiles are those of the linear answer of all, corrected by the exact ones.
+        Number of samples computed by the whole chain, from 8 to all, instead of ``exact`` in the table ``[tolerance]``,
+        and of all if that says nothing. The others get the linear answer from derivatives, and mean, spread and
+        quantiles are those of the linear answer of all, corrected by the exact ones.
+    workers : int, optional
+        Number of processes to use, in place of this one.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers to use; they need access to the same files.
+    retry_failed : bool
+        Whether samples that failed in an earlier call are computed again.
+    progress : Callable[[Progress], None], optional
+        Called after each sample.
 
-    The others are those of :func:`sweep`.
+    Returns
+    -------
+    Tolerance
+        Mean, spread, quantiles and Sobol' indices of the readings, which are also written to ``output``.
 
     Raises
     ------

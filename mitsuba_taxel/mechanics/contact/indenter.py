@@ -48,6 +48,7 @@ class Indenter(Kinded):
         name="indenter_radius",
     )
     at: Sequence[float] = (0.0, 0.0)
+    """Where the tip is, x and y in mm."""
     angle: float | None = number(
         0.0,
         "degrees",
@@ -101,6 +102,7 @@ class Indenter(Kinded):
         name="indenter_file_up",
     )
     digest: str = field(default="", init=False, repr=False)
+    """Of the content of a file and of the code of a kind of one's own, as cached states depend on them."""
 
     def __post_init__(self) -> None:
         if self.file is not None:

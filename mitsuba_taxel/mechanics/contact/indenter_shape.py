@@ -68,18 +68,52 @@ class IndenterShape(Kind, family="indenter"):
         self.indenter = indenter
 
     def check(self) -> None:
-        """Refuse parameters that do not go together; raises `InputError`."""
+        """Refuse parameters that do not go together.
+
+        Raises
+        ------
+        InputError
+            if they do not.
+        """
 
     def digest(self) -> str:
-        """Digest of what determines the body beside its parameters, such as the content of a file; else empty."""
+        """Digest of what determines the body beside its parameters, such as the content of a file.
+
+        Returns
+        -------
+        str
+            Empty if there is nothing.
+        """
         return ""
 
     @abstractmethod
     def own_gap(self, points: np.ndarray) -> Gap:
-        """Distances of points (n, 3) from the body."""
+        """Distances of points from the body.
+
+        Parameters
+        ----------
+        points : (n, 3) ndarray
+            In the body's own frame, mm.
+
+        Returns
+        -------
+        Gap
+            Distances, normals and curvatures.
+        """
 
     def gap(self, points: np.ndarray) -> Gap:
-        """Distances of points (n, 3) from the body, turned and tilted."""
+        """Distances of points from the body, turned and tilted.
+
+        Parameters
+        ----------
+        points : (n, 3) ndarray
+            Relative to the tip, mm.
+
+        Returns
+        -------
+        Gap
+            Distances, normals and curvatures.
+        """
         if not (self.indenter.angle or self.indenter.tilt):
             return self.own_gap(points)
         size, normal, curvature = self.own_gap(self._in_own_frame(points))
@@ -87,35 +121,123 @@ class IndenterShape(Kind, family="indenter"):
 
     @abstractmethod
     def keeps(self, mirror: Mirror) -> bool:
-        """Whether the body at its start is symmetric in a mirror of the pad."""
+        """Whether the body at its start is symmetric in a mirror of the pad.
+
+        Parameters
+        ----------
+        mirror : Mirror
+            A plane of symmetry of the pad.
+
+        Returns
+        -------
+        bool
+            Whether the mirror image of the body is the body.
+        """
 
     def highest(self, points: np.ndarray) -> int:
-        """The number of that of the points (n, 3) of a pad which determines where the body starts."""
+        """Which point of a pad determines where the body starts.
+
+        Parameters
+        ----------
+        points : (n, 3) ndarray
+            Of the pad, mm.
+
+        Returns
+        -------
+        int
+            Its row.
+        """
         return int(points[:, 2].argmax())
 
     def start(self, highest: np.ndarray) -> np.ndarray:
-        """(3,) where the tip starts, from the point (3,) that :meth:`highest` finds."""
+        """Where the tip starts.
+
+        Parameters
+        ----------
+        highest : (3,) ndarray
+            The point that :meth:`highest` finds, mm.
+
+        Returns
+        -------
+        (3,) ndarray
+            In the frame of the pad, mm.
+        """
         return np.array([*self.indenter.at, highest[2]])
 
     @abstractmethod
     def contact_radius(self, depth: float) -> float:
-        """Half the width of the contact with a half-space at a depth; infinite for an unbounded body.
+        """Half the width of the contact with a half-space.
 
         At most that at the largest depth for which elements are as small as the contact needs.
+
+        Parameters
+        ----------
+        depth : float
+            Of the tip below the undeformed surface, mm.
+
+        Returns
+        -------
+        float
+            In mm; infinite for an unbounded body.
         """
 
     def pressure_length(self, depth: float) -> float:
-        """Length over which the pressure at a depth changes where it is steepest: half the width of the contact, unless
-        it is concentrated at an edge."""
+        """Length over which the pressure changes where it is steepest.
+
+        Parameters
+        ----------
+        depth : float
+            Of the tip below the undeformed surface, mm.
+
+        Returns
+        -------
+        float
+            In mm: half the width of the contact, unless the pressure is concentrated at an edge.
+        """
         return self.contact_radius(depth)
 
     @abstractmethod
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """(n,) distances of points (n, 3) from where the pressure at a depth changes most; raises `InputError`."""
+        """Distances of points from where the pressure changes most.
+
+        Parameters
+        ----------
+        points : (n, 3) ndarray
+            In the body's own frame, mm.
+        depth : float
+            Of the tip below the undeformed surface, mm.
+
+        Returns
+        -------
+        (n,) ndarray
+            In mm.
+
+        Raises
+        ------
+        InputError
+            if the body is too small for the depth.
+        """
 
     def distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """(n,) distances of points (n, 3) from where the pressure at a depth under the body, turned and tilted, changes
-        most; raises `InputError`."""
+        """Distances of points from where the pressure under the body, turned and tilted, changes most.
+
+        Parameters
+        ----------
+        points : (n, 3) ndarray
+            Relative to the tip, mm.
+        depth : float
+            Of the tip below the undeformed surface, mm.
+
+        Returns
+        -------
+        (n,) ndarray
+            In mm.
+
+        Raises
+        ------
+        InputError
+            if the body is too small for the depth.
+        """
         return self.own_distance_to_steepest_pressure(self._in_own_frame(points), depth)
 
     @property
@@ -130,11 +252,36 @@ class IndenterShape(Kind, family="indenter"):
 
     @abstractmethod
     def own_surface(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (V, 3) and outward triangles (T, 3) of a closed surface: the body as far as within ``reach`` of its
-        tip in each direction."""
+        """A closed surface of triangles: the body near its tip, for drawings.
+
+        Parameters
+        ----------
+        reach : float
+            Distance from the tip in each direction up to which the body is drawn, mm.
+
+        Returns
+        -------
+        vertices : (V, 3) ndarray
+            In the body's own frame, mm.
+        triangles : (T, 3) ndarray of int
+            Rows of their vertices, counter-clockwise from outside.
+        """
 
     def surface(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """As :meth:`own_surface`, of the body turned and tilted."""
+        """As :meth:`own_surface`, of the body turned and tilted.
+
+        Parameters
+        ----------
+        reach : float
+            Distance from the tip in each direction up to which the body is drawn, mm.
+
+        Returns
+        -------
+        vertices : (V, 3) ndarray
+            Relative to the tip, mm.
+        triangles : (T, 3) ndarray of int
+            Rows of their vertices, counter-clockwise from outside.
+        """
         vertices, triangles = self.own_surface(reach)
         return vertices @ self.turn.T + [0.0, 0.0, self.lift], triangles
 

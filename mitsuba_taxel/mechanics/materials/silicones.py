@@ -72,6 +72,16 @@ SILICONES: dict[str, Silicone] = {
 def silicone(name: str) -> Material:
     """Law of the silicone of that name in :data:`SILICONES`, which also gives its source.
 
+    Parameters
+    ----------
+    name : str
+        One of the keys of :data:`SILICONES`.
+
+    Returns
+    -------
+    Material
+        Its law, in MPa.
+
     Raises
     ------
     InputError
@@ -95,6 +105,11 @@ def from_shore_a(hardness: float, poisson_ratio: float = NeoHookean.poisson_rati
         S on the Shore A scale, from 20 to 80.
     poisson_ratio : float
         Nu, from 0 to 0.5.
+
+    Returns
+    -------
+    NeoHookean
+        In MPa.
 
     Raises
     ------

@@ -83,7 +83,18 @@ class Viscoelastic(Displayed):
         return np.array([time for _, time in self.prony])
 
     def relaxation(self, time: float | np.ndarray) -> np.ndarray:
-        """Share of the stress that remains at a ``time`` in s after a step of the strain."""
+        """Fraction of the stress that remains after a step of the strain: the Prony series.
+
+        Parameters
+        ----------
+        time : float or (...) ndarray
+            After the step, s.
+
+        Returns
+        -------
+        (...) ndarray
+            From 1 at once to what the springs alone bear.
+        """
         return 1 + np.expm1(-np.asarray(time, dtype=float)[..., None] / self.times) @ self.shares
 
     def over(self, step: float) -> Weights:

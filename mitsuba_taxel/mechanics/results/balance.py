@@ -81,6 +81,16 @@ def reactions(state: State) -> Reactions:
     displacements accurate to :data:`~mitsuba_taxel.mechanics.path.load_segment.INTERPOLATION_TOLERANCE`, and the
     imbalance is that of the interpolation; :func:`~mitsuba_taxel.mechanics.path.sensitivities.linearise` gives the
     nearby state in equilibrium.
+
+    Parameters
+    ----------
+    state : State
+        The deformed pad.
+
+    Returns
+    -------
+    Reactions
+        Forces in N and moments in N mm.
     """
     mesh, places = state.mesh, state.mesh.points + state.displacement
     overstress = None if state.memory is None else state.memory.overstress

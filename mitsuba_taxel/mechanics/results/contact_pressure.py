@@ -10,10 +10,20 @@ from mitsuba_taxel.mechanics.path.state import State
 
 
 def contact_pressure(state: State) -> np.ndarray:
-    """(N,) MPa by which an indenter presses at each node of a deformed pad, 0 where none touches it.
+    """Pressure of an indenter on each node of a deformed pad.
 
     A smooth field with the integral of the pressures that hold the indenter, which scatter from node to node. It is
     linear between the nodes of faces that are cut into four; where top and outside meet, it is the larger one.
+
+    Parameters
+    ----------
+    state : State
+        The deformed pad.
+
+    Returns
+    -------
+    (N,) ndarray
+        In MPa, 0 where nothing touches the node.
     """
     found = np.zeros(len(state.mesh.points))
     if state.load.indenter is not None:

@@ -91,8 +91,15 @@ def nodal_fields(
         Of each node, in mm.
     pressure : (corners,) ndarray
         MPa at the corners of elements, positive in tension; linear in between.
+    material : Material
+        Elastic law of the silicone.
     overstress : (m, q, 6) ndarray, optional
         MPa, :attr:`ViscoelasticMemory.overstress` of a state of a viscoelastic silicone.
+
+    Returns
+    -------
+    NodalFields
+        Deformation gradient, pressure, and what follows from them, at each node.
     """
     everywhere = np.empty(len(mesh.points))
     everywhere[: mesh.corner_count] = pressure

@@ -292,14 +292,23 @@ class _Boundary:
 def displacement_at(
     mesh: VolumeMesh, displacement: np.ndarray, points: Sequence[Sequence[float]] | np.ndarray, tolerance: float = 0.0
 ) -> np.ndarray:
-    """Displacements (P, 3) in mm of points (P, 3) of the undeformed silicone, by the elements' shape functions.
+    """Displacements of points of the silicone, by the elements' shape functions.
 
     Parameters
     ----------
+    mesh : VolumeMesh
+        Undeformed mesh.
     displacement : (N, 3) ndarray
         Of each node, in mm.
+    points : (P, 3) array_like
+        Of the undeformed silicone, mm.
     tolerance : float
         Allowed distance of points from the silicone in mm; see :meth:`Location.interpolate`.
+
+    Returns
+    -------
+    (P, 3) ndarray
+        In mm.
 
     Raises
     ------
@@ -312,10 +321,30 @@ def displacement_at(
 def displacement_gradient_at(
     mesh: VolumeMesh, displacement: np.ndarray, points: Sequence[Sequence[float]] | np.ndarray, tolerance: float = 0.0
 ) -> np.ndarray:
-    """Gradients (P, 3, 3) of the displacement, du_i/dX_j, at points (P, 3) of the undeformed silicone.
+    """Gradients of the displacement, du_i/dX_j, at points of the silicone.
 
-    They are those of the element that contains the point, and discontinuous between elements. Parameters are those of
-    :func:`displacement_at`.
+    They are those of the element that contains the point, and discontinuous between elements.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Undeformed mesh.
+    displacement : (N, 3) ndarray
+        Of each node, in mm.
+    points : (P, 3) array_like
+        Of the undeformed silicone, mm.
+    tolerance : float
+        Allowed distance of points from the silicone in mm.
+
+    Returns
+    -------
+    (P, 3, 3) ndarray
+        Without unit.
+
+    Raises
+    ------
+    InputError
+        as :meth:`PointLocator.locate`.
     """
     return locator_of(mesh).locate(points, tolerance).gradient(displacement)
 

@@ -33,10 +33,14 @@ def write_vtu(
     ----------
     file : str or Path
         Path, ending in .vtu.
+    mesh : VolumeMesh
+        Undeformed mesh.
     displacement : (N, 3) ndarray
         Of each node, in mm.
     pressure : (corners,) ndarray
         MPa at the corners of elements, positive in tension.
+    material : Material
+        Elastic law of the silicone.
     overstress : (m, q, 6) ndarray, optional
         MPa, :attr:`ViscoelasticMemory.overstress` of a state of a viscoelastic silicone.
     contact_pressure : (N,) ndarray, optional

@@ -165,10 +165,20 @@ class RandomRoughness(Checked):
         return Relief(own, own, np.zeros(len(own)), offset, smooth.triangles, np.arange(len(smooth.triangles)))
 
     def heights(self, points: np.ndarray) -> np.ndarray:
-        """Height in mm at each of ``points`` (P, 3), mm.
+        """Heights of the rough surface.
 
         A sum of plane waves whose wave vectors are normally distributed with the standard deviation
         sqrt(2) / correlation_length per axis: the Fourier transform of the correlation.
+
+        Parameters
+        ----------
+        points : (P, 3) ndarray
+            In mm.
+
+        Returns
+        -------
+        (P,) ndarray
+            Above the mean surface, mm.
         """
         rng = np.random.default_rng(self.seed)
         waves = rng.normal(scale=math.sqrt(2) / self.correlation_length, size=(3, RANDOM_WAVES))

@@ -28,14 +28,27 @@ def surface_rates(
     shape_velocity: np.ndarray | None = None,
     cells: Sequence[int] | None = None,
 ) -> np.ndarray:
-    """(V, 3) rates of the vertices of :func:`tessellate` for the same arguments, without a finish.
+    """Rates of the vertices of :func:`tessellate` for the same arguments, without a finish.
 
     Parameters
     ----------
+    state : State
+        The deformed pad.
+    subdivision : int
+        As for :func:`tessellate`.
+    pad : Pad or PadFile or None
+        As for :func:`tessellate`.
     displacement_rate : (N, 3) ndarray
         Of the nodes, as from :meth:`LinearisedState.by_value` and similar methods.
     shape_velocity : (N, 3) ndarray, optional
         Of the undeformed nodes. Vertices stay on a wall that remains round; on other walls they move with the elements.
+    cells : sequence of int, optional
+        As for :func:`tessellate`.
+
+    Returns
+    -------
+    (V, 3) ndarray
+        Of each vertex, in mm per unit of what changes.
 
     Raises
     ------
@@ -64,10 +77,26 @@ def surface_rates(
 def surface_gradient(
     state: State, subdivision: int, gradient: np.ndarray, cells: Sequence[int] | None = None
 ) -> np.ndarray:
-    """(N, 3) derivatives by the displacement of each node, from those by the vertices (V, 3) of :func:`tessellate`.
+    """Derivatives of a scalar by displacements, from those by the vertices of :func:`tessellate`.
 
     The transpose of :func:`surface_rates`, for :meth:`LinearisedState.pull_back`. For a change of shape, add the sum of
     ``gradient`` times the rates without a displacement.
+
+    Parameters
+    ----------
+    state : State
+        The deformed pad.
+    subdivision : int
+        As for :func:`tessellate`.
+    gradient : (V, 3) ndarray
+        Derivatives by the vertices, per mm.
+    cells : sequence of int, optional
+        As for :func:`tessellate`.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        Derivatives by the displacement of each node, per mm.
 
     Raises
     ------

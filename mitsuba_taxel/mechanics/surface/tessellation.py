@@ -89,12 +89,28 @@ def tessellate(
 ) -> Surface:
     """Subdivide each curved face of the deformed pad into triangles.
 
-    The longest edge of a face of ``cells`` (numbers; None for all) is divided into ``subdivision`` segments, other
-    edges into segments that are no longer. Other faces are divided into 4 triangles, as required by their mid-edge
-    nodes, or more where they touch a cell, so that the surface is closed. A ``finish`` is applied to the faces of the
-    undeformed cells, subdivided as finely as it needs, and moves with the deformation: see :class:`Relief`. For a
-    ``pad`` with round walls, the undeformed surface is that of these walls rather than of their elements.
-    A mesh that was moved keeps its triangles if ``cut_of`` is the mesh before.
+    Parameters
+    ----------
+    state : State
+        As :func:`load_path` returns it.
+    subdivision : int
+        Segments into which the longest edge of a face of ``cells`` is divided; other edges have segments that are no
+        longer. Other faces are divided into 4 triangles, as required by their mid-edge nodes, or more where they touch
+        a cell, so that the surface is closed.
+    finish : LayerSteps or Grooves or RandomRoughness, optional
+        Relief on the faces of the undeformed cells, subdivided as finely as it needs, that moves with the deformation:
+        see :class:`Relief`.
+    cells : sequence of int, optional
+        Numbers of the cells that are subdivided; by default all.
+    pad : Pad or PadFile, optional
+        With round walls: the undeformed surface is that of these walls rather than of their elements.
+    cut_of : VolumeMesh, optional
+        The mesh before it was moved, whose triangles are kept.
+
+    Returns
+    -------
+    Surface
+        A closed surface of triangles, in mm.
 
     Raises
     ------

@@ -141,18 +141,57 @@ class CellShape(Kind, family="cell"):
         return {name: self.value(name) for name in own}
 
     def parameters_at(self, dimensions: Mapping[str, float]) -> dict[str, Any]:
-        """The pad's parameters for other values of all `dimensions`."""
+        """The pad's parameters for other values of all `dimensions`.
+
+        Parameters
+        ----------
+        dimensions : Mapping[str, float]
+            Values by name, of all `dimensions`.
+
+        Returns
+        -------
+        dict[str, Any]
+            Arguments of a pad by name.
+        """
         return dict(dimensions)
 
     def value(self, name: str) -> Any:
-        """Value of a parameter of the shape's own."""
+        """Value of a parameter of the shape's own.
+
+        Parameters
+        ----------
+        name : str
+            One of the shape's own parameters.
+
+        Returns
+        -------
+        Any
+            As given to the pad, or its default.
+        """
         return getattr(self.pad, name)
 
     def check(self) -> None:
-        """Refuse values of the shape's own parameters; raises `InputError`."""
+        """Refuse values of the shape's own parameters.
+
+        Raises
+        ------
+        InputError
+            if one is not allowed.
+        """
 
     def check_side(self, least: float) -> None:
-        """Refuse a side wall that is lower than ``least`` mm; raises `InputError`."""
+        """Refuse a side wall that is too low.
+
+        Parameters
+        ----------
+        least : float
+            Least height of the side wall, mm.
+
+        Raises
+        ------
+        InputError
+            if it is lower.
+        """
         if self.side_height < least:
             raise InputError(
                 f"cell_height = {self.top:g} is not allowed: at least {self.top - self.side_height + least:g} mm is "
@@ -206,6 +245,7 @@ class CellShape(Kind, family="cell"):
         Returns
         -------
         places : (N, 3) ndarray
+            On the wall, in the frame of the pad, mm.
         gradient : (N, 3, 3) ndarray
             Derivative of the places by the points.
         """
@@ -223,6 +263,7 @@ class CellShape(Kind, family="cell"):
         Returns
         -------
         (N, 3) ndarray
+            All nodes, mm.
         """
         points = points.copy()
         for name in self.round_regions:
@@ -231,15 +272,38 @@ class CellShape(Kind, family="cell"):
 
     @abstractmethod
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
-        """(N, M) whether points (N, M, 3), relative to the middle of the mouth, lie more than ``slack`` mm within."""
+        """Which points lie within the cell.
+
+        Parameters
+        ----------
+        points : (N, M, 3) ndarray
+            Relative to the middle of the mouth, mm.
+        slack : float
+            Distance from the wall from which on a point counts as within, mm.
+
+        Returns
+        -------
+        (N, M) ndarray of bool
+            Whether each point lies more than ``slack`` within.
+        """
 
     # Solids and meshes.
 
     @abstractmethod
     def solid(self, x: float, y: float) -> Any:
-        """A cell with its axis at (x, y), as a ``netgen.occ`` shape, with faces named ``roof`` and ``side``.
+        """A cell as a solid, with faces named ``roof`` and ``side``.
 
         It reaches below the board, so that cutting it leaves a clean rim.
+
+        Parameters
+        ----------
+        x, y : float
+            Where its axis meets the board, mm.
+
+        Returns
+        -------
+        netgen.occ.TopoDS_Shape
+            The solid.
         """
 
     @abstractmethod
@@ -262,36 +326,79 @@ class CellShape(Kind, family="cell"):
         Returns
         -------
         (N, 3) ndarray
+            By which each point moves, mm.
         """
 
     # Drawings and moulds.
 
     def as_profile(self, points: int) -> np.ndarray:
-        """(points, 2) r and z of the points of the equivalent profile (see `Pad.as_profile`), relative to `radius` and
-        `top`; raises `InputError` if there is none."""
+        """Points of the equivalent profile; see `Pad.as_profile`.
+
+        Parameters
+        ----------
+        points : int
+            How many.
+
+        Returns
+        -------
+        (points, 2) ndarray
+            r and z, relative to `radius` and `top`, from the rim to the crown.
+
+        Raises
+        ------
+        InputError
+            if there is no such profile.
+        """
         raise InputError(f"cell = {self.name!r} is not allowed here: it has no equivalent profile.")
 
     @abstractmethod
     def outline(self) -> np.ndarray:
-        """(M, 2) places of the meridian from the middle of the roof to the board."""
+        """The meridian from the middle of the roof to the board.
+
+        Returns
+        -------
+        (M, 2) ndarray
+            Its points (r, z), mm.
+        """
 
     def section(self) -> np.ndarray:
-        """(M, 2) places (x, z) of the wall, from the board to the board, in the plane along x in which the cell leans,
-        relative to the middle of the mouth."""
+        """The wall in the plane along x in which the cell leans.
+
+        Returns
+        -------
+        (M, 2) ndarray
+            Its points (x, z) from the board to the board, relative to the middle of the mouth, mm.
+        """
         right = self.outline()
         both = np.concatenate([right[::-1] * [-1, 1], right])
         return both + both[:, 1:] * [self.pad.slope[0], 0.0]
 
     @abstractmethod
     def wall_tangents(self) -> np.ndarray:
-        """(N, 2) tangents of the meridian, downwards: of the side and, if a mould must be able to leave it too, along
-        the roof."""
+        """Tangents of the meridian, downwards.
+
+        Returns
+        -------
+        (N, 2) ndarray
+            Those of the side and, if a mould must be able to leave it too, along the roof; of any length.
+        """
 
     @abstractmethod
     def bend_radii(self) -> np.ndarray:
-        """(N,) radii of curvature of the leaning roof along its meridian; its rim does not count. Empty if flat."""
+        """Radii of curvature of the leaning roof along its meridian; its rim does not count.
+
+        Returns
+        -------
+        (N,) ndarray
+            In mm; empty if the roof is flat.
+        """
 
     @abstractmethod
     def view_angles(self) -> np.ndarray:
-        """(N,) degrees between the roof and rays to it from the middle of the mouth, where they could be 0; else
-        empty."""
+        """Angles between the roof and rays to it from the middle of the mouth.
+
+        Returns
+        -------
+        (N,) ndarray
+            In degrees; empty for a shape of which none can be 0.
+        """

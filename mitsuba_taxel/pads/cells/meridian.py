@@ -49,7 +49,18 @@ class Meridian:
     power: int
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(N, 2) places (r, z), first, and second derivatives by u."""
+        """Points of the curve and their derivatives.
+
+        Parameters
+        ----------
+        u : (N,) ndarray
+            Parameter along the curve.
+
+        Returns
+        -------
+        points, first, second : (N, 2) ndarray
+            (r, z) in mm, and the first and second derivatives by u.
+        """
         u = np.maximum(u, TINY) if self.power == 2 else u
         s, by, again = (u**2, 2 * u, 2.0) if self.power == 2 else (u, np.ones_like(u), 0.0)
         squares, heights = ([part(s, order) for order in range(3)] for part in (self.square, self.height))
@@ -61,7 +72,20 @@ class Meridian:
         return np.stack([r, z], 1), np.stack([dr, dz], 1), np.stack([(0.5 * ddq - dr**2) / r, ddz], 1)
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """u (N,) of the nearest point of the curve to points (N, 2), and its place's derivatives (N, 2, 2) by them."""
+        """The nearest points of the curve, by Newton's method from the nearest of `SAMPLES` points.
+
+        Parameters
+        ----------
+        points : (N, 2) ndarray
+            (r, z) in mm.
+
+        Returns
+        -------
+        u : (N,) ndarray
+            Parameter of the nearest point.
+        gradient : (N, 2, 2) ndarray
+            Derivative of that point by the given one.
+        """
         samples = np.linspace(0, 1, SAMPLES)
         u = samples[PointTree(self.at(samples)[0]).query(points)[1]]
         for _ in range(20):
@@ -75,7 +99,18 @@ class Meridian:
         return u, along[:, :, None] * along[:, None, :] / curved[:, None, None]
 
     def along(self, rays: np.ndarray) -> np.ndarray:
-        """u (N,) at which the curve meets rays (N, 2) from the origin, around which it turns."""
+        """Where rays from the origin, around which the curve turns, meet it.
+
+        Parameters
+        ----------
+        rays : (N, 2) ndarray
+            Directions (r, z), of any length.
+
+        Returns
+        -------
+        (N,) ndarray
+            The parameter u of each meeting, from 0 to 1.
+        """
         samples = np.linspace(0, 1, SAMPLES)
         angles = np.arctan2(*self.at(samples)[0].T)
         u = np.interp(np.arctan2(*rays.T), angles, samples)
@@ -113,6 +148,11 @@ def roof_meridian(text: str, radius: float, height: float) -> Meridian:
         Control points 'r z', separated by ';', from the rim to the crown.
     radius, height : float
         By which r and z are multiplied, mm.
+
+    Returns
+    -------
+    Meridian
+        In mm, from the crown at u = 0 to the rim.
     """
     from scipy.interpolate import PPoly
 
@@ -126,7 +166,18 @@ def roof_meridian(text: str, radius: float, height: float) -> Meridian:
 
 
 def flat_meridian(radius: float, height: float) -> Meridian:
-    """A flat roof, from the crown to its rim, mm."""
+    """A flat roof, from the crown to its rim.
+
+    Parameters
+    ----------
+    radius, height : float
+        r and z of the rim, mm.
+
+    Returns
+    -------
+    Meridian
+        In mm.
+    """
     from scipy.interpolate import PPoly
 
     return Meridian(PPoly([[radius**2], [0.0]], [0, 1]), PPoly([[0.0], [height]], [0, 1]), 2)

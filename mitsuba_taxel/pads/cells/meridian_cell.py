@@ -71,7 +71,18 @@ class MeridianCell(CellShape):
         return self.is_square and float(np.ptp(self.outline()[:-1, 1])) > 0
 
     def curve(self, region: str) -> Meridian:
-        """The meridian of the ``roof`` or ``side``."""
+        """The meridian of the ``roof`` or ``side``.
+
+        Parameters
+        ----------
+        region : str
+            ``roof`` or ``side``.
+
+        Returns
+        -------
+        Meridian
+            In mm, relative to the middle of the mouth.
+        """
         return self.roof if region == "roof" else self.side
 
     def onto_wall(

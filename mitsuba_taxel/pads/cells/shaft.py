@@ -41,11 +41,32 @@ class Shaft(CellShape):
 
     @abstractmethod
     def across(self, points: np.ndarray) -> np.ndarray:
-        """(N, M) distance from the axis, as that of the side, of points (N, M, 3) relative to the middle of the
-        mouth."""
+        """Distance from the axis, as that of the side.
+
+        Parameters
+        ----------
+        points : (N, M, 3) ndarray
+            Relative to the middle of the mouth, mm.
+
+        Returns
+        -------
+        (N, M) ndarray
+            In mm: of a square section the larger of those along x and y.
+        """
 
     def roof_height(self, across: np.ndarray) -> np.ndarray:
-        """(N, M) height of the roof at distances from the axis."""
+        """Height of the roof at distances from the axis.
+
+        Parameters
+        ----------
+        across : (N, M) ndarray
+            Distances as :meth:`across` gives them, mm.
+
+        Returns
+        -------
+        (N, M) ndarray
+            Heights above the board, mm.
+        """
         return np.full(across.shape, self.top)
 
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
@@ -54,7 +75,20 @@ class Shaft(CellShape):
 
     @abstractmethod
     def shaft(self, x: float, y: float, below: float) -> Any:
-        """The cell up to its side's height, and down to z = ``below``, as a ``netgen.occ`` shape."""
+        """The cell up to its side's height.
+
+        Parameters
+        ----------
+        x, y : float
+            Where its axis meets the board, mm.
+        below : float
+            The z down to which it reaches, mm.
+
+        Returns
+        -------
+        netgen.occ.TopoDS_Shape
+            The solid.
+        """
 
     def solid(self, x: float, y: float) -> Any:
         from netgen.occ import Z

@@ -91,6 +91,16 @@ def _numbers(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
 def read_rules(path: str | Path) -> tuple[Rule, ...]:
     """The rules of a TOML file: one table ``[[rule]]`` for each, with the parameters of :class:`Rule`.
 
+    Parameters
+    ----------
+    path : str or Path
+        The TOML file.
+
+    Returns
+    -------
+    tuple[Rule, ...]
+        In the order of the file; of several that match a face the first counts.
+
     Raises
     ------
     InputError

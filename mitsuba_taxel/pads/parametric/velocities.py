@@ -35,11 +35,18 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
 
     Parameters
     ----------
+    pad : Pad
+        With the dimension that changes.
     mesh : VolumeMesh
         Of the pad, undeformed: ``state.mesh`` of its states.
     parameter : str
         One of pitch, wall, height, cell_size, cell_height, top_x and top_y, or of the points of a profile,
         ``profile_r1`` and so on.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        Of the nodes, in mm per mm.
 
     Raises
     ------

@@ -54,6 +54,11 @@ def show(study: xr.Dataset | xr.DataTree) -> StudyView:
     study : xr.Dataset or xr.DataTree
         As returned by ``sweep``, ``run_study`` or ``open_study``.
 
+    Returns
+    -------
+    StudyView
+        Which notebooks show as HTML.
+
     Raises
     ------
     InputError

@@ -71,7 +71,13 @@ class Derivatives:
         return np.arange(1, len(self.values) + 1)
 
     def to_xarray(self) -> xarray.Dataset:
-        """``value``, ``standard_error`` and ``unit`` by ``taxel`` and ``parameter``."""
+        """``value``, ``standard_error`` and ``unit`` by ``taxel`` and ``parameter``.
+
+        Returns
+        -------
+        xarray.Dataset
+            With the attribute ``method``.
+        """
         import xarray
 
         dims = ("taxel", "parameter")
@@ -82,7 +88,13 @@ class Derivatives:
         )
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """One derivative each: taxel, parameter, value, standard_error, unit, method."""
+        """The derivatives one by one.
+
+        Yields
+        ------
+        dict[str, Any]
+            With the keys taxel, parameter, value, standard_error, unit and method; parameters one after the other.
+        """
         for parameter, unit, values, errors in zip(
             self.parameters, self.units, self.values.T, self.standard_errors.T, strict=True
         ):

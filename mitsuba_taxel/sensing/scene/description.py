@@ -119,7 +119,25 @@ class Scene(Displayed):
 
     @classmethod
     def from_file(cls, source: str | Path, /, **parameters: object) -> Scene:
-        """The scene in an XML file, given by path or, for a shipped scene, by name (``pad.xml``)."""
+        """The scene in an XML file.
+
+        Parameters
+        ----------
+        source : str or Path
+            Path of the file or, for a shipped scene, its name (``pad.xml``).
+        **parameters : object
+            Values for the ``<default>`` elements of the file, by name.
+
+        Returns
+        -------
+        Scene
+            Read again whenever it is loaded.
+
+        Raises
+        ------
+        InputError
+            if there is no such file, or a parameter is not one of the scene's.
+        """
         require("source", source, (str, Path), "the path or name of an XML scene")
         return cls(source, parameters)
 
@@ -136,13 +154,29 @@ class Scene(Displayed):
         return self.source.name if isinstance(self.source, Path) else "scene"
 
     def with_mesh_size(self, mesh_size: float | None) -> Scene:
-        """The same scene with another size of elements, unless it fixes that."""
+        """The same scene with another size of elements, unless it fixes that.
+
+        Parameters
+        ----------
+        mesh_size : float or None
+            Length of the edges of elements, mm; None for the default.
+
+        Returns
+        -------
+        Scene
+            This one stays as it is.
+        """
         given = {} if isinstance(self.source, dict) else self.parameters
         return Scene(self.source, given, mesh_size)
 
     @in_turn
     def load(self) -> mi.Scene:
         """Build the ``mi.Scene``, in the current variant or the default one.
+
+        Returns
+        -------
+        mi.Scene
+            With its pads deformed.
 
         Raises
         ------
@@ -193,7 +227,18 @@ class Scene(Displayed):
         heed_packages(at_rest)
 
     def write_xml(self, path: str | Path) -> None:
-        """Write the scene as an XML file with parameters that gives bit-identical readings; see :meth:`as_xml`."""
+        """Write the scene as an XML file with parameters that gives bit-identical readings; see :meth:`as_xml`.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file, which is replaced if it exists.
+
+        Raises
+        ------
+        InputError
+            if the scene is refused, or the file cannot be written.
+        """
         path = path_of("path", path)
         text = self.as_xml(path.parent)
         try:
@@ -207,6 +252,21 @@ class Scene(Displayed):
 
         They are those of the file that it is from, and of a scene made in Python the numbers and words of its parts;
         see `scene_text` for their names.
+
+        Parameters
+        ----------
+        folder : Path
+            Of the file that will hold the text; paths in the text are relative to it.
+
+        Returns
+        -------
+        str
+            The document.
+
+        Raises
+        ------
+        InputError
+            if the scene is refused.
         """
         from mitsuba_taxel.sensing.scene.written_scene import scene_text
 
@@ -222,7 +282,13 @@ class Scene(Displayed):
 
     @contextmanager
     def files_beside_it(self) -> Iterator[None]:
-        """Resolve files named in a scene relative to its folder; libraries of plugins come from those trusted alone."""
+        """Resolve files named in a scene relative to its folder; libraries of plugins come from those trusted alone.
+
+        Yields
+        ------
+        None
+            While the block runs, files are resolved so; afterwards as before.
+        """
         import mitsuba as mi
 
         from mitsuba_taxel.backend.libraries import put_own_libraries_first
@@ -244,7 +310,23 @@ class Scene(Displayed):
                 raise InputError(f"{message}{guilty_parameters(self.parameters)}.")
 
     def parsed(self, config: mi.parser.ParserConfig) -> mi.parser.ParserState:
-        """The parsed description, before anything is built."""
+        """The parsed description, before anything is built.
+
+        Parameters
+        ----------
+        config : mi.parser.ParserConfig
+            Of the variant that will build the scene.
+
+        Returns
+        -------
+        mi.parser.ParserState
+            All nodes, the scene first.
+
+        Raises
+        ------
+        InputError
+            if the description is refused: scenes within the scene, parts that nothing uses, missing files.
+        """
         import mitsuba as mi
 
         from mitsuba_taxel.backend.libraries import check_plugin_types
@@ -363,7 +445,20 @@ def _take_load(props: mi.Properties) -> tuple[tuple[float, ...], tuple[list[floa
 
 
 def write_xml(scene: Scene, path: str | Path) -> None:
-    """Write a scene as XML; see :meth:`Scene.write_xml`."""
+    """Write a scene as XML; see :meth:`Scene.write_xml`.
+
+    Parameters
+    ----------
+    scene : Scene
+        Read from a file or made in Python.
+    path : str or Path
+        The file, which is replaced if it exists.
+
+    Raises
+    ------
+    InputError
+        as :meth:`Scene.write_xml`.
+    """
     require("scene", scene, Scene, "a Scene")
     scene.write_xml(path)
 

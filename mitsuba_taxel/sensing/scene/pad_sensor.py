@@ -89,7 +89,18 @@ class PadSensor(Displayed):
 
     @in_turn
     def scene(self) -> Scene:
-        """The scene, ready to measure, write or load."""
+        """The scene, ready to measure, write or load.
+
+        Returns
+        -------
+        Scene
+            With a dictionary of Mitsuba objects as its source.
+
+        Raises
+        ------
+        InputError
+            if a part is refused.
+        """
         import mitsuba as mi
 
         activate_variant()

@@ -138,13 +138,14 @@ def sweep(
 
     Returns
     -------
-    The results that `mitsuba_taxel.sensing.reading.results` lists, each over the varied parameters and its own
-    dimensions: ``power``, its errors by light, mechanics and geometry and in total, numbers of the deformed pad,
-    derivatives by ``parameter``, and so on. Beside them ``replicate_power`` in W, also over ``replicate``; ``seconds``
-    by ``stage``; ``mesh``, the file of the pad; with a circuit, ``voltage``, ``voltage_error`` and ``noise`` in V, and
-    ``counts``. Failed readings are NaN;
-    the attribute ``failures`` gives the reasons, one per line. Other attributes are seed, points, mesh size, versions,
-    the fixed parameters, and the seconds of the pilot runs that chose points and mesh.
+    xr.Dataset
+        The results that `mitsuba_taxel.sensing.reading.results` lists, each over the varied parameters and its own
+        dimensions: ``power``, its errors by light, mechanics and geometry and in total, numbers of the deformed pad,
+        derivatives by ``parameter``, and so on. Beside them ``replicate_power`` in W, also over ``replicate``;
+        ``seconds`` by ``stage``; ``mesh``, the file of the pad; with a circuit, ``voltage``, ``voltage_error`` and
+        ``noise`` in V, and ``counts``. Failed readings are NaN; the attribute ``failures`` gives the reasons, one per
+        line. Other attributes are seed, points, mesh size, versions, the fixed parameters, and the seconds of the pilot
+        runs that chose points and mesh.
 
     Raises
     ------
@@ -377,13 +378,22 @@ def run_study(
         TOML file; ``taxel new study`` writes a template.
     output : str or Path
         Folder for the results; new, empty, or that of the same study.
-
-    Other parameters are those of :func:`sweep`.
+    workers : int, optional
+        Number of processes to use, in place of this one.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers to use; they need access to the same files.
+    retry_failed : bool
+        Whether scenes that failed in an earlier call are computed again.
+    parquet : bool
+        Whether to write the readings to ``output`` as ``readings.parquet`` as well.
+    progress : Callable[[Progress], None], optional
+        Called after each scene.
 
     Returns
     -------
-    The dataset of :func:`sweep`, or a tree of such datasets by the scenes' names. Scenes that failed as a whole are
-    missing; the tree's attribute ``failures`` gives the reasons, one per line.
+    xr.Dataset or xr.DataTree
+        The dataset of :func:`sweep`, or a tree of such datasets by the scenes' names. Scenes that failed as a whole are
+        missing; the tree's attribute ``failures`` gives the reasons, one per line.
 
     Raises
     ------

@@ -85,10 +85,12 @@ def training_set(
 
     Returns
     -------
-    By part, one row for each job and copy: force in N (``fx_N``, ...; fixed components too), the scene's name if there
-    are several, other parameters that differ between jobs, noisy ``power_1_W``, ..., and ``standard_error_1_W``, ...,
-    of the light without the noise; of a study with a circuit also ``voltage_1_V``, ..., of the noisy light with the
-    noise of the circuit, and ``counts_1``, .... Jobs without a reading are left out.
+    dict[str, pd.DataFrame]
+        By part, one row for each job and copy: force in N (``fx_N``, ...; fixed components too), the scene's name if
+        there are several, other parameters that differ between jobs, noisy ``power_1_W``, ..., and
+        ``standard_error_1_W``, ..., of the light without the noise; of a study with a circuit also ``voltage_1_V``,
+        ..., of the noisy light with the noise of the circuit, and ``counts_1``, .... Jobs without a reading are left
+        out.
 
     Raises
     ------

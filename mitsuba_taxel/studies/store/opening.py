@@ -27,9 +27,15 @@ OF_OTHER_CODE = "computed by another version of the program, which may have stat
 def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     """The results in a folder, also of a study that is incomplete.
 
+    Parameters
+    ----------
+    folder : str or Path
+        That was the ``output`` of a study.
+
     Returns
     -------
-    The return value of ``sweep`` or ``run_study``; missing readings are NaN.
+    xr.Dataset or xr.DataTree
+        What ``sweep`` or ``run_study`` returned; missing readings are NaN.
 
     Raises
     ------

@@ -166,10 +166,20 @@ class DeadForce(Load):
 
     @abstractmethod
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
-        """(N,) area in mm² of each node that it acts on: the integral of the node's shape function over it.
+        """Area of each node that the force acts on: the integral of the node's shape function over it.
 
         Only ratios count, so that it may be weighted. It has to change continuously with the points of the mesh:
         derivatives by shapes and positions are taken by its differences.
+
+        Parameters
+        ----------
+        mesh : VolumeMesh
+            Of the undeformed pad.
+
+        Returns
+        -------
+        (N,) ndarray
+            In mm², 0 for nodes on which no force acts.
         """
 
     def loaded_area(self, mesh: VolumeMesh) -> float:

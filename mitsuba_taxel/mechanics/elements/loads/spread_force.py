@@ -38,7 +38,22 @@ class SpreadForce(DeadForce, name="spread_force", rank=0):
         return Load.loaded_area(self, mesh)
 
     def is_symmetric(self, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
-        """True: it covers a region of the surface, symmetric like the mesh."""
+        """True: it covers a region of the surface, symmetric like the mesh.
+
+        Parameters
+        ----------
+        mesh : VolumeMesh
+            Of the undeformed pad.
+        mirror : Mirror
+            A plane of symmetry of the mesh.
+        image : (N,) ndarray of int
+            The node that is the mirror image of each.
+
+        Returns
+        -------
+        bool
+            True.
+        """
         return True
 
 

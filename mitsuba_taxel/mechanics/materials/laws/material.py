@@ -57,7 +57,13 @@ class Material(Kind, Checked, Displayed, family="material"):
 
     @classmethod
     def own_parameters(cls) -> Mapping[str, Parameter]:
-        """The constants of a law but Poisson's ratio; those that state no range may be any finite number."""
+        """The constants of a law but Poisson's ratio; those that state no range may be any finite number.
+
+        Returns
+        -------
+        Mapping[str, Parameter]
+            By name, in the order of the fields.
+        """
         stated = parameters_of(cls)
         law: Any = cls
         plain = {
@@ -72,9 +78,19 @@ class Material(Kind, Checked, Displayed, family="material"):
 
     @abstractmethod
     def strain_energy(self, i1: Any, i2: Any) -> Any:
-        """W [MPa] of the isochoric invariants i1 = I1 J^(-2/3) and i2 = I2 J^(-4/3), both 3 at rest.
+        """Isochoric strain energy density.
 
         Written with ``+ - * / **`` and ``np.log``, ``np.exp``, ``np.sqrt``, ``np.square``.
+
+        Parameters
+        ----------
+        i1, i2 : Any
+            Isochoric invariants I1 J^(-2/3) and I2 J^(-4/3), both 3 at rest.
+
+        Returns
+        -------
+        Any
+            W in MPa, of the same kind.
         """
 
     def __post_init__(self) -> None:
@@ -99,7 +115,25 @@ class Material(Kind, Checked, Displayed, family="material"):
         return tuple(field.name for field in fields(self))  # type: ignore[arg-type]
 
     def changed(self, **parameters: float) -> Material:
-        """The same law with other parameters."""
+        """The same law with other parameters.
+
+        Parameters
+        ----------
+        **parameters : float
+            New values by name.
+
+        Returns
+        -------
+        Material
+            Of the same class.
+
+        Raises
+        ------
+        InputError
+            if a value is not allowed.
+        TypeError
+            if there is no such parameter.
+        """
         return replace(self, **parameters)  # type: ignore[type-var]
 
     @property
@@ -119,35 +153,83 @@ class Material(Kind, Checked, Displayed, family="material"):
         return 3 * (1 - 2 * self.poisson_ratio) / self.youngs_modulus
 
     def energy(self, gradient: np.ndarray) -> np.ndarray:
-        """Isochoric energy density [MPa] for deformation gradients (..., 3, 3)."""
+        """Isochoric energy density.
+
+        Parameters
+        ----------
+        gradient : (..., 3, 3) ndarray
+            Deformation gradients F.
+
+        Returns
+        -------
+        (...) ndarray
+            In MPa.
+        """
         inverse_transpose = np.swapaxes(np.linalg.inv(gradient), -1, -2)
         invariants = IsochoricInvariants(gradient, np.linalg.det(gradient), inverse_transpose)
         return self.strain_energy(invariants.first, invariants.second)
 
     def stress(self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray) -> np.ndarray:
-        """First Piola-Kirchhoff stress [MPa], (..., 3, 3), of the isochoric energy: W1 dI1/dF + W2 dI2/dF.
+        """First Piola-Kirchhoff stress of the isochoric energy, W1 dI1/dF + W2 dI2/dF.
 
         Parameters
         ----------
-        gradient : ndarray
-            F (..., 3, 3).
-        determinant : ndarray
-            Det F (...), above 0.
-        inverse_transpose : ndarray
-            F^-T (..., 3, 3).
+        gradient : (..., 3, 3) ndarray
+            Deformation gradients F.
+        determinant : (...) ndarray
+            Det F, above 0.
+        inverse_transpose : (..., 3, 3) ndarray
+            F^-T.
+
+        Returns
+        -------
+        (..., 3, 3) ndarray
+            In MPa.
         """
         invariants = IsochoricInvariants(gradient, determinant, inverse_transpose)
         w = self._derivatives(invariants)
         return _combination(w.d1, w.d2, invariants)
 
     def tangent(self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray) -> np.ndarray:
-        """Derivative dP_ij/dF_kl [MPa], (..., 3, 3, 3, 3), of :meth:`stress`, from the same arguments."""
+        """Derivative dP_ij/dF_kl of :meth:`stress`.
+
+        Parameters
+        ----------
+        gradient : (..., 3, 3) ndarray
+            Deformation gradients F.
+        determinant : (...) ndarray
+            Det F, above 0.
+        inverse_transpose : (..., 3, 3) ndarray
+            F^-T.
+
+        Returns
+        -------
+        (..., 3, 3, 3, 3) ndarray
+            In MPa.
+        """
         return self.moduli(gradient, determinant, inverse_transpose, np.zeros_like(determinant)).dense()
 
     def moduli(
         self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray, pressure: np.ndarray
     ) -> Moduli:
-        """Derivative of :meth:`stress` and of ``pressure`` (...) [MPa] times d(det F)/dF, as a sum of few tensors."""
+        """Derivative of :meth:`stress`, and of the pressure times d(det F)/dF, as a sum of few tensors.
+
+        Parameters
+        ----------
+        gradient : (..., 3, 3) ndarray
+            Deformation gradients F.
+        determinant : (...) ndarray
+            Det F, above 0.
+        inverse_transpose : (..., 3, 3) ndarray
+            F^-T.
+        pressure : (...) ndarray
+            In MPa, positive in tension.
+
+        Returns
+        -------
+        Moduli
+            In MPa.
+        """
         invariants = IsochoricInvariants(gradient, determinant, inverse_transpose)
         w = self._derivatives(invariants)
         moduli = invariants.curvature(w.d1, w.d2, pressure * determinant)
