@@ -59,7 +59,8 @@ def guided_emission(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair)
         return None
     if pair.sensor.guided_emission is None:
         pair.sensor.guided_emission = GuidedEmission(_learn(integrator, scene, pair))
-    return pair.sensor.guided_emission
+    learned: GuidedEmission = pair.sensor.guided_emission
+    return learned
 
 
 def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.ndarray:

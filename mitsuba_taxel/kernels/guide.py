@@ -163,13 +163,15 @@ def guide_for(scene: mi.Scene, pair: TaxelPair) -> Guide | None:
     for mesh in scene.shapes():
         if mesh.is_mesh() and mesh.has_attribute("face_cell") and mesh.has_attribute("face_region"):
             positions = np.array(mi.traverse(mesh)["vertex_positions"])  # same variable after a pad has moved
+            guide: Guide | None
             if pair.sensor.guide is None:
                 guide = _guide_on(mesh, pair)
                 pays = guide is not None and _gain(guide, scene, pair) < _WORTHWHILE
                 pair.sensor.guide = (positions, guide if pays else None)
             elif not np.array_equal(pair.sensor.guide[0], positions):
                 pair.sensor.guide = (positions, pair.sensor.guide[1] and _guide_on(mesh, pair))
-            return pair.sensor.guide[1]
+            guide = pair.sensor.guide[1]
+            return guide
     return None
 
 

@@ -6,7 +6,7 @@ Ours carry the ``specification`` that their parameters were read into, which nam
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol, TypeGuard
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
 import mitsuba as mi
 
@@ -14,15 +14,10 @@ if TYPE_CHECKING:
     import numpy as np
 
     from mitsuba_taxel.kernels.cell_surface import CellSurface
-    from mitsuba_taxel.kernels.emission_guiding import GuidedEmission
     from mitsuba_taxel.kernels.faces import FaceGrid
-    from mitsuba_taxel.kernels.guide import Guide
     from mitsuba_taxel.kernels.mesh_adapter import Places
-    from mitsuba_taxel.kernels.recorded_paths import RecordedPaths
     from mitsuba_taxel.kernels.reflectance import ReflectanceTable
     from mitsuba_taxel.kernels.scattering import Scattering
-    from mitsuba_taxel.kernels.scene_state import KnownScene
-    from mitsuba_taxel.kernels.taxel_pair import TaxelPair
     from mitsuba_taxel.kernels.windows import Window
     from mitsuba_taxel.mechanics.elements.loads import Load
     from mitsuba_taxel.mechanics.materials.laws import Material
@@ -74,17 +69,18 @@ class LedEmitter(TaxelEnd, Protocol):
 
 
 class PhototransistorSensor(TaxelEnd, Protocol):
-    """A `phototransistor`, one or an array, with its ``recorded`` kernels, what is known of the scene since
-    it was ``checked``, and what pilot runs have learned (None: not yet).
+    """A `phototransistor`, one or an array, which keeps what others find out about its scene (None: not yet).
 
-    ``guide`` holds the vertices for which it was found, and the guide, or None where it does not pay.
+    The modules that find it state its type: ``guided_emission`` is a `GuidedEmission`; ``guide`` holds the vertices for
+    which it was found, and a `Guide`, or None where it does not pay; ``recorded`` are the `RecordedPaths`; ``checked``
+    is the `KnownScene` since the last check.
     """
 
     specification: Phototransistor
-    guided_emission: GuidedEmission | None
-    guide: tuple[np.ndarray, Guide | None] | None
-    recorded: RecordedPaths
-    checked: KnownScene | None
+    guided_emission: Any
+    guide: tuple[np.ndarray, Any] | None
+    recorded: Any
+    checked: Any
 
     @property
     def normal(self) -> mi.Vector3f: ...
@@ -179,26 +175,12 @@ class WallBsdf(Protocol):
     def set_wavelength(self, nm: float) -> None: ...
 
 
-class TaxelIntegrator(Protocol):
-    """One of our integrators, which trace a pair of LED and phototransistor."""
-
-    def sample_paths(
-        self,
-        scene: mi.Scene,
-        pair: TaxelPair,
-        index: mi.UInt32,
-        led_index: mi.UInt32,
-        sampler: mi.Sampler,
-        pixels: mi.Float | None,
-    ) -> mi.Float: ...
-
-
 def is_led(emitter: mi.Emitter) -> TypeGuard[LedEmitter]:
-    return _plugin_of(emitter) == "annular_led"
+    return plugin_of(emitter) == "annular_led"
 
 
 def is_phototransistor(sensor: mi.Sensor) -> TypeGuard[PhototransistorSensor]:
-    return _plugin_of(sensor) == "phototransistor"
+    return plugin_of(sensor) == "phototransistor"
 
 
 def has_faces(end: mi.Endpoint) -> TypeGuard[TaxelEnd]:
@@ -206,33 +188,25 @@ def has_faces(end: mi.Endpoint) -> TypeGuard[TaxelEnd]:
 
 
 def is_package(shape: mi.Shape) -> TypeGuard[PackageShape]:
-    return _plugin_of(shape) == "photo_reflector"
+    return plugin_of(shape) == "photo_reflector"
 
 
 def is_pad(shape: mi.Shape) -> TypeGuard[PadShape]:
-    return _plugin_of(shape) == "deformable_pad"
+    return plugin_of(shape) == "deformable_pad"
 
 
 def is_region(bsdf: mi.BSDF) -> TypeGuard[RegionBsdf]:
-    return _plugin_of(bsdf) == "region"
+    return plugin_of(bsdf) == "region"
 
 
 def is_wall(bsdf: mi.BSDF) -> TypeGuard[WallBsdf]:
-    return _plugin_of(bsdf) == "wall"
-
-
-def traces_taxels(integrator: mi.Integrator) -> TypeGuard[TaxelIntegrator]:
-    return _plugin_of(integrator) in ("taxel_tracer", "taxel_path", "analog_tracer")
-
-
-def guides_emission(integrator: mi.Integrator) -> bool:
-    return _plugin_of(integrator) == "taxel_tracer"
+    return plugin_of(bsdf) == "wall"
 
 
 def is_owen_sobol(sampler: mi.Sampler) -> bool:
-    return _plugin_of(sampler) == "owen_sobol"
+    return plugin_of(sampler) == "owen_sobol"
 
 
-def _plugin_of(made: mi.Object) -> str | None:
+def plugin_of(made: mi.Object) -> str | None:
     """Name of the plugin that made an object, None if that is not ours."""
     return getattr(getattr(made, "specification", None), "plugin", None)

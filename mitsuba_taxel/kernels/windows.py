@@ -24,7 +24,6 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.kernels.faces import FaceGrid
-from mitsuba_taxel.kernels.protocols import is_package
 
 NEWTON_STEPS = 7
 """They leave an error of 5e-5 degrees for dies that are a thousand times as deep as the point is high."""
@@ -168,8 +167,3 @@ def straight(p: mi.Point3f, y: mi.Point3f) -> Sight:
     to_y = y - p
     squared_distance = dr.squared_norm(to_y)
     return Sight(to_y * dr.rsqrt(squared_distance), squared_distance, y, mi.Bool(True))
-
-
-def window_on(shape: mi.Shape, name: str, faces: FaceGrid) -> Window:
-    """The windows above the dies called ``name`` (``led`` or ``phototransistor``), at ``faces``, of ``shape``."""
-    return (shape.window(name, faces) if is_package(shape) else None) or NoWindow(faces)

@@ -21,7 +21,7 @@ from mitsuba_taxel.base.arguments import (
     require,
 )
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.kernels.protocols import traces_taxels
+from mitsuba_taxel.kernels.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.reading.darkness import dark_errors

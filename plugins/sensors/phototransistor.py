@@ -11,10 +11,11 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.faces import FaceGrid, faces_on
+from mitsuba_taxel.kernels.carriers import faces_on, window_on
+from mitsuba_taxel.kernels.faces import FaceGrid
 from mitsuba_taxel.kernels.recorded_paths import RecordedPaths
 from mitsuba_taxel.kernels.tables import Interpolant, read_angular_table, refine
-from mitsuba_taxel.kernels.windows import Window, transmittance, window_on
+from mitsuba_taxel.kernels.windows import Window, transmittance
 from mitsuba_taxel.specification.phototransistor import Phototransistor as Parameters
 
 if TYPE_CHECKING:

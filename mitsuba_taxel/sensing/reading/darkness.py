@@ -6,7 +6,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.kernels.emission_guiding import LARGEST_WEIGHT
-from mitsuba_taxel.kernels.protocols import guides_emission, traces_taxels
+from mitsuba_taxel.kernels.taxel_integrators import guides_emission, traces_taxels
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import absorbs, has_mirrors, walls_of
 from mitsuba_taxel.sensing.scene.taxels import taxels_of

@@ -13,7 +13,8 @@ import numpy as np
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.arguments import require
-from mitsuba_taxel.kernels.protocols import has_faces, is_led, traces_taxels
+from mitsuba_taxel.kernels.protocols import has_faces, is_led
+from mitsuba_taxel.kernels.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.reading.readings import Readings

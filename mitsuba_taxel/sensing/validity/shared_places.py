@@ -11,7 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.faces import matrix_of
+from mitsuba_taxel.kernels.carriers import matrix_of
 from mitsuba_taxel.kernels.protocols import PadShape, has_faces, is_pad
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
