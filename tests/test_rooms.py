@@ -19,6 +19,7 @@ TOGETHER = {
     "docs": {"pages"},
     "mechanics": {"benchmarks_of_the_literature", "closed_forms", "energy", "shape_sensitivities"},
     "optimum": {"thin_roof"},
+    "pads": {"file_meshing"},
     "sensing": {"finish"},
 }
 """Tests of what several files of a room do together; all of ``tests/properties`` are."""

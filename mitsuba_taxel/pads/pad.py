@@ -26,9 +26,6 @@ CELL_SHAPES = tuple(name for name, shape in CellShape.kinds().items() if issubcl
 LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height", "top_x", "top_y")
 """Names of the dimensions of all pads."""
 
-REGIONS = {"roof": 1, "side": 2, "bottom": 3, "top": 4, "outer": 5}
-"""Codes of the regions of a pad's surface, as in the face attribute ``face_region`` of its meshes."""
-
 DEFAULT_MESH_SIZE = 1.25
 """Default size of the finite elements, in mm, for a pad with cells and walls like the paper's."""
 TYPICAL_CELL, TYPICAL_THICKNESS = 2.55, 1.0

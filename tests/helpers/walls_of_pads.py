@@ -9,8 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.pad import CELL_SHAPES, REGIONS
+from mitsuba_taxel.pads.pad import CELL_SHAPES
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
+from mitsuba_taxel.pads.regions import REGIONS
 
 PADS = {shape: Pad(shape, rows=1, columns=2) for shape in CELL_SHAPES}
 PADS["profile"] = Pad("profile", rows=1, columns=2, profile="0.95 0.4; 0.9 0.7; 0.7 1; 0.3 1; 0 0.8")

@@ -18,9 +18,8 @@ from mitsuba_taxel.geometry.element_maps import jacobians, worst_element
 from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
-from mitsuba_taxel.pads.imported.file_meshing import mesh_pad_file
 from mitsuba_taxel.pads.imported.rules import Rule
-from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.pad_file import PadFile, mesh_pad_file
 from mitsuba_taxel.scenes import hexagonal
 
 DOME = Rule("roof", normal=(0, 0, -1), within=89.9, above=0.5)

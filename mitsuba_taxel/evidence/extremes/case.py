@@ -27,7 +27,8 @@ from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.results.balance import reactions
-from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.regions import REGIONS
 
 MESH_SIZE = 2.0
 """Default mesh size in mm: coarse, as the table is about robustness."""

@@ -16,7 +16,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.singular_edges import STRIP
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 REACH = 2e-3
 """Distance from which on walls repel each other, relative to the pad's height."""

@@ -13,7 +13,7 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.barrier import APPROACH, REACH, REACH_AT_REST, additive_ccd, ipctk_of_one_thread
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.surface.cutting import cut_faces
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 CUTS = 6
 """Triangles along the longest edge of a face: as many as light meets by default."""

@@ -18,7 +18,7 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 DEEPEST, DEEPEST_AT_EDGES = 0.25, 0.6
 """Largest depth of a body inside the deformed pad, relative to that in the undeformed one, and of one with a flat end:

@@ -6,7 +6,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.singular_edges import shared_edges
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 ALMOST = 5.0
 """Degrees within which an angle counts as right."""

@@ -15,7 +15,7 @@ from mitsuba_taxel.geometry.box_tree import BoxTree, Level
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import body_of_each
 from mitsuba_taxel.mechanics.contact.singular_edges import STRIP, beyond_strip
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 FRINGE = 0.05
 """Uncertainty of the border of the strip, relative to its width."""

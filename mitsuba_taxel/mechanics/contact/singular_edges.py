@@ -7,7 +7,7 @@ import numpy as np
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, VolumeMesh
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 STRIP = 0.02
 """Width of the strip along singular edges, relative to the pad's height.

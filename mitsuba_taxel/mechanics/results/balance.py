@@ -16,7 +16,7 @@ from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces, nodes
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 PLACES = 1 << 20
 """Barycentric coordinates are compared as whole multiples of 1 / PLACES. A power of 2: fractions k / n then never lie

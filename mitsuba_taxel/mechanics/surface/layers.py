@@ -7,7 +7,7 @@ import numpy as np
 from mitsuba_taxel.geometry.slices import Slices, sliced
 from mitsuba_taxel.geometry.slivers import without_slivers
 from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 ALONG = 1e-6
 """Sides inclined by less than this to the print direction count as parallel to it."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 
 @dataclass(frozen=True, eq=False)

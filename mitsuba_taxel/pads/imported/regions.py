@@ -13,7 +13,7 @@ from mitsuba_taxel.geometry.triangles import area_normals, components, neighbour
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.placement import AS_DRAWN, DIRECTIONS, UNMOVED, Placement
 from mitsuba_taxel.pads.imported.rules import Rule
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 ROOF_ANGLE = 60.0
 """Degrees from straight down within which the normal of a part of a hollow's face, or of a smooth patch of triangles,

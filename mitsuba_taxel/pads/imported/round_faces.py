@@ -7,7 +7,7 @@ import numpy as np
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.radial import put_radially
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 
 ROUNDING = 1e-6
 """Distance from a sphere or cylinder, relative to its radius, attributed to rounding."""

@@ -12,28 +12,29 @@ import numpy as np
 
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
+from mitsuba_taxel.pads.regions import REGIONS
 
 AXES = {"top_x": 0, "top_y": 1}
 """The coordinate along which each shifts the tops."""
 
 
-def leans(pad: Pad) -> bool:
+def leans(pad: DrawnPad) -> bool:
     """Whether the tops of the cells are off their axes."""
     return bool(pad.top_x or pad.top_y)
 
 
-def leaning(pad: Pad, mesh: VolumeMesh) -> VolumeMesh:
+def leaning(pad: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
     """The mesh of a pad, from that of the same pad with upright cells."""
     return replace(mesh, points=mesh.points + lean(pad, mesh, mesh.points))
 
 
-def lean(pad: Pad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
+def lean(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
     """(N, 3) shifts in mm of the nodes of a mesh from where they are ``upright`` (N, 3) in the pad."""
     return sum((getattr(pad, name) * lean_rate(pad, mesh, upright, name) for name in AXES), start=np.zeros(3))
 
 
-def lean_rate(pad: Pad, mesh: VolumeMesh, upright: np.ndarray, name: str) -> np.ndarray:
+def lean_rate(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray, name: str) -> np.ndarray:
     """(N, 3) the same per mm of `top_x` or `top_y`.
 
     Midpoints of straight edges remain midpoints.
@@ -47,7 +48,7 @@ def lean_rate(pad: Pad, mesh: VolumeMesh, upright: np.ndarray, name: str) -> np.
     return rate
 
 
-def upright_nodes(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
+def upright_nodes(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
     """(N, 3) nodes of the pad with upright cells, from those of its mesh: the reverse of :func:`leaning`."""
     if not leans(pad):
         return mesh.points
@@ -64,7 +65,7 @@ def upright_nodes(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
     return upright
 
 
-def on_round_walls(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
+def on_round_walls(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
     """(N,) which nodes lie on round walls."""
     codes = [REGIONS[name] for name in pad.shape.round_regions]
     on_wall = np.zeros(len(mesh.points), dtype=bool)
@@ -72,7 +73,7 @@ def on_round_walls(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
     return on_wall
 
 
-def _rise(pad: Pad, z: np.ndarray) -> np.ndarray:
+def _rise(pad: DrawnPad, z: np.ndarray) -> np.ndarray:
     """Shift at a height, relative to that at `cell_height`, to which it grows within the cells."""
     assert pad.cell_height is not None
     top = pad.top_of_cell

@@ -12,7 +12,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.element_maps import worst_element
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, mirrored
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
 from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.lean import leaning, leans
 from mitsuba_taxel.pads.parametric.solid import (
@@ -23,6 +23,7 @@ from mitsuba_taxel.pads.parametric.solid import (
     singular_nodes,
     symmetric_part,
 )
+from mitsuba_taxel.pads.regions import REGIONS
 
 BULK_COARSENING = 1.25
 """Relative size of elements inside, where the strain is smooth: roofs are as accurate with fewer."""
@@ -65,7 +66,7 @@ MESHING_LOCK = threading.RLock()
 """Held during every call of Netgen, which is not thread-safe."""
 
 
-def mesh_pad(pad: Pad, mesh_size: float) -> VolumeMesh:
+def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
     """Mesh a pad with elements of about ``mesh_size`` mm, finer round the cells, finest where the stress is singular.
 
     An octant of a square pad, or a quadrant of another, is meshed with upright cells and mirrored, so that the mesh has
@@ -101,7 +102,7 @@ def mesh_pad(pad: Pad, mesh_size: float) -> VolumeMesh:
     )
 
 
-def check_room(pad: Pad, mesh_size: float) -> None:
+def check_room(pad: DrawnPad, mesh_size: float) -> None:
     """Refuse an invalid mesh size, or one that asks for more elements than fit in memory; raises `InputError`."""
     if not (math.isfinite(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
@@ -128,7 +129,7 @@ def check_room(pad: Pad, mesh_size: float) -> None:
         )
 
 
-def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
+def _generated(pad: DrawnPad, mesh_size: float, refinement: float) -> VolumeMesh:
     """Netgen's mesh of the symmetric part."""
     with MESHING_LOCK:
         from netgen.meshing import MeshingParameters, NgException, SetMessageImportance
@@ -164,7 +165,7 @@ def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
         return _read(mesh, pad, unit)
 
 
-def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
+def _local_sizes(pad: DrawnPad, mesh_size: float) -> tuple[float, float]:
     """Size of elements on roofs and side walls, and along singular edges.
 
     Where silicone is thin beside a round wall, the sagitta of the elements' curved edges is at most a quarter of it.
@@ -179,7 +180,7 @@ def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
     return min(finer * mesh_size / shape.face_refinement, largest), min(along_edges, largest)
 
 
-def _slender_wall(pad: Pad) -> tuple[float, float]:
+def _slender_wall(pad: DrawnPad) -> tuple[float, float]:
     """The thinnest wall, and the largest elements along it if it is slender; infinite if not. In mm."""
     wall = pad.thinnest_wall
     if pad.rows * pad.columns > 1:
@@ -188,25 +189,25 @@ def _slender_wall(pad: Pad) -> tuple[float, float]:
     return wall, ALONG_SLENDER_WALL * pad.side_height if is_slender else math.inf
 
 
-def _finer(pad: Pad, mesh_size: float) -> float:
+def _finer(pad: DrawnPad, mesh_size: float) -> float:
     """The size relative to the default one, as far as `FINER_DOMES` goes; 1 for larger ones, and other roofs."""
     return min(max(mesh_size / pad.default_mesh_size, FINER_DOMES), 1.0) if "roof" in pad.shape.round_regions else 1.0
 
 
-def _finer_edges(pad: Pad, mesh_size: float) -> float:
+def _finer_edges(pad: DrawnPad, mesh_size: float) -> float:
     """The share of `FINER_EDGES` for a size; 1 for larger ones than the default, and for round roofs."""
     relative = (mesh_size / pad.default_mesh_size) ** EDGE_EXPONENT
     return 1.0 if "roof" in pad.shape.round_regions else min(max(relative, FINER_EDGES), 1.0)
 
 
-def _graded(mesh: VolumeMesh, pad: Pad) -> VolumeMesh:
+def _graded(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
     """The mesh with the elements at singular edges cut, and new nodes on the exact surfaces of the pad."""
     mesh = cut_towards(mesh, singular_nodes(mesh, pad), CUT)
     points = snapped(rounded(mesh, pad), pad)
     return VolumeMesh(points, mesh.tets, mesh.faces, mesh.face_region, mesh.face_cell)
 
 
-def _read(mesh: Any, pad: Pad, unit: float) -> VolumeMesh:
+def _read(mesh: Any, pad: DrawnPad, unit: float) -> VolumeMesh:
     """The mesh of the symmetric part in mm, with nodes exactly on the planes that they belong to."""
     points = unit * np.array(mesh.Coordinates(), dtype=float)
     surface = mesh.Elements2D().NumPy()
@@ -242,7 +243,7 @@ def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndar
     return np.where(inward[:, None], faces[:, swap], faces)
 
 
-def snapped(points: np.ndarray, pad: Pad) -> np.ndarray:
+def snapped(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
     """Nodes, those within rounding of the planes of symmetry, the bottom or the top moved exactly onto them."""
     tolerance = 1e-7 * pad.height
     points = np.where(np.abs(points) < tolerance, 0.0, points)
@@ -253,7 +254,7 @@ def snapped(points: np.ndarray, pad: Pad) -> np.ndarray:
     return points
 
 
-def _numbered(mesh: VolumeMesh, pad: Pad) -> VolumeMesh:
+def _numbered(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
     """The mesh with the cell number of each roof and side face, and corners before other nodes."""
     corners = np.zeros(len(mesh.points), dtype=bool)
     corners[mesh.tets[:, :4]] = True

@@ -11,7 +11,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.element_maps import worst_element
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
 from mitsuba_taxel.pads.parametric.lean import leaning, leans, on_round_walls, upright_nodes
 from mitsuba_taxel.pads.parametric.meshing import snapped
 from mitsuba_taxel.pads.parametric.solid import is_square
@@ -22,7 +22,7 @@ MOST_STRETCH = 3.0
 """Largest ratio of the stretches of an element along any two directions."""
 
 
-def moved_onto(pad: Pad, origin: Pad, mesh: VolumeMesh) -> VolumeMesh:
+def moved_onto(pad: DrawnPad, origin: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
     """The mesh of ``origin`` moved onto a pad that differs in its dimensions only.
 
     Nodes on a wall are on that wall again, at the same relative position; those inside are shifted as by
@@ -46,7 +46,7 @@ def moved_onto(pad: Pad, origin: Pad, mesh: VolumeMesh) -> VolumeMesh:
     return moved
 
 
-def _moved(origin: Pad, pad: Pad, upright: np.ndarray) -> np.ndarray:
+def _moved(origin: DrawnPad, pad: DrawnPad, upright: np.ndarray) -> np.ndarray:
     """(N, 3) nodes of upright cells where they move to; mirror images of nodes to mirror images, to the last bit."""
     sign = np.where(upright < 0, -1.0, 1.0)
     folded = np.abs(upright)

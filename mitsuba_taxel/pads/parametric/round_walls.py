@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.regions import REGIONS
 
 
 def onto_round_walls(

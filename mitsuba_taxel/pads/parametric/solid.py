@@ -7,18 +7,19 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
+from mitsuba_taxel.pads.regions import REGIONS
 
 SYMMETRY = "symmetry"
 """Name of the faces along which the part was cut from the pad."""
 
 
-def is_square(pad: Pad) -> bool:
+def is_square(pad: DrawnPad) -> bool:
     """Whether the pad has as many rows as columns."""
     return pad.rows == pad.columns
 
 
-def symmetric_part(pad: Pad) -> Any:
+def symmetric_part(pad: DrawnPad) -> Any:
     """The part of a pad in 0 <= y <= x if it is square, else in x, y >= 0, as a ``netgen.occ`` shape.
 
     Its faces have the names of their regions.
@@ -37,7 +38,7 @@ def symmetric_part(pad: Pad) -> Any:
     return solid
 
 
-def _beyond_diagonal(pad: Pad) -> Any:
+def _beyond_diagonal(pad: DrawnPad) -> Any:
     """A box over y > x, larger than the pad."""
     from netgen.occ import Axis, Box, Pnt, Z
 
@@ -47,7 +48,7 @@ def _beyond_diagonal(pad: Pad) -> Any:
     return box
 
 
-def _name_of_box_face(centre: Any, pad: Pad) -> str:
+def _name_of_box_face(centre: Any, pad: DrawnPad) -> str:
     tolerance = 1e-9 * pad.height
     if min(centre.x, centre.y) < tolerance:
         return SYMMETRY
@@ -56,7 +57,7 @@ def _name_of_box_face(centre: Any, pad: Pad) -> str:
     return "top" if centre.z > pad.height - tolerance else "outer"
 
 
-def singular_edges(solid: Any, pad: Pad) -> list[Any]:
+def singular_edges(solid: Any, pad: DrawnPad) -> list[Any]:
     """The edges of the symmetric part, at any scale, where the stress is singular: glued to the board, or re-entrant.
 
     Edges due to the cut along a plane of symmetry do not count, nor do smooth rims, as round a hemisphere.
@@ -73,7 +74,7 @@ def singular_edges(solid: Any, pad: Pad) -> list[Any]:
     return [edge for edge in solid.edges if edge in singular and edge not in cut]
 
 
-def singular_nodes(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
+def singular_nodes(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
     """(N,) which nodes of the symmetric part's mesh lie on the edges of :func:`singular_edges`."""
     roof, side, bottom, outer = (_on_region(mesh, name) for name in ("roof", "side", "bottom", "outer"))
     singular = bottom & (side | outer)
@@ -85,14 +86,14 @@ def singular_nodes(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
     return singular
 
 
-def rounded(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
+def rounded(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
     """(N, 3) the mesh's nodes, those on round walls and roofs moved exactly onto them."""
     axis = np.column_stack([_nearest_axis(mesh.points, pad), np.zeros(len(mesh.points))])
     on = {name: _on_region(mesh, name) for name in ("roof", "side", "bottom")}
     return pad.shape.rounded(mesh.points, axis, on)
 
 
-def _nearest_axis(points: np.ndarray, pad: Pad) -> np.ndarray:
+def _nearest_axis(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
     """(N, 2) x and y of the axis of the cell nearest to each of points (N, 3)."""
     centres = np.array(pad.cell_centres)
     return centres[np.linalg.norm(points[:, None, :2] - centres, axis=2).argmin(axis=1)]

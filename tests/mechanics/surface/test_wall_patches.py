@@ -9,8 +9,8 @@ import pytest
 
 from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
+from mitsuba_taxel.pads.regions import REGIONS
 from mitsuba_taxel.transport.patches import LATTICE
 
 ROW = {"rows": 1, "columns": 3}

@@ -14,9 +14,9 @@ from mitsuba_taxel.geometry.element_maps import curved_volume
 from mitsuba_taxel.pads import mesh_velocity
 from mitsuba_taxel.pads.cells import CellShape, MeridianCell, roof_meridian
 from mitsuba_taxel.pads.cells.meridian import from_axis
-from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.pads.parametric.drawings import solids
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
+from mitsuba_taxel.pads.regions import REGIONS
 from mitsuba_taxel.parameters import Number
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 

@@ -13,8 +13,9 @@ from mitsuba_taxel.geometry.element_maps import curved_volume
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.cells.meridian import rim_angle
-from mitsuba_taxel.pads.pad import CELL_SHAPES, LENGTHS, REGIONS
+from mitsuba_taxel.pads.pad import CELL_SHAPES, LENGTHS
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
+from mitsuba_taxel.pads.regions import REGIONS
 
 ROUND = CELL_SHAPES[1:]
 DIPPED = Pad("profile", 1, 1, profile="0.95 0.4; 0.9 0.7; 0.7 1; 0.3 1; 0 0.8")

@@ -10,8 +10,7 @@ import pytest
 from mitsuba_taxel.geometry.element_maps import curved_volume
 from mitsuba_taxel.geometry.volume_mesh import TET_EDGES
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
-from mitsuba_taxel.pads.imported.file_meshing import mesh_pad_file
-from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.pad_file import PadFile, mesh_pad_file
 from mitsuba_taxel.pads.parametric.meshing import MESHING_LOCK
 
 RADIUS, DEPTH = 1.5, 1.9

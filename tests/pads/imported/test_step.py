@@ -12,9 +12,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.element_maps import jacobians
 from mitsuba_taxel.mechanics import tessellate
 from mitsuba_taxel.pads import REGIONS
-from mitsuba_taxel.pads.imported.file_meshing import mesh_pad_file
 from mitsuba_taxel.pads.imported.rules import Rule
-from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.pad_file import PadFile, mesh_pad_file
 from mitsuba_taxel.pads.parametric.meshing import MESHING_LOCK
 
 RADIUS = 1.2

@@ -13,10 +13,10 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.box_tree import overlapping
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.geometry.triangles import closest_on_triangles, volume
-from mitsuba_taxel.pads.imported import file_meshing, surface_meshing, tetwild
+from mitsuba_taxel.pads.imported import surface_meshing, tetwild
 from mitsuba_taxel.pads.imported.repair import faces_of, repaired
 from mitsuba_taxel.pads.imported.surfaces import read_surface
-from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.pad_file import PadFile, mesh_pad_file
 
 
 def soup(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +85,7 @@ def test_small_flaws_are_mended(box, damage):
 
 
 def test_a_sliver_does_not_keep_a_pad_from_being_meshed(box, write_stl, tmp_path):
-    mesh = file_meshing.mesh_pad_file(PadFile(write_stl(tmp_path / "s.stl", sliver_between(box()))), 1.2)
+    mesh = mesh_pad_file(PadFile(write_stl(tmp_path / "s.stl", sliver_between(box()))), 1.2)
     assert volume(mesh.points, mesh.faces[:, :3]) == pytest.approx(44.0, rel=1e-9)
 
 
@@ -251,7 +251,7 @@ def test_whatever_the_bytes_the_answer_is_one_line(data, box, tmp_path, monkeypa
         content[80:84] = (28 - cut // 50).to_bytes(4, "little")
         path.write_bytes(bytes(content[: len(content) - cut]))
     with pytest.raises((InputError, ComputationError)) as caught:
-        file_meshing.mesh_pad_file(PadFile(path), 1.25)
+        mesh_pad_file(PadFile(path), 1.25)
     assert "\n" not in str(caught.value)
 
 

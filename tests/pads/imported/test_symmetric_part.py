@@ -12,10 +12,10 @@ from mitsuba_taxel.geometry.polygons import NotSimple, triangulated
 from mitsuba_taxel.geometry.triangles import half_edges, subdivided, volume
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.pads import PadFile, Rule
-from mitsuba_taxel.pads.imported.file_meshing import mesh_pad_file
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
 from mitsuba_taxel.pads.imported.repair import faces_of, repaired
 from mitsuba_taxel.pads.imported.symmetric_part import kept_part, mirrors_of, planes_of
+from mitsuba_taxel.pads.pad_file import mesh_pad_file
 
 
 def surface(corners):

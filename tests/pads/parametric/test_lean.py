@@ -14,10 +14,10 @@ from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_Y
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.pads import CELL_SHAPES, Pad
-from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.pads.parametric.drawings import solids
 from mitsuba_taxel.pads.parametric.lean import leaning, upright_nodes
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
+from mitsuba_taxel.pads.regions import REGIONS
 
 PROFILE = {"profile": "0.95 0.4; 0.9 0.7; 0.7 1; 0.3 1; 0 0.8"}
 PADS = {shape: Pad(shape, 1, 2, top_x=0.5, top_y=-0.3) for shape in CELL_SHAPES}

@@ -13,9 +13,10 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.pad import LENGTHS, REGIONS
+from mitsuba_taxel.pads.pad import LENGTHS
 from mitsuba_taxel.pads.parametric.lean import leaning
 from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
+from mitsuba_taxel.pads.regions import REGIONS
 
 every_case = pytest.mark.parametrize(("shape", "dimension"), [(s, d) for s in PADS for d in LENGTHS])
 

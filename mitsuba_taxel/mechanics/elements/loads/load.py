@@ -31,7 +31,7 @@ from mitsuba_taxel.base.kinds import Kind
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.regions import REGIONS
 from mitsuba_taxel.parameters import Parameter, check, parameters_of, values_of
 
 

@@ -1,0 +1,33 @@
+"""What drawing and meshing know of a pad with parametric cells."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from mitsuba_taxel.pads.cells import CellShape
+from mitsuba_taxel.pads.cells.cell_shape import Dimensions
+
+
+class DrawnPad(Dimensions, Protocol):
+    """A pad of cells of one shape, as `Pad` describes it."""
+
+    @property
+    def cell(self) -> str: ...
+    @property
+    def wall(self) -> float: ...
+    @property
+    def top_x(self) -> float: ...
+    @property
+    def top_y(self) -> float: ...
+    @property
+    def shape(self) -> CellShape: ...
+    @property
+    def top_of_cell(self) -> float: ...
+    @property
+    def side_height(self) -> float: ...
+    @property
+    def thinnest_wall(self) -> float: ...
+    @property
+    def default_mesh_size(self) -> float: ...
+    @property
+    def cell_centres(self) -> list[tuple[float, float]]: ...

@@ -1,0 +1,4 @@
+"""Regions of a pad's surface."""
+
+REGIONS = {"roof": 1, "side": 2, "bottom": 3, "top": 4, "outer": 5}
+"""Codes of the regions, as in the face attribute ``face_region`` of meshes."""
