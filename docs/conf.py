@@ -25,11 +25,11 @@ extensions = [
 # What docstrings refer to inside the package, and the reference leaves out.
 nitpick_ignore_regex = [
     ("py:func", r"(mitsuba_taxel\.pads\.imported\.regions\.)?(tagged|prepare)"),
-    ("py:data", r"mitsuba_taxel\.mechanics\.path\.load_segment\.\w+|TET_EDGES|FACE_EDGES|ENDS"),
+    ("py:data", r"mitsuba_taxel\.mechanics\.continuation\.load_segment\.\w+|TET_EDGES|FACE_EDGES|ENDS"),
     ("py:meth", r"Location\.interpolate|PointLocator\.locate"),
     ("py:class", r"Relief|Load|RigidBodies|ndarray|(pandas\.)?DataFrame|Unseen"),
     ("py:class", r"\d+|[A-Z]|corners|width|height|inputs|terms|taxels|forces"),  # shapes of arrays
-    ("py:class", r"(mitsuba_taxel\.mechanics\.path\.state\.)?(Comparison|PathRate)|FirstContact|Estimate"),
+    ("py:class", r"(mitsuba_taxel\.mechanics\.continuation\.state\.)?(Comparison|PathRate)|FirstContact|Estimate"),
 ]
 exclude_patterns = ["_build", "_extensions"]
 default_role = "code"

@@ -114,7 +114,7 @@ def llvm_mono():
 def mechanics_error_unknown():
     """Deformed pads state no error: where a mesh is coarse, the second one that tells it takes most of the time."""
     with pytest.MonkeyPatch.context() as patch:
-        meshes = import_module("mitsuba_taxel.mechanics.path.second_meshes").SecondMeshes
+        meshes = import_module("mitsuba_taxel.mechanics.errors.second_meshes").SecondMeshes
         patch.setattr(meshes, "__iter__", lambda meshes: iter(()))
         yield
 

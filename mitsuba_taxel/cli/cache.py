@@ -17,7 +17,7 @@ def command(clear: bool, as_json: bool) -> None:
     The folder is MITSUBA_TAXEL_CACHE, or mitsuba_taxel in the user's cache folder. Beyond 10 GB those that were used
     longest ago are removed; nothing that was used in the last ten minutes is.
     """
-    from mitsuba_taxel.mechanics.path import cache
+    from mitsuba_taxel.mechanics import cache
 
     from .tables import print_json
 

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from mitsuba_taxel.kernels.reflectance import ReflectanceTable
     from mitsuba_taxel.kernels.scattering import Scattering
     from mitsuba_taxel.kernels.windows import Window
+    from mitsuba_taxel.mechanics.continuation.state import State
     from mitsuba_taxel.mechanics.elements.loads import Load
+    from mitsuba_taxel.mechanics.errors.second_state import SecondState
     from mitsuba_taxel.mechanics.materials.laws import Material
-    from mitsuba_taxel.mechanics.path.second_state import SecondState
-    from mitsuba_taxel.mechanics.path.state import State
     from mitsuba_taxel.mechanics.surface.finish import Finish
     from mitsuba_taxel.mechanics.surface.tessellation import Surface
     from mitsuba_taxel.pads import Pad, PadFile

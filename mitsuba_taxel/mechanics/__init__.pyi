@@ -7,6 +7,15 @@ from .contact.self_contact import (
 from .contact.self_contact import (
     ContactTest as ContactTest,
 )
+from .continuation.state import State as State
+from .continuation.state import ViscoelasticMemory as ViscoelasticMemory
+from .derivatives.rates_along import rates_along as rates_along
+from .derivatives.sensitivities import (
+    LinearisedState as LinearisedState,
+)
+from .derivatives.sensitivities import (
+    linearise as linearise,
+)
 from .elements.loads import (
     DeadForce as DeadForce,
 )
@@ -35,6 +44,11 @@ from .elements.loads import (
     SpreadForce as SpreadForce,
 )
 from .elements.solvers import available_solvers as available_solvers
+from .errors.mesh_sizes import mesh_size_for as mesh_size_for
+from .errors.second_state import second_state as second_state
+from .load_paths import load_path as load_path
+from .load_paths import state_after as state_after
+from .load_paths import state_at_rest as state_at_rest
 from .materials.laws import (
     ArrudaBoyce as ArrudaBoyce,
 )
@@ -65,20 +79,6 @@ from .materials.silicones import (
 from .materials.viscoelastic import (
     Viscoelastic as Viscoelastic,
 )
-from .path.load_path import load_path as load_path
-from .path.load_path import state_after as state_after
-from .path.load_path import state_at_rest as state_at_rest
-from .path.mesh_sizes import mesh_size_for as mesh_size_for
-from .path.rates_along import rates_along as rates_along
-from .path.second_state import second_state as second_state
-from .path.sensitivities import (
-    LinearisedState as LinearisedState,
-)
-from .path.sensitivities import (
-    linearise as linearise,
-)
-from .path.state import State as State
-from .path.state import ViscoelasticMemory as ViscoelasticMemory
 from .results.balance import (
     Reactions as Reactions,
 )

@@ -13,7 +13,7 @@ import xarray as xr
 
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.optimum.contacts import DesignContact, first_contact_in, lines_untold, why_untold
 from mitsuba_taxel.optimum.figures import TINY, Line, Seen
 from mitsuba_taxel.optimum.plan import Design, Plan

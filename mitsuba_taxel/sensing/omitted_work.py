@@ -91,7 +91,7 @@ def _of_pad(pad: PadShape) -> Iterator[str]:
 
 def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]]]:
     """End of each segment of the path to a state, and the mirrors under which pad and segment are invariant."""
-    from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
+    from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
 
     if not state.value.any():
         return
@@ -108,7 +108,7 @@ def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]
 
 def _all_kept_before(began: float) -> bool:
     """Whether the cache of meshes and solutions is writable, and has no new ones since ``began``."""
-    from mitsuba_taxel.mechanics.path import cache
+    from mitsuba_taxel.mechanics import cache
 
     folder = cache.folder()
     times = [file.stat().st_mtime for file in folder.glob("*.npz")]

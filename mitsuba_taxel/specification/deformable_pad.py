@@ -14,10 +14,10 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.limits import MOST_HISTORY
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.history.timed_rows import timed_rows
 from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
 from mitsuba_taxel.mechanics.materials.silicones import HARDNESS, SILICONES, from_shore_a, silicone
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic, prony_of
-from mitsuba_taxel.mechanics.path.timed_rows import timed_rows
 from mitsuba_taxel.mechanics.surface.finish import Finish, Grooves, LayerSteps, RandomRoughness
 from mitsuba_taxel.pads import Pad, PadFile
 from mitsuba_taxel.parameters import (

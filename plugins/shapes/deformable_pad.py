@@ -33,8 +33,8 @@ from mitsuba_taxel.pads import REGIONS, Pad, PadFile
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mitsuba_taxel.mechanics.path.second_state import SecondState
-    from mitsuba_taxel.mechanics.path.state import State
+    from mitsuba_taxel.mechanics.continuation.state import State
+    from mitsuba_taxel.mechanics.errors.second_state import SecondState
     from mitsuba_taxel.mechanics.surface.tessellation import Surface
 
 FLAT = 1e-5
@@ -79,8 +79,8 @@ class DeformablePad(mi.Mesh):
     """
 
     def __init__(self, props: mi.Properties) -> None:
+        from mitsuba_taxel.mechanics.history.timed_rows import rubs
         from mitsuba_taxel.mechanics.materials.viscoelastic import prony_of
-        from mitsuba_taxel.mechanics.path.timed_rows import rubs
         from mitsuba_taxel.specification.deformable_pad import DeformablePad as Parameters  # imports the mechanics
 
         self.specification = stated = Parameters.read(props)

@@ -13,7 +13,7 @@ import pytest
 import mitsuba_taxel
 from mitsuba_taxel.base import sources
 from mitsuba_taxel.base.sources import code_digest, own_code
-from mitsuba_taxel.mechanics.path import cache
+from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.studies.run import provenance
 
 SHOWING = {"plots", "characterise"}
@@ -62,7 +62,7 @@ def test_a_moved_file_changes_the_digest(copied):
     first = digest(cache.ROOMS)
     inner = copied / "mechanics" / "inner"
     inner.mkdir()
-    moved = (copied / "mechanics" / "path" / "load_path.py").rename(inner / "load_path.py")
+    moved = (copied / "mechanics" / "load_paths.py").rename(inner / "load_paths.py")
     assert digest(cache.ROOMS) not in ("", first)
     second = digest(cache.ROOMS)
     moved.write_text(moved.read_text() + "#")

@@ -20,7 +20,9 @@ CODES = {"GL06", "GL07", "PR01", "PR02", "PR03", "PR04", "PR07", "RT01", "RT03",
 description."""
 RAISING = {"InputError", "ComputationError", "refusal"}
 """What functions raise that have to say so."""
-LATER = "mitsuba_taxel.mechanics.path."
+LATER = tuple(
+    f"mitsuba_taxel.mechanics.{room}." for room in ("load_paths", "continuation", "errors", "history", "derivatives")
+)
 """Its docstrings change with its functions."""
 
 

@@ -210,7 +210,7 @@ def mapped():
 @pytest.fixture
 def fresh(tmp_path, monkeypatch):
     """An empty cache on disk and nothing in memory; call it to forget what memory holds."""
-    from mitsuba_taxel.mechanics.path.pad_path import shared
+    from mitsuba_taxel.mechanics.continuation.pad_path import shared
 
     monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "cache"))
     shared.cache_clear()

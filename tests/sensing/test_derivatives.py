@@ -10,9 +10,9 @@ from diffuse_scene import LOW, STEPS, at, by, derivatives, pad_scene
 
 from mitsuba_taxel import InputError, Scene, measure
 from mitsuba_taxel.base.caches import clear_caches
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.path.meshes import pad_mesh
-from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
+from mitsuba_taxel.mechanics.errors.second_meshes import SecondMeshes
+from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
 from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 from mitsuba_taxel.pads import mesh_velocity

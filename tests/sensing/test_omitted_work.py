@@ -120,7 +120,7 @@ LOADS = [
 @pytest.mark.parametrize("columns", [1, 2])
 @pytest.mark.parametrize("load, value", LOADS)
 def test_mirrors_are_those_that_the_path_is_solved_with(load, value, columns):
-    from mitsuba_taxel.mechanics.path.pad_path import pad_path
+    from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
     from mitsuba_taxel.sensing.omitted_work import _symmetric_segments
 
     path = pad_path(Pad(rows=1, columns=columns), NeoHookean(), load, 2.0)

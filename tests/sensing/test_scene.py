@@ -15,7 +15,7 @@ from one_cell import one_cell
 
 from mitsuba_taxel import ComputationError, InputError, PadSensor, Scene, Wall, crosstalk, measure
 from mitsuba_taxel.base.errors import UnusedDefault
-from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.sensing import find_scene
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.studies.plan.batch import make_batch

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import Pad, PadSensor, PhotoReflector
-from mitsuba_taxel.mechanics.path.second_state import SecondState
+from mitsuba_taxel.mechanics.errors.second_state import SecondState
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 from mitsuba_taxel.sensing.derivatives.slope_error import Against, mechanics_errors, unknown

@@ -11,8 +11,8 @@ from mitsuba_taxel import Pad, PadSensor, Readings, Scene, Wall, measure
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices
-from mitsuba_taxel.mechanics.path.pad_path import PadPath
-from mitsuba_taxel.mechanics.path.state import StateComparison
+from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
+from mitsuba_taxel.mechanics.continuation.state import StateComparison
 from mitsuba_taxel.sensing import measurement, targets
 from mitsuba_taxel.sensing.reading.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.reading.readings import mechanics_share

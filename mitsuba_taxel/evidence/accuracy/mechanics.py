@@ -19,12 +19,12 @@ from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point, Truth, now, relative_rms
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.mechanics import State, load_path
+from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE
+from mitsuba_taxel.mechanics.continuation.pad_path import shared
 from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.equilibrium.pad_parts import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
-from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
-from mitsuba_taxel.mechanics.path.meshes import pad_mesh
-from mitsuba_taxel.mechanics.path.pad_path import shared
+from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.sensing.measurement import measure

@@ -49,7 +49,7 @@ def _import_everything() -> None:
 
 
 def _solve_the_whole_pad() -> None:
-    from mitsuba_taxel.mechanics.path.pad_path import PadPath
+    from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 
     changed: Any = PadPath
     changed.images = property(lambda path: {})
@@ -59,7 +59,7 @@ def _solve_without_load() -> None:
     """Solve for the state of rest, and trace the effect of its error, which is 0, on the readings."""
     import numpy as np
 
-    from mitsuba_taxel.mechanics.path.pad_path import PadPath
+    from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
     from mitsuba_taxel.sensing import targets
     from mitsuba_taxel.sensing.reading import mechanics_error
     from mitsuba_taxel.sensing.scene import scene_pads

@@ -10,11 +10,11 @@ import numpy as np
 
 from mitsuba_taxel.evidence.accuracy.mechanics import from_nothing
 from mitsuba_taxel.mechanics import NeoHookean, Viscoelastic, load_path
+from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE
+from mitsuba_taxel.mechanics.history.timed_path import TimedPath
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic
-from mitsuba_taxel.mechanics.path.meshes import pad_mesh
-from mitsuba_taxel.mechanics.path.pad_path import pad_path
-from mitsuba_taxel.mechanics.path.timed_path import TimedPath
+from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.pads import Pad
 
 ROWS, FORCE, DURATION = 40, -10.0, 20.0

@@ -23,7 +23,7 @@ from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
 from mitsuba_taxel.evidence.rows.row import cells, headings
 from mitsuba_taxel.evidence.rows.row_files import ResumedTable
 from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean, load_path, reactions
-from mitsuba_taxel.mechanics.path.state import State
+from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.pads import CELL_SHAPES, Pad
 
 SEED = 52

@@ -17,15 +17,15 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slope
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
+from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
+from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
+from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE
+from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
+from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
+from mitsuba_taxel.mechanics.load_paths import load_path
 from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
-from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE
-from mitsuba_taxel.mechanics.path.load_path import load_path
-from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
-from mitsuba_taxel.mechanics.path.natural_step import TICKS
-from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
-from mitsuba_taxel.mechanics.path.solution import Rejected
-from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.results.balance import reactions
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.regions import REGIONS

@@ -13,8 +13,8 @@ from mitsuba_taxel.evidence.peers.displacement_form import DisplacementForm
 from mitsuba_taxel.geometry.volume_mesh import TET_FACES, VolumeMesh
 from mitsuba_taxel.mechanics import NeoHookean, load_path
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement
-from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
 from mitsuba_taxel.pads import REGIONS, Pad
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.feet import couple_held, where_linear
+from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces, nodes_of
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
-from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
 from mitsuba_taxel.pads.regions import REGIONS
 
@@ -78,9 +78,9 @@ def reactions(state: State) -> Reactions:
     """Force and moment of the board on a deformed pad, and those applied to it.
 
     At the nodes of a load path they balance to the solver's tolerance. States in between are interpolated, with
-    displacements accurate to :data:`~mitsuba_taxel.mechanics.path.load_segment.INTERPOLATION_TOLERANCE`, and the
-    imbalance is that of the interpolation; :func:`~mitsuba_taxel.mechanics.path.sensitivities.linearise` gives the
-    nearby state in equilibrium.
+    displacements accurate to :data:`~mitsuba_taxel.mechanics.continuation.load_segment.INTERPOLATION_TOLERANCE`, and
+    the imbalance is that of the interpolation;
+    :func:`~mitsuba_taxel.mechanics.derivatives.sensitivities.linearise` gives the nearby state in equilibrium.
 
     Parameters
     ----------

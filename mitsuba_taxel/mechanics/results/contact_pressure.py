@@ -6,7 +6,7 @@ import numpy as np
 
 from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
 from mitsuba_taxel.mechanics.contact.smooth_pressure import smooth_pressure
-from mitsuba_taxel.mechanics.path.state import State
+from mitsuba_taxel.mechanics.continuation.state import State
 
 
 def contact_pressure(state: State) -> np.ndarray:

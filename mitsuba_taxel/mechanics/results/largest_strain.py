@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.base.caches import kept
+from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.elements import Elements
-from mitsuba_taxel.mechanics.path.state import State
 
 SHARE = 0.01
 """Share of the volume of the undeformed silicone over which the largest strains are averaged."""

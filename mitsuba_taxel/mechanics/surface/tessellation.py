@@ -15,7 +15,7 @@ from mitsuba_taxel.geometry.triangles import area_normals, unit
 from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.shut_gaps import kept_off, widest_shut
-from mitsuba_taxel.mechanics.path.state import State
+from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.results.contact_pressure import contact_pressure
 from mitsuba_taxel.mechanics.surface.curvature import Corners, smooth_sheets
 from mitsuba_taxel.mechanics.surface.cutting import cut_faces, in_cells, weighted

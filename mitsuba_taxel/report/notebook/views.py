@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from mitsuba_taxel.mechanics import Material, Viscoelastic
+    from mitsuba_taxel.mechanics.continuation.state import State
     from mitsuba_taxel.mechanics.materials.silicones import Silicone
-    from mitsuba_taxel.mechanics.path.state import State
     from mitsuba_taxel.pads import Pad, PadFile
     from mitsuba_taxel.sensing import PadSensor, Readings, Scene
 

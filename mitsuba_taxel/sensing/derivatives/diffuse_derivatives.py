@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
     from mitsuba_taxel.mechanics import State
-    from mitsuba_taxel.mechanics.path.second_state import SecondState
+    from mitsuba_taxel.mechanics.errors.second_state import SecondState
     from mitsuba_taxel.sensing.diffuse.cell_patches import CellPatches
 
 LIGHT_SHARE = 0.25

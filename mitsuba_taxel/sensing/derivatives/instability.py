@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.mechanics.path.critical_mode import CriticalMode
+from mitsuba_taxel.mechanics.derivatives.critical_mode import CriticalMode
 from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad
 from mitsuba_taxel.sensing.derivatives.scene_rates import Rates, rates
 from mitsuba_taxel.sensing.scene.description import Scene

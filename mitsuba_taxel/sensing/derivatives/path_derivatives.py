@@ -32,7 +32,7 @@ from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 if TYPE_CHECKING:
     from mitsuba_taxel.kernels.protocols import PadShape
-    from mitsuba_taxel.mechanics.path.second_state import SecondState
+    from mitsuba_taxel.mechanics.errors.second_state import SecondState
 
 LEVELS, FINER = 4, 2
 """Number of steps that are tried, and how many times each is smaller than the one before, also for extrapolation."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics.path.second_state import SecondState
+    from mitsuba_taxel.mechanics.errors.second_state import SecondState
 
 APART_SHARE = 0.25
 """Weight of the root of the sum of squares of the changes that patches make, beside their sum: with it, derivatives of

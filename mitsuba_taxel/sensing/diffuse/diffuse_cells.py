@@ -324,7 +324,7 @@ def _pad_of(scene: mi.Scene) -> PadShape:
 @kept(4)
 def _mesh_of(pad: Pad | PadFile, size: float) -> VolumeMesh:
     """The mesh whose faces are the patches for the light."""
-    from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+    from mitsuba_taxel.mechanics.meshes import pad_mesh
 
     return pad_mesh(pad, size)
 

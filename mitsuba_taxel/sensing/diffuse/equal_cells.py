@@ -35,7 +35,7 @@ def equal_cells(
     fields, errors : Sequence[ndarray]
         Vectors (N, 3) at its nodes, on which the results of cells, and their errors, depend.
     """
-    from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
+    from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
 
     first = list(range(len(cells.taxels)))
     for mirror, image in mirror_images(state.mesh, state.load).items():

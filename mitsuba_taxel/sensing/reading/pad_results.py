@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 
 if TYPE_CHECKING:  # the list itself is read where there is no pad, too
-    from mitsuba_taxel.mechanics.path.state import State
+    from mitsuba_taxel.mechanics.continuation.state import State
 
 
 class Estimate(NamedTuple):

@@ -87,7 +87,7 @@ class _Curve:
     def _read(self, share: float) -> tuple[np.ndarray, np.ndarray]:
         """Readings (T,) in W, and slopes (2, T) by the fraction of the range where a smaller one ends and a larger one
         begins, which differ at a kink; from disk, if an earlier run has read them."""
-        from mitsuba_taxel.mechanics.path import cache
+        from mitsuba_taxel.mechanics import cache
 
         start, stop = self._ends
         values = {**self._others, self._name: f"{start + share * (stop - start):.10g}"}

@@ -27,9 +27,10 @@ from mitsuba_taxel.evidence.accuracy.methods import METHODS, Method, estimator, 
 from mitsuba_taxel.evidence.accuracy.plot import plot_accuracy
 from mitsuba_taxel.evidence.accuracy.tables import COLUMNS, HEADINGS, cells, write_csv
 from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point, Truth, relative_rms, slope
-from mitsuba_taxel.mechanics.path import cache, load_segment
-from mitsuba_taxel.mechanics.path import pad_path as path
-from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
+from mitsuba_taxel.mechanics import cache
+from mitsuba_taxel.mechanics.continuation import load_segment
+from mitsuba_taxel.mechanics.continuation import pad_path as path
+from mitsuba_taxel.mechanics.equilibrium.pad_parts import loaded_pad
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing.reading.runs import prepare
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from mitsuba_taxel.evidence.accuracy import ramp
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.pads import Pad
 
 

@@ -10,7 +10,7 @@ from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement
 from mitsuba_taxel.mechanics.contact import feet
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
-from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
+from mitsuba_taxel.mechanics.equilibrium.self_touching_pad import SelfTouchingPad
 
 pytest.importorskip("ipctk")
 

@@ -21,8 +21,8 @@ from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.smooth_pressure import smooth_pressure
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
-from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
-from mitsuba_taxel.mechanics.path.solution import Rejected
+from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
+from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 
 LAW = NeoHookean(1.0, 0.49)
 MODULUS = 1 / (1 - 0.49**2)

@@ -10,7 +10,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean
 from mitsuba_taxel.mechanics.contact.solid_distance import SolidDistance
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
-from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
+from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 
 RADIUS = 2.5
 BALL = trimesh.creation.icosphere(subdivisions=4, radius=RADIUS)

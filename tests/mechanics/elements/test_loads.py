@@ -22,7 +22,7 @@ from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.pads import REGIONS, Pad
 
 PAD, SIZE = Pad(rows=1, columns=1), 3.0

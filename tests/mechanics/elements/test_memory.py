@@ -10,8 +10,8 @@ import pytest
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics import NeoHookean, linearise, load_path
+from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.elements import memory, solvers
-from mitsuba_taxel.mechanics.path.pad_path import PadPath
 from mitsuba_taxel.pads import Pad
 
 PAD = Pad("hemispheric", rows=1, columns=1)

@@ -22,7 +22,7 @@ from mitsuba_taxel.mechanics.elements import solvers
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.solvers import Rslab, SuperLu, available_solvers, symmetric_product
-from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
+from mitsuba_taxel.mechanics.equilibrium.pad_parts import loaded_pad
 from mitsuba_taxel.pads import Pad
 
 SIDE = 18

@@ -18,9 +18,9 @@ from mitsuba_taxel.mechanics import (
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between, unsymmetric_blocks
-from mitsuba_taxel.mechanics.path import equilibrium
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.path.solution import Rejected
+from mitsuba_taxel.mechanics.equilibrium import loaded_pad as equilibrium
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 from mitsuba_taxel.pads import Pad
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")

@@ -19,10 +19,10 @@ from mitsuba_taxel.mechanics import (
     Yeoh,
     load_path,
 )
+from mitsuba_taxel.mechanics.derivatives.sensitivities import linearise
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.path.natural_step import natural_step
-from mitsuba_taxel.mechanics.path.sensitivities import linearise
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.natural_step import natural_step
 from mitsuba_taxel.mechanics.results.balance import reactions
 from mitsuba_taxel.pads import Pad
 

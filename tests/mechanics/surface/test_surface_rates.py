@@ -18,7 +18,7 @@ from mitsuba_taxel.mechanics import (
     surface_rates,
     tessellate,
 )
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.pads import CELL_SHAPES, Pad, PadFile, mesh_velocity
 
 PADS = {shape: Pad(shape, rows=1, columns=2) for shape in CELL_SHAPES}

@@ -9,7 +9,7 @@ import pytest
 
 from mitsuba_taxel.geometry.triangles import area_normals
 from mitsuba_taxel.mechanics import NeoHookean, load_path, tessellate
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")

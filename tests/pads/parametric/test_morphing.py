@@ -13,7 +13,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.mirror import ACROSS_X, ACROSS_Y
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
-from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.pad import CELL_SHAPES, LENGTHS
 from mitsuba_taxel.pads.parametric.morphing import moved_onto, stretches

@@ -12,11 +12,11 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import ACROSS_X, ACROSS_Y
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.mechanics import Indenter, IndenterShape, NeoHookean, load_path
+from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
+from mitsuba_taxel.mechanics.derivatives.sensitivities import linearise
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, DeadForce, Load
 from mitsuba_taxel.mechanics.elements.loads.load import face_areas, top_faces
-from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
-from mitsuba_taxel.mechanics.path.pad_path import pad_path
-from mitsuba_taxel.mechanics.path.sensitivities import linearise
+from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
 from mitsuba_taxel.mechanics.results.balance import reactions
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.parameters import REQUIRED, number, parameters_of

@@ -1,0 +1,264 @@
+"""The stable states of a pad that has buckled: those on the branch that begins at the end of a segment.
+
+Where a branch begins, the displacement changes without limit with the load, and both are smooth functions of the
+amplitude of the mode in which the pad buckles. So the branch is a segment of states of given amplitude, of which the
+load is one more unknown (E. Riks, Int. J. Solids Struct. 15, 1979). The load must rise with the amplitude, and states
+be stable under it: where it falls, a pad jumps. Where it falls at first only, by as little as elements may decide, the
+pad is followed to beyond.
+
+Where a pad that goes on presses on what it touches, it bends little further: from there on the load is given again, and
+the branch is stable under it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.continuation.load_segment import Interpolated, LoadSegment, hermite
+from mitsuba_taxel.mechanics.elements.constraints import Numbering
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import MOST_ITERATIONS, RESIDUAL_TOLERANCE, LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.natural_step import NATURAL_STRAIN, TICKS
+from mitsuba_taxel.mechanics.equilibrium.solution import UNSTABLE, Rejected, Solution
+
+PRECISE = 1e-14
+"""Tolerance of the amplitude that belongs to a load, in mm and relative."""
+
+LEAP = 1.0
+"""Amplitude, relative to a whole step, within which the load may fall where a branch begins: a pad leaps as far."""
+FALLS = f"{UNSTABLE}: the load falls as the pad buckles"
+
+
+class _Bordered(NamedTuple):
+    """The linearised pad, and the rate of its unknowns with the load."""
+
+    tangent: Linearised
+    rate: np.ndarray
+
+    @property
+    def entries(self) -> np.ndarray:
+        return self.tangent.entries
+
+
+class BuckledPad:
+    """A pad in which the amplitude of a mode is given, in mm; its load is the last of the unknowns.
+
+    To a `LoadSegment`, it is a pad as any other, with the amplitude as the load's value.
+
+    Parameters
+    ----------
+    pad : LoadedPad
+        The part between the mirrors that the mode keeps.
+    segment : LoadSegment
+        The segment at whose end it buckles.
+    onset, mode : ndarray
+        The unknowns of the pad there, and those of the mode.
+    """
+
+    solves_between: ClassVar[bool] = False
+
+    def __init__(self, pad: LoadedPad, segment: LoadSegment, onset: np.ndarray, mode: np.ndarray) -> None:
+        self.pad, self._segment = pad, segment
+        self.onset = np.append(onset, segment.limit)
+        moves = np.arange(pad.unknowns) < pad.numbering.displacements
+        self._measure = moves * mode / np.square(mode[moves]).sum()
+
+    @property
+    def numbering(self) -> Numbering:
+        return self.pad.numbering
+
+    @property
+    def load(self) -> Load:
+        return self.pad.load
+
+    def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self.pad.split(unknowns[:-1])
+
+    def ticks(self, response: np.ndarray) -> int:
+        return TICKS
+
+    def solve_symmetric(self, start: np.ndarray, amplitude: np.ndarray) -> tuple[Solution, _Bordered]:
+        solution, bordered = self.solve_linearised(start, amplitude)
+        if not (self._measure @ bordered.rate > 0 and solution.unknowns[-1] > self.onset[-1]):
+            raise Rejected(FALLS)
+        self.pad.is_stable(bordered.tangent, solution.unknowns[:-1], self._segment.value(solution.unknowns[-1]))
+        return solution, bordered
+
+    def solve_linearised(self, start: np.ndarray, amplitude: np.ndarray) -> tuple[Solution, _Bordered]:
+        """As :meth:`solve_symmetric`, without a check of stability."""
+        unknowns = start
+        for iteration in range(MOST_ITERATIONS):
+            value = self._segment.value(unknowns[-1])
+            found = self.pad.near_balance(unknowns[:-1], value, iteration, True)
+            bordered = self._bordered(unknowns)
+            correction = self.correction(bordered, unknowns, amplitude)
+            if correction is None:
+                break
+            ahead = unknowns - correction
+            if self.towards(unknowns, ahead) is not ahead:
+                raise Rejected("it presses on what it touches")
+            unknowns = ahead
+            if iteration and found.residual < RESIDUAL_TOLERANCE:  # where a branch begins, loads need the further step
+                return replace(found, unknowns=unknowns), bordered
+        raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
+
+    def _bordered(self, unknowns: np.ndarray) -> _Bordered:
+        value = self._segment.value(unknowns[-1])
+        tangent = self.pad.tangent_at(unknowns[:-1], value, None)
+        return _Bordered(tangent, self.pad.rate(tangent, unknowns[:-1], self._segment.direction, value))
+
+    def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, amplitude: np.ndarray) -> None:
+        self.pad.refuse_unstable(unknowns[:-1], entries, self._segment.value(unknowns[-1]))
+
+    def rate(
+        self, bordered: _Bordered, unknowns: np.ndarray, direction: np.ndarray, amplitude: np.ndarray
+    ) -> np.ndarray:
+        return np.append(bordered.rate, 1.0) / (self._measure @ bordered.rate)
+
+    def correction(self, bordered: _Bordered, unknowns: np.ndarray, amplitude: np.ndarray) -> np.ndarray | None:
+        correction = self.pad.correction(bordered.tangent, unknowns[:-1], self._segment.value(unknowns[-1]))
+        if correction is None:
+            return None
+        excess = self._measure @ (unknowns - self.onset)[:-1] - amplitude[0]
+        load = (excess - self._measure @ correction) / (self._measure @ bordered.rate)
+        return np.append(correction + load * bordered.rate, load)
+
+    def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
+        return self.pad.towards(known, guess)  # the load, the last of them, goes as much of the way
+
+
+class BuckledBranch:
+    """The states beyond the end of a segment at which a pad buckles, by the distance along that segment.
+
+    Parameters
+    ----------
+    pad : LoadedPad
+        The part of the pad between the mirrors that the mode keeps.
+    segment : LoadSegment
+    onset : tuple[ndarray, ndarray]
+        Displacement (N, 3) and pressure (corners,) of the whole pad at its end.
+
+    Attributes
+    ----------
+    curve : LoadSegment
+        The states by their amplitude in mm.
+    buckled : BuckledPad
+        The pad of that segment.
+    onwards : LoadSegment or None
+        The states by their load from the end of that segment on, of a pad that goes on where it touches something.
+    """
+
+    def __init__(self, pad: LoadedPad, segment: LoadSegment, onset: tuple[np.ndarray, np.ndarray]) -> None:
+        moved, squeezed = np.split(segment.mode, [-pad.whole.corner_count])
+        mode = pad.gather(moved.reshape(-1, 3), squeezed)
+        self.pad, self._segment = pad, segment
+        self.buckled = BuckledPad(pad, segment, pad.gather(*onset), mode)
+        self.curve = LoadSegment(
+            np.zeros(1), np.ones(1), NATURAL_STRAIN * pad.height, segment.judged, segment.tolerance
+        )
+        first = replace(
+            segment.nodes[-1], s=0.0, unknowns=self.buckled.onset, tangent=np.append(mode, 0.0), seconds=0.0
+        )
+        self.curve.nodes.append(first)
+        self._onwards: LoadSegment | None = None
+
+    @property
+    def onwards(self) -> LoadSegment | None:
+        curve, part = self.curve, self._segment
+        ends = 0 < curve.limit < math.inf and UNSTABLE not in curve.reason and not np.isfinite(curve.place).all()
+        if self._onwards is None and ends and self.pad.contacts is not None:
+            start = part.value(self.solved_to)
+            self._onwards = LoadSegment(start, part.direction, part.step, part.judged, part.tolerance)
+        return self._onwards
+
+    @property
+    def _last(self) -> LoadSegment:
+        return self.onwards or self.curve
+
+    @property
+    def reason(self) -> str:
+        """Why the branch ends."""
+        return self._last.reason
+
+    @property
+    def place(self) -> np.ndarray:
+        """(3,) mm, point of contact where it ends; NaN without contact."""
+        return self._last.place
+
+    @property
+    def limit(self) -> float:
+        """Distance along the segment beyond which there is no state; infinite if unknown."""
+        if self.onwards:
+            return self.solved_to + self.onwards.limit
+        return self.load_at(self.curve.limit) if math.isfinite(self.curve.limit) else math.inf
+
+    def value(self, s: float) -> np.ndarray:
+        """Value of the load at a distance."""
+        return self._segment.value(s)
+
+    def reaches(self, s: float) -> bool:
+        """Whether a state at a distance is one by its amplitude that needs no further solve."""
+        return min(self.solved_to, self.limit) >= s
+
+    def extend(self, s: float, contact: ContactTest, touched: Callable[[], bool]) -> None:
+        """Solve the states by their amplitude up to a distance, or until the pad has ``touched`` something."""
+        curve = self.curve
+        if len(curve.nodes) == 1:
+            self._begin()
+        curve.extend(
+            self.buckled, math.inf, lambda: curve.nodes[0].unknowns, contact,
+            lambda: self.solved_to >= s or touched(),
+        )  # fmt: skip
+
+    def _begin(self) -> None:
+        """End the branch at its begin if the load falls from there: no shorter step helps."""
+        little, first = LEAP * self.curve.step, self.curve.nodes[0]
+        try:
+            self.buckled.solve_symmetric(first.unknowns + little * first.tangent, np.array([little]))
+        except Rejected as rejection:
+            if str(rejection) == FALLS:
+                self.curve.limit, self.curve.reason = 0.0, f"cannot be loaded further ({FALLS})"
+
+    def load_at(self, amplitude: float) -> float:
+        """Distance along the segment of the state of an amplitude."""
+        return float(self.curve.unknowns_at(amplitude)[-1])
+
+    def at(self, pad: LoadedPad, s: float) -> Interpolated:
+        """The state at a distance, which the branch must reach; raises Rejected if an element is inverted."""
+        curve, amplitude = self.curve, self._amplitude(s)
+        checked = all(node.stability_checked for node in curve.interval(amplitude))
+        state = pad.near_balance(curve.unknowns_at(amplitude)[:-1], self.value(s), 0, checked)
+        return Interpolated.of(state, curve.seconds_to(amplitude))
+
+    def seconds_before(self, s: float) -> float:
+        """Time of all states before the part that leads to a distance."""
+        nodes = self._segment.nodes + (self.curve.nodes if self.onwards and s > self.solved_to else [])
+        return sum(node.seconds for node in nodes)
+
+    def rate(self, s: float) -> np.ndarray:
+        """Derivative of the unknowns by the distance; without limit at the begin of the branch."""
+        rate = self.curve.rate(self._amplitude(s))
+        return rate[:-1] / rate[-1]
+
+    @property
+    def solved_to(self) -> float:
+        """Distance along the segment of the last state by its amplitude."""
+        return float(self.curve.nodes[-1].unknowns[-1])
+
+    def _amplitude(self, s: float) -> float:
+        """That of the state at a distance: where the load has fallen before, of that beyond."""
+        from scipy.optimize import brentq  # here, as only pads that buckle need it
+
+        nodes = self.curve.nodes
+        start = max(index for index, node in enumerate(nodes[:-1]) if node.unknowns[-1] <= s)
+        low, high = (
+            replace(node, unknowns=node.unknowns[-1:], tangent=node.tangent[-1:]) for node in nodes[start : start + 2]
+        )
+        return float(brentq(lambda a: hermite(low, high, a)[0] - s, low.s, high.s, xtol=PRECISE, rtol=PRECISE))

@@ -1,0 +1,148 @@
+"""What ends a load path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.geometry.bezier_patches import Place
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.feet import said_of
+from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.continuation.load_segment import Followed, LoadSegment
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.equilibrium.solution import UNSTABLE
+
+
+class LoadPathEnds(ComputationError):
+    """A load path does not lead as far as it was to.
+
+    Attributes
+    ----------
+    load : Load or None
+        Of which `value` is one.
+    value : ndarray or None
+        (3,) in N or mm, or (1,) in MPa: the last of which there is a state.
+    contact : Contact or None
+        What the deformed pad touches there; None if it ends for other reasons.
+    """
+
+    def __init__(
+        self,
+        message: object,
+        load: Load | None = None,
+        value: np.ndarray | None = None,
+        contact: Contact | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.load, self.value, self.contact = load, value, contact
+
+    def at(self, load: Load, value: np.ndarray) -> LoadPathEnds:
+        """The same end, named by another load and its value there."""
+        assert self.load is not None and self.value is not None
+        words = str(self).replace(_shown(self.load, self.value), _shown(load, value))
+        return LoadPathEnds(words, load, value, self.contact)
+
+    def under(self, load: Load, value: np.ndarray) -> LoadPathEnds:
+        """The same end, named by the force on an indenter and by the displacement that it drives."""
+        assert self.load is not None and self.value is not None
+        driven = _shown(self.load, self.value)
+        return LoadPathEnds(str(self).replace(driven, f"{_shown(load, value)}, {driven}"), load, value, self.contact)
+
+
+def end_of_path(
+    mesh: VolumeMesh,
+    load: Load,
+    value: np.ndarray,
+    reason: str,
+    place: np.ndarray,
+    buckled_at: np.ndarray | None,
+    folded_at: Place | None = None,
+) -> LoadPathEnds:
+    """The end of a path at a ``value``, for a ``reason`` such as "touches the board", at a ``place`` (3,) in mm.
+
+    The place is NaN where there is none; ``buckled_at`` is the load at which the pad buckled before, ``folded_at`` the
+    place of a fold beside an inner edge where no state is found.
+    """
+    where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
+    touched, what = reason.startswith("touches"), reason.removeprefix("touches ")
+    further = ""
+    if touched and load.self_contact:
+        further = " It may go on with smaller elements."
+    elif touched:
+        further = " With self_contact = true it goes on."
+    elif folded_at:
+        near = _listed(np.array(folded_at))
+        further = f" It is folded into itself at an inner edge, near ({near}) mm: self_contact = true prevents that."
+    elif UNSTABLE in reason and load.moved_indenter is not None and load.has_position:
+        further = (
+            " At the edge of a contact that may be due to large elements: smaller ones, by mesh_size, may bear it."
+        )
+    further = said_of(what, mesh, place) + further
+    if buckled_at is not None:
+        further = f" It buckled at {_shown(load, buckled_at)}, into one of its mirrored shapes.{further}"
+    words = f"the pad {reason}{where}: the load path ends at {_shown(load, value)}.{further}"
+    return LoadPathEnds(words, load, value, Contact(what, tuple(place.tolist())) if touched else None)
+
+
+def _shown(load: Load, value: np.ndarray) -> str:
+    shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
+    return f"{load.quantity} = {shown} {load.unit}"
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return ", ".join(f"{number:.4g}" for number in numbers)
+
+
+def refuse_at_rest(contact: Contact | None, mirrors: Sequence[Mirror] = ()) -> None:
+    """Raise `InputError` if there is a contact of the undeformed pad, where ``mirrors`` took it."""
+    if contact:
+        place = np.array(contact.place)
+        for mirror in reversed(mirrors):
+            place = mirror.image(place)
+        shown = ", ".join(f"{coordinate:.3g}" for coordinate in place)
+        raise InputError(f"the undeformed pad touches {contact.what} near ({shown}) mm of the pad: move one of them.")
+
+
+class Obstacles:
+    """Rigid obstacles of a pad, with the known first contacts on the segments of its paths.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    triangles : (K, 3, 3) ndarray
+        In mm, corners of the triangles of their closed surfaces, in the frame of the pad.
+    mirrors : sequence of Mirror
+        Applied to them in sequence, as to the load of the segments.
+
+    Raises
+    ------
+    InputError
+        if they are not triangles, or the undeformed pad touches them.
+    """
+
+    def __init__(self, mesh: VolumeMesh, triangles: np.ndarray, mirrors: Sequence[Mirror]) -> None:
+        for mirror in mirrors:
+            triangles = mirror.image(triangles)
+        self._test = ContactTest(mesh, triangles)
+        self._clear: dict[LoadSegment, int] = {}
+        self._first: dict[LoadSegment, tuple[float, Contact]] = {}
+        refuse_at_rest(self._test.find_package(np.zeros_like(mesh.points)), mirrors)
+
+    def first(self, segment: LoadSegment, pad: Followed) -> tuple[float, Contact] | None:
+        """Distance along a segment, as far as it is solved, to the first contact, and that contact; else None."""
+        for index in range(self._clear.get(segment, 1), len(segment.nodes)):
+            if segment not in self._first:
+                found = segment.first_contact(pad, index, self._test.find_package)
+                if found:
+                    self._first[segment] = found
+            self._clear[segment] = index + 1
+        return self._first.get(segment)
+
+    def touch(self, displacement: np.ndarray) -> bool:
+        """Whether a pad of a displacement (N, 3) touches them."""
+        return self._test.find_package(displacement) is not None

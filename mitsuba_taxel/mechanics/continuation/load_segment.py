@@ -1,0 +1,409 @@
+"""A straight segment of a load path: equilibria under a load that grows from a value in a fixed direction.
+
+The nodes of a segment depend on the segment alone, not on the requested states; between them the state is interpolated
+by cubic Hermite polynomials with the tangents du/dF, from one back-solve each.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.elements.constraints import Numbering
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
+from mitsuba_taxel.mechanics.equilibrium.solution import Rejected, Solution
+
+INTERPOLATION_TOLERANCE = 1e-5
+"""Default for the root mean square error of interpolated displacements, relative to the largest displacement there. The
+largest error is that of few nodes beside singular edges, and is larger on smaller elements."""
+CONTACT_RESOLUTION = 1e-3 * TICKS
+"""Tolerance of the load at the first contact, relative to the smallest fraction of a step."""
+
+
+class Followed(Protocol):
+    """What a segment asks of a pad: its states under values of a load, or of what takes its place.
+
+    Methods are those of a `LoadedPad`. What solves return along with a state is handed back as it is.
+    """
+
+    solves_between: ClassVar[bool]
+
+    @property
+    def numbering(self) -> Numbering: ...
+
+    @property
+    def load(self) -> Load: ...
+
+    def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
+
+    def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray: ...
+
+    def ticks(self, response: np.ndarray) -> int: ...
+
+    def solve_symmetric(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Any]: ...
+
+    def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Any]: ...
+
+    def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None: ...
+
+    def rate(self, linearised: Any, unknowns: np.ndarray, direction: np.ndarray, value: np.ndarray) -> np.ndarray: ...
+
+    def correction(self, linearised: Any, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None: ...
+
+
+Solve = Callable[[np.ndarray, np.ndarray], tuple[Solution, Any]]
+
+
+@dataclass(frozen=True)
+class Node:
+    """A solved state on a segment at distance ``s`` (N, mm or MPa) from its start, with the tangent d(unknowns)/ds.
+
+    ``seconds`` is the time of its solution.
+    """
+
+    s: float
+    unknowns: np.ndarray
+    tangent: np.ndarray
+    min_jacobian: float
+    residual: float
+    iterations: int
+    stability_checked: bool
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Interpolated:
+    """A state at or between nodes, with its own figures, and the seconds of all nodes up to there.
+
+    ``iterations`` are 0 between nodes; ``stability_checked`` tells whether it lies between states that were checked.
+    """
+
+    unknowns: np.ndarray
+    min_jacobian: float
+    residual: float
+    iterations: int
+    stability_checked: bool
+    seconds: float
+
+    @classmethod
+    def of(cls, solution: Solution | Node, seconds: float) -> Interpolated:
+        """A solution that is known after some seconds."""
+        figures = solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked
+        return cls(solution.unknowns, *figures, seconds)
+
+
+class LoadSegment:
+    """The nodes of a segment solved so far.
+
+    Parameters
+    ----------
+    step : float
+        Default distance between nodes.
+    judged : bool
+        Whether states must be stable against all displacements, not only those with the symmetry of the load.
+    tolerance : float
+        Of the interpolation; see :data:`INTERPOLATION_TOLERANCE`.
+
+    Attributes
+    ----------
+    ticks : int
+        Number of smallest fractions of a whole step, known from the first node on.
+    limit, reason : float, str
+        Distance beyond which there is no state, and the reason; infinite and empty if unknown.
+    place : (3,) ndarray
+        In mm, point of contact at the limit; NaN without contact.
+    mode : ndarray
+        Of :class:`~mitsuba_taxel.mechanics.continuation.onset_of_buckling.Onset`, if the pad buckles at the limit;
+        else empty.
+    """
+
+    def __init__(
+        self,
+        origin: np.ndarray,
+        direction: np.ndarray,
+        step: float,
+        judged: bool,
+        tolerance: float = INTERPOLATION_TOLERANCE,
+    ) -> None:
+        self.origin, self.direction, self.step, self.judged = origin, direction, step, judged
+        self.tolerance = tolerance
+        self.nodes: list[Node] = []
+        self.ticks = TICKS
+        self.limit, self.reason, self.place = math.inf, "", np.full(3, math.nan)
+        self.mode = np.zeros(0)
+
+    def value(self, s: float) -> np.ndarray:
+        """Value of the load at distance ``s``."""
+        return self.origin + s * self.direction
+
+    def reaches(self, s: float) -> bool:
+        """Whether a state at distance ``s`` needs no further solve."""
+        return bool(self.nodes) and min(self.nodes[-1].s, self.limit) >= s
+
+    def extend(
+        self,
+        pad: Followed,
+        s: float,
+        start: Callable[[], np.ndarray],
+        contact: ContactTest,
+        far_enough: Callable[[], bool],
+    ) -> None:
+        """Solve nodes up to the first at or beyond distance ``s``; ``start`` finds the unknowns at the origin.
+
+        Between intervals, ``far_enough`` tells whether further nodes are unnecessary.
+
+        The next node is tried at the end of the longest interval of step / 2^k that begins at the last one and is
+        aligned to its own length, `TICKS` ticks at first, or as far away as the last, if one of twice its length would
+        not have been accurate; an interval is halved if Newton's method finds no acceptable state. Further nodes are
+        inserted midway where the interpolation would not be accurate. The continuation of a segment thus depends on its
+        nodes alone. It ends at its `limit`: where no stable state is found beyond, or the pad touches itself or the
+        board.
+        """
+        self.begin(pad, start)
+        while not self.reaches(s) and math.isinf(self.limit) and not far_enough():
+            for node in self._next(pad):
+                self.nodes.append(node)
+                self._look_for_contact(pad, contact)
+                if math.isfinite(self.limit):
+                    break
+
+    def begin(self, pad: Followed, start: Callable[[], np.ndarray]) -> None:
+        """Solve the first node, unless it is known, whose tangent tells into how small fractions steps may be cut."""
+        if self.nodes or math.isfinite(self.limit):
+            return
+        try:  # at rest, or between states of another segment
+            first = self._node(pad, pad.solve_linearised, 0.0, start())[0]
+        except Rejected as rejection:
+            self.limit, self.reason = 0.0, f"cannot be loaded further ({rejection})"
+            return
+        self.nodes.append(first)
+        self.ticks = pad.ticks(self.step * first.tangent)
+
+    @property
+    def tick(self) -> float:
+        """Length of the shortest interval."""
+        return self.step / self.ticks
+
+    def _next(self, pad: Followed) -> list[Node]:
+        """The nodes of the next interval; none, and a `limit`, where the segment ends."""
+        last, tick = self.nodes[-1], self.tick
+        position = round(last.s / tick)
+        length = min(position & -position, self.ticks) or TICKS
+        if self._needed_middle(pad):
+            length = min(length, round((last.s - self.nodes[-2].s) / tick))
+        while True:
+            try:
+                return self._interval(pad, last, (position + length) * tick, shortest=length == 1)
+            except Rejected as rejection:
+                if length == 1:
+                    self.limit, self.reason = last.s, f"cannot be loaded further ({rejection})"
+                    return []
+            length //= 2
+
+    def _interval(self, pad: Followed, start: Node, s: float, shortest: bool) -> list[Node]:
+        """The nodes beyond ``start`` up to distance ``s``; raises Rejected if no acceptable state is found there."""
+        solve = pad.solve_symmetric if self.judged else pad.solve_linearised
+        end, linearised = self._node(pad, solve, s, self._guess(pad, s))
+        fits = shortest or self._interpolates(pad, start, end, linearised)
+        entries = linearised.entries
+        del linearised  # frees much memory
+        if self.judged:
+            began = time.perf_counter()
+            pad.refuse_unstable(end.unknowns, entries, self.value(s))
+            end = replace(end, seconds=end.seconds + time.perf_counter() - began)
+        return self._between(pad, start, end, fits)
+
+    def _between(self, pad: Followed, start: Node, end: Node, fits: bool) -> list[Node]:
+        """The nodes beyond ``start`` up to ``end``; further ones are inserted unless the interpolation ``fits``."""
+        if fits:
+            return [end]
+        s = 0.5 * (start.s + end.s)
+        middle, linearised = self._node(pad, pad.solve_linearised, s, hermite(start, end, s))
+        halves = (start, middle), (middle, end)
+        finest = end.s - start.s < 2.5 * self.tick
+        fit = [finest or self._interpolates(pad, *half, linearised) for half in halves]
+        del linearised
+        return [node for half, fits in zip(halves, fit, strict=True) for node in self._between(pad, *half, fits)]
+
+    def _guess(self, pad: Followed, s: float) -> np.ndarray:
+        """Extrapolated unknowns beyond the last node: by the last interval's cubic up to its length, else linearly."""
+        last = self.nodes[-1]
+        if len(self.nodes) > 1 and s - last.s <= last.s - self.nodes[-2].s and not pad.solves_between:
+            return pad.towards(last.unknowns, hermite(self.nodes[-2], last, s))
+        return pad.towards(last.unknowns, last.unknowns + (s - last.s) * last.tangent)
+
+    def _node(self, pad: Followed, solve: Solve, s: float, guess: np.ndarray) -> tuple[Node, Any]:
+        began = time.perf_counter()
+        solution, linearised = solve(guess, self.value(s))
+        tangent = pad.rate(linearised, solution.unknowns, self.direction, self.value(s))
+        figures = (solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked)
+        return Node(s, solution.unknowns, tangent, *figures, time.perf_counter() - began), linearised
+
+    def _interpolates(self, pad: Followed, start: Node, end: Node, linearised: Any) -> bool:
+        """Whether the interpolated midpoint is near equilibrium, as measured by one Newton step."""
+        if pad.solves_between:
+            return True
+        middle = 0.5 * (start.s + end.s)
+        unknowns = hermite(start, end, middle)
+        correction = pad.correction(linearised, unknowns, self.value(middle))
+        if correction is None:
+            return False
+        return self._is_little(correction, unknowns, pad)
+
+    def _needed_middle(self, pad: Followed) -> bool:
+        """Whether the last two intervals are of equal length, and as one would not be interpolated accurately."""
+        if len(self.nodes) < 3 or pad.solves_between:
+            return False
+        start, middle, end = self.nodes[-3:]
+        if middle.s != 0.5 * (start.s + end.s):
+            return False
+        off = hermite(start, end, middle.s) - middle.unknowns
+        return not self._is_little(off, middle.unknowns, pad)
+
+    def _is_little(self, correction: np.ndarray, unknowns: np.ndarray, pad: Followed) -> bool:
+        """Whether the displacements, the first of the unknowns, are within the tolerance."""
+        displacements = pad.numbering.displacements
+        error = math.sqrt(np.square(correction[:displacements]).mean())
+        return bool(error <= self.tolerance * np.abs(unknowns[:displacements]).max())
+
+    def _look_for_contact(self, pad: Followed, test: ContactTest) -> None:
+        """End the segment at the first contact since the penultimate node, if there is one at the last."""
+        if len(self.nodes) < 2 or math.isfinite(self.limit):
+            return
+        find = test.find_package if pad.load.self_contact else test.find
+        found = self.first_contact(pad, len(self.nodes) - 1, find)
+        if found:
+            self.limit, contact = found
+            self.reason, self.place = f"touches {contact.what}", np.array(contact.place)
+
+    def end_buckling(self, pad: Followed, contact: ContactTest, node: Node, mode: np.ndarray) -> None:
+        """End the segment, which was found to be unstable beyond its last node, where the pad buckles in a ``mode``.
+
+        Parameters
+        ----------
+        node : Node
+            The state there, unless the pad touches something before.
+        """
+        self.limit = math.inf
+        self.nodes.append(node)
+        self._look_for_contact(pad, contact)
+        if math.isinf(self.limit):
+            self.limit, self.mode = node.s, mode
+
+    def first_contact(
+        self, pad: Followed, index: int, find: Callable[[np.ndarray], Contact | None]
+    ) -> tuple[float, Contact] | None:
+        """Distance along the segment without contact, and the contact, if there is one at a node but not at the one
+        before.
+
+        Parameters
+        ----------
+        index : int
+            Of the node; the first has none before it.
+        find : Callable[[ndarray], Contact | None]
+            Finds a contact at a displacement (N, 3) of the pad, like :meth:`ContactTest.find`.
+        """
+        found = find(pad.split(self.nodes[index].unknowns)[0])
+        if found is None:
+            return None
+        start, end = self.nodes[index - 1], self.nodes[index]
+        free, touching = start.s, end.s
+        while touching - free > CONTACT_RESOLUTION * self.tick:
+            middle = 0.5 * (free + touching)
+            contact = find(pad.split(hermite(start, end, middle))[0])
+            free, touching, found = (middle, touching, found) if contact is None else (free, middle, contact)
+        return free, found
+
+    def at(self, pad: LoadedPad, s: float) -> Interpolated:
+        """The state at distance ``s``, which the segment must reach; raises Rejected if an element is inverted."""
+        start, end = self.interval(s)
+        if end.s == s:
+            return Interpolated.of(end, self.seconds_to(s))
+        checked = start.stability_checked and end.stability_checked
+        return Interpolated.of(pad.near_balance(hermite(start, end, s), self.value(s), 0, checked), self.seconds_to(s))
+
+    def unknowns_at(self, s: float) -> np.ndarray:
+        """The unknowns at distance ``s``, which the segment must reach."""
+        return hermite(*self.interval(s), s)
+
+    def seconds_to(self, s: float) -> float:
+        """Time of the nodes up to the first at or beyond distance ``s``."""
+        return sum(node.seconds for node in self.nodes[: self._first_from(s) + 1])
+
+    def solved(self, pad: Followed, s: float) -> Node:
+        """The equilibrium at distance ``s``, which the segment must reach; raises Rejected if there is none."""
+        start, end = self.interval(s)
+        if end.s == s:
+            return end
+        guess = pad.towards(start.unknowns, hermite(start, end, s))
+        try:
+            return self._node(pad, pad.solve_linearised, s, guess)[0]
+        except Rejected:  # cubics are far off in contact
+            return self._node(pad, pad.solve_linearised, s, end.unknowns)[0]
+
+    def rate(self, s: float) -> np.ndarray:
+        """Derivative of the unknowns by the distance at ``s``, which the segment must reach."""
+        return hermite_rate(*self.interval(s), s)
+
+    def beyond(self, pad: LoadedPad, s: float) -> Node:
+        """The equilibrium at a distance ``s`` little beyond the last node, which need not be stable; raises Rejected if
+        there is none."""
+        last = self.nodes[-1]
+        return self._node(pad, pad.balance_closely, s, last.unknowns + (s - last.s) * last.tangent)[0]
+
+    def _first_from(self, s: float) -> int:
+        return next(index for index, node in enumerate(self.nodes) if node.s >= s)
+
+    def interval(self, s: float) -> tuple[Node, Node]:
+        """The nodes before and at or beyond distance ``s``, which the segment must reach."""
+        after = self._first_from(s)
+        return self.nodes[max(after - 1, 0)], self.nodes[after]
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Nodes and limit as arrays by name, for the cache."""
+        nodes = {field.name: np.array([getattr(node, field.name) for node in self.nodes]) for field in fields(Node)}
+        end = {"limit": np.array(self.limit), "reason": np.array(self.reason), "place": self.place, "mode": self.mode}
+        return nodes | end | {"ticks": np.array(self.ticks)}
+
+    def restore(self, arrays: dict[str, np.ndarray]) -> None:
+        """Restore nodes and limit from :meth:`arrays`."""
+        self.limit, self.reason, self.place = float(arrays["limit"]), str(arrays["reason"]), arrays["place"]
+        self.mode, self.ticks = arrays["mode"], int(arrays["ticks"])
+        names = [field.name for field in fields(Node)]
+        columns = [arrays[name] if arrays[name].ndim == 2 else arrays[name].tolist() for name in names]
+        self.nodes = [Node(*row) for row in zip(*columns, strict=True)]
+
+
+def hermite(start: Node, end: Node, s: float) -> np.ndarray:
+    """Cubic with the values and tangents of two nodes; exactly the node's values at a node."""
+    if s == end.s:
+        return end.unknowns
+    length = end.s - start.s
+    t = (s - start.s) / length
+    return (
+        (1 + 2 * t) * (1 - t) ** 2 * start.unknowns
+        + t * (1 - t) ** 2 * length * start.tangent
+        + t**2 * (3 - 2 * t) * end.unknowns
+        - t**2 * (1 - t) * length * end.tangent
+    )
+
+
+def hermite_rate(start: Node, end: Node, s: float) -> np.ndarray:
+    """Derivative of :func:`hermite` by s; exactly the node's tangent at a node."""
+    if s == end.s:
+        return end.tangent
+    length = end.s - start.s
+    t = (s - start.s) / length
+    return (
+        6 * t * (1 - t) / length * (end.unknowns - start.unknowns)
+        + (1 - t) * (1 - 3 * t) * start.tangent
+        + t * (3 * t - 2) * end.tangent
+    )

@@ -1,0 +1,186 @@
+"""Segments of the paths to loads, and the branches on which paths go on where a pad buckles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.mechanics import cache
+from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
+from mitsuba_taxel.mechanics.continuation.load_segment import Followed, LoadSegment
+from mitsuba_taxel.mechanics.continuation.onset_of_buckling import find_onset, is_kept
+from mitsuba_taxel.mechanics.elements.solvers import available_solvers
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE, LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
+from mitsuba_taxel.mechanics.equilibrium.pad_parts import loaded_pad
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
+
+LONGER_PRESSED = 2.0
+"""Relative length of steps along z where stability is not judged: pads give way to a push aside five times as much."""
+
+Start = Callable[[], tuple[np.ndarray, np.ndarray]]
+Touch = Callable[[LoadSegment, Followed], tuple[float, Contact] | None]
+
+
+def nothing(segment: LoadSegment, pad: Followed) -> None:
+    """What a path touches that nothing stands in the way of."""
+
+
+class PathSegments:
+    """Segments and branches of one ``path``, kept in memory and on disk."""
+
+    def __init__(self, path: PadPath) -> None:
+        self._path = path
+        self.known: dict[tuple[float, ...], LoadSegment] = {}
+        self.branches: dict[LoadSegment, BuckledBranch] = {}
+
+    def to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
+        """The segments of the path to ``value``, and how far along each it goes."""
+        if len(value) == 1:
+            return [(self.towards(np.zeros(1), np.sign(value)), abs(value[0]))]
+        normal, tangential = value[2], float(np.hypot(value[0], value[1]))
+        segments = []
+        if normal:
+            segments.append((self.towards(np.zeros(3), np.array([0.0, 0.0, np.sign(normal)])), abs(normal)))
+        if tangential:
+            direction = np.round(np.array([value[0], value[1], 0.0]) / tangential, 12)
+            segments.append((self.towards(np.array([0.0, 0.0, normal]), direction), tangential))
+        return segments
+
+    def towards(self, origin: np.ndarray, direction: np.ndarray) -> LoadSegment:
+        """The segment from one load in the direction of another."""
+        index = (*origin, *direction)
+        if index not in self.known:
+            step = self._path.step
+            if not (self._path.judged or direction[:-1].any() or self.pad_for(origin, direction).solves_between):
+                step *= LONGER_PRESSED
+            segment = LoadSegment(origin, direction, step, self._path.judged, self._path.step_tolerance)
+            self.known[index] = segment
+            self._take_stored(segment)
+        return self.known[index]
+
+    def pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
+        """The part of the pad that a segment needs: that between the mirrors which leave its loads as they are."""
+        path, kept = np.stack([origin, direction]), self.mirrors_at(origin + direction)
+        mirrors = tuple(m for m in kept if path.shape[1] == 1 or np.array_equal(m.image(path), path))
+        segment, rest = self.known.get((*origin, *direction)), np.zeros_like(origin)
+        if origin.any() and not (segment and segment.nodes):  # at least as soft as under the normal load before
+            segment = self.known.get((*rest, *np.sign(origin)))
+        return self.pad_between(mirrors, segment.ticks if segment else TICKS)
+
+    def pad_between(self, mirrors: tuple[Mirror, ...], ticks: int) -> LoadedPad:
+        """The part of the pad between mirrors, which are symmetries of it, for a segment with so many ticks."""
+        return loaded_pad(self._path.mesh, self._path.material, self._path.load, mirrors, self._path.bodies, ticks)
+
+    def extend(self, segment: LoadSegment, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:
+        """Solve a segment as far as ``s``, or the pad touches something, unless another process has meanwhile.
+
+        ``start`` is the state at its origin.
+        """
+        with cache.alone(self.name_of(segment)):
+            self._take_stored(segment)
+            before = len(segment.nodes), segment.limit
+            try:
+                segment.begin(pad, lambda: pad.gather(*start()))
+                pad = self.pad_between(pad.mirrors, segment.ticks)
+                contact = self._contact(pad)
+                segment.extend(pad, s, lambda: pad.gather(*start()), contact, lambda: touch(segment, pad) is not None)
+                onset = find_onset(pad, segment) if self.may_buckle and segment in self.known.values() else None
+                if onset:
+                    segment.end_buckling(pad, contact, *onset)
+            finally:
+                if (len(segment.nodes), segment.limit) != before:
+                    cache.store(self.name_of(segment), segment.arrays())
+
+    def _contact(self, pad: LoadedPad) -> ContactTest:
+        return self._path.contact if self._path.load.self_contact else pad.contact
+
+    def _take_stored(self, segment: LoadSegment) -> None:
+        arrays = cache.load(self.name_of(segment))
+        if arrays is not None and len(arrays["s"]) >= len(segment.nodes):
+            segment.restore(arrays)
+
+    def name_of(self, segment: LoadSegment) -> str:
+        """The name under which a segment is kept on disk."""
+        numerics = [segment.step, segment.judged, RESIDUAL_TOLERANCE, segment.tolerance, available_solvers()[0]]
+        ends = segment.origin.tolist(), segment.direction.tolist()
+        return cache.key("segment", *self._path.key_parts, numerics, *ends)
+
+    def extended_branch(self, segment: LoadSegment, s: float, touch: Touch) -> BuckledBranch:
+        """The branch beyond the end of a segment, as far as it leads to ``s`` or the pad touches something."""
+        branch, name = self.branch(segment), cache.key("buckled", self.name_of(segment))
+        with cache.alone(name):
+            arrays = cache.load(name)
+            if arrays is not None and len(arrays["s"]) > len(branch.curve.nodes):
+                branch.curve.restore(arrays)
+            before = len(branch.curve.nodes), branch.curve.limit
+            try:
+                branch.extend(s, self._contact(branch.pad), lambda: touch(branch.curve, branch.buckled) is not None)
+            finally:
+                if (len(branch.curve.nodes), branch.curve.limit) != before:
+                    cache.store(name, branch.curve.arrays())
+        if branch.onwards and s > branch.solved_to:
+            last = branch.curve.nodes[-1].unknowns[:-1]
+            self.extend(branch.onwards, branch.pad, s - branch.solved_to, lambda: branch.pad.split(last), touch)
+        return branch
+
+    def part_to(self, segment: LoadSegment, s: float) -> tuple[LoadSegment | BuckledBranch, float, LoadedPad]:
+        """What leads to a distance along a segment that has been followed: it, or what is beyond; how far along that,
+        and its pad."""
+        if not segment.mode.size or s <= segment.limit:
+            return segment, s, self.pad_for(segment.origin, segment.direction)
+        branch = self.branch(segment)
+        if branch.onwards and s > branch.solved_to:
+            return branch.onwards, s - branch.solved_to, branch.pad
+        return branch, s, branch.pad
+
+    def branch(self, segment: LoadSegment) -> BuckledBranch:
+        """The branch that begins at the end of a segment where the pad buckles."""
+        if segment not in self.branches:
+            pad = self.pad_for(segment.origin, segment.direction)
+            kept = tuple(mirror for mirror in pad.mirrors if is_kept(segment.mode, mirror, self._path.images[mirror]))
+            state = pad.split(segment.nodes[-1].unknowns)
+            self.branches[segment] = BuckledBranch(self.pad_between(kept, segment.ticks), segment, state)
+        return self.branches[segment]
+
+    def buckled_at(self, value: np.ndarray, mirrors: Sequence[Mirror] = ()) -> np.ndarray | None:
+        """The load at which the pad buckles on the way to a canonical state that ``mirrors`` took there; None if it
+        does not."""
+        if not self.may_buckle:
+            return None
+        for segment, s in self.to(value):
+            if segment.mode.size and s > segment.limit:
+                found = segment.value(segment.limit)
+                for mirror in reversed(mirrors):
+                    found = mirror.image(found)
+                return found
+        return None
+
+    @property
+    def may_buckle(self) -> bool:
+        """Whether branches are followed."""
+        return self._path.judged and self._path.load.indenter is None
+
+    def follow_normal(self, value: np.ndarray) -> None:
+        """Solve the normal segment as far as a load with a tangential part needs it, which tells its symmetries."""
+        if self.may_buckle and len(value) == 3 and value[2] and value[:2].any():
+            ((segment, s),) = self.to(np.array([0.0, 0.0, value[2]]))
+            if not segment.reaches(s):
+                rest = np.zeros_like(self._path.mesh.points), np.zeros(self._path.mesh.corner_count)
+                self.extend(segment, self.pad_for(segment.origin, segment.direction), s, lambda: rest, nothing)
+
+    def mirrors_at(self, value: np.ndarray) -> list[Mirror]:
+        """The mirrors that leave the pad under the normal part of a load as it is."""
+        if not self.may_buckle or len(value) == 1 or not value[:2].any():
+            return list(self._path.images)
+        normal = np.array([0.0, 0.0, value[2]])
+        if self.buckled_at(normal) is None:
+            return list(self._path.images)
+        ((segment, _),) = self.to(normal)
+        return list(self.branch(segment).pad.mirrors)

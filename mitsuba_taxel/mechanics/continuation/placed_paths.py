@@ -1,0 +1,103 @@
+"""Elements under a body: a path whose mesh is fine wherever the body goes, and fine enough for how deep it is.
+
+Without friction a state does not depend on the way to it: that of a dragged body is that of one which starts above
+where it is taken. Else the mesh is fine along the whole way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.contact.local_mesh import CLOSE, SMALL_DEPTH, swept_legs
+from mitsuba_taxel.mechanics.contact.resolution import LARGEST, WANTED, Unresolved
+from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
+from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
+from mitsuba_taxel.mechanics.continuation.state import State
+from mitsuba_taxel.mechanics.meshes import pad_mesh
+
+SHALLOWER, MOST_FINER = 0.25, 3
+"""Depth for which elements are made smaller in turn, relative to the one before, and how often at most."""
+
+
+def path_along(path: PadPath, values: Sequence[Sequence[float]]) -> PadPath:
+    """The path on elements that are small wherever an indenter goes that is moved to some values in turn.
+
+    Parameters
+    ----------
+    values : sequence of sequence of float
+        (x, y, z) in mm. Few more of them seldom change the elements; see :func:`swept_legs`.
+    """
+    reach = _reach(path)
+    if math.isinf(reach):
+        return path
+    legs = swept_legs([(x, y, z) for x, y, z in values], reach)
+    return path.like(refinement=replace(path.refinement, legs=legs)) if legs else path
+
+
+def _reach(path: PadPath) -> float:
+    """Half the width in mm of the contact that elements are small for; infinite for a plate and without an indenter."""
+    indenter = path.load.moved_indenter
+    if indenter is None:
+        return math.inf
+    height = float(np.ptp(pad_mesh(path.pad, path.mesh_size).points[:, 2]))
+    return indenter.body.contact_radius(SMALL_DEPTH * height)
+
+
+def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
+    """The path of an indenter that starts above where a value takes it, and its displacement (3,) from there.
+
+    Both are those given if elements are small enough around where it starts.
+    """
+    load: Any = path.load
+    if load.moved_indenter is None or math.hypot(*value[:2]) <= CLOSE * _reach(path):
+        return path, value
+    x, y = (float(start + moved) for start, moved in zip(load.indenter.at, value[:2], strict=True))
+    return path.like(replace(load, indenter=replace(load.indenter, at=(x, y)))), np.array([0.0, 0.0, value[2]])
+
+
+def solved_on(
+    path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None
+) -> tuple[PadPath, np.ndarray, State]:
+    """The path without friction on whose elements a state is solved, its value there, and the state.
+
+    Around the tip of a body that is not deep, elements are made smaller until they resolve the contact.
+
+    Raises
+    ------
+    ComputationError
+        if the path ends before, or they do not resolve it.
+    """
+    path, there = placed_path(path, value)
+    indenter = path.load.indenter
+    finer = indenter is not None and indenter.body.finer_when_shallow and not path.load.self_contact
+    left = MOST_FINER if finer else 0
+    while True:
+        try:
+            largest = WANTED if left else LARGEST
+            path.refuse_unresolved(there, None, largest)
+            state = path.state(there, obstacles)
+            path.refuse_unresolved(there, state.displacement, largest)
+            return path, there, state
+        except Unresolved:
+            if not left:
+                raise
+        left -= 1
+        path = path.like(refinement=replace(path.refinement, depth=SHALLOWER * path.refinement.depth))
+
+
+def state_of(path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
+    """The deformed pad under a value of a load, without friction, as :func:`solved_on` its elements."""
+    try:
+        on, there, state = solved_on(path, value, obstacles)
+    except LoadPathEnds as end:
+        if end.value is None or end.load == path.load or path.load.moved_indenter is None:
+            raise
+        raise end.at(path.load, np.array([*value[:2], end.value[2]])) from end
+    if on.load == path.load:
+        return state
+    return replace(state, load=path.load, value=value, indenter_moved=value)

@@ -1,0 +1,169 @@
+"""States of a pad that a tangential force changes little, by the tangent under its normal force alone.
+
+The blocks of that tangent are much smaller than the tangent under both, and bring a state to balance in a few
+iterations. No other states on the way to it are needed: what a path would interpolate is solved for directly.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE, Interpolated, LoadSegment
+from mitsuba_taxel.mechanics.elements.model import Model
+from mitsuba_taxel.mechanics.elements.solvers import Factorisation
+from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.solution import Rejected, Solution
+from mitsuba_taxel.mechanics.equilibrium.tangent_blocks import SplitTangent, TangentBlock, tangent_blocks
+
+SMALL = 1e-3
+"""Change of a load, relative to a step of the path, that tells the rate of a state."""
+
+
+class PushedStates:
+    """States beside that under a normal force.
+
+    Parameters
+    ----------
+    pad : LoadedPad
+        The part that the normal force needs.
+    near : ndarray
+        Unknowns near its state.
+    value : (3,) ndarray
+        Of the normal force.
+    """
+
+    def __init__(self, pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> None:
+        self._pad, self._near, self._value = pad, near, value
+        self._factors: dict[Model, Factorisation] = {}
+        self._tangents: dict[tuple[Mirror, ...], SplitTangent] = {}
+
+    @cached_property
+    def _at_normal(self) -> tuple[Solution, Linearised]:
+        return self._pad.solve_linearised(self._near, self._value)
+
+    @cached_property
+    def _state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement and pressure of the whole pad under the normal force."""
+        return self._pad.split(self._at_normal[0].unknowns)
+
+    def state(self, pad: LoadedPad, segment: LoadSegment, s: float) -> Interpolated:
+        """The state at a distance ``s`` along a tangential segment, on the part of the ``pad`` that it needs.
+
+        Raises
+        ------
+        Rejected
+            if the tangent of the normal force does not lead there, or not to an acceptable state.
+        """
+        began = time.perf_counter()
+        tangent, value = self._tangent(pad), segment.value(s)
+        unknowns, iterations = accelerated(
+            pad.gather(*self._state) + s * self._first_rate(pad, segment),
+            lambda unknowns: pad.correction(tangent, unknowns, value),
+            pad.numbering.displacements,
+            INTERPOLATION_TOLERANCE,
+        )
+        found = pad.near_balance(unknowns, value, iterations, self._at_normal[0].stability_checked)
+        return Interpolated.of(found, time.perf_counter() - began)
+
+    def rate(self, pad: LoadedPad, segment: LoadSegment, s: float, unknowns: np.ndarray) -> np.ndarray:
+        """Derivative of the ``unknowns`` of such a state by the distance; raises Rejected as :meth:`state` does."""
+        tangent, little = self._tangent(pad), SMALL * segment.step
+
+        def correction(rate: np.ndarray) -> np.ndarray | None:
+            """By the change of the out-of-balance forces along the rate."""
+            ahead, behind = (
+                pad.correction(tangent, unknowns + change * rate, segment.value(s + change))
+                for change in (little, -little)
+            )
+            return None if ahead is None or behind is None else (ahead - behind) / (2 * little)
+
+        start, displacements = self._first_rate(pad, segment), pad.numbering.displacements
+        return accelerated(start, correction, displacements, INTERPOLATION_TOLERANCE)[0]
+
+    def _first_rate(self, pad: LoadedPad, segment: LoadSegment) -> np.ndarray:
+        """Rate of the unknowns where the segment begins."""
+        return self._tangent(pad).step(pad.model.load_rate(self._state[0][pad.part.nodes], segment.direction, None))
+
+    def _tangent(self, pad: LoadedPad) -> SplitTangent:
+        if pad.mirrors not in self._tangents:
+            self._tangents[pad.mirrors] = SplitTangent(pad, self._blocks, self._factor, self._pad.images)
+        return self._tangents[pad.mirrors]
+
+    @cached_property
+    def _blocks(self) -> list[TangentBlock]:
+        return tangent_blocks(self._pad)
+
+    def _factor(self, block: TangentBlock) -> Factorisation:
+        """Of a block of the tangent of the normal force; raises Rejected if it is unstable."""
+        near = self._at_normal[1]
+        if block.model is self._pad.model:
+            return near.factor
+        if block.model not in self._factors:
+            on_part = block.model.part.restrict(*self._state)
+            entries: np.ndarray | None = near.entries
+            if block.model.part is not self._pad.part:
+                entries = block.model.evaluate(*on_part, self._value).entries
+            assert entries is not None  # in balance, no element is inverted
+            self._factors[block.model] = block.factored(entries, on_part[0], self._value).factor
+        return self._factors[block.model]
+
+
+MOST_ITERATIONS = 10
+REMEMBERED = 5
+"""Number of earlier corrections that are combined."""
+
+
+def accelerated(
+    start: np.ndarray, correct: Callable[[np.ndarray], np.ndarray | None], displacements: int, tolerance: float
+) -> tuple[np.ndarray, int]:
+    """The unknowns at which a correction vanishes, and the number of corrections made.
+
+    Parameters
+    ----------
+    start : (n,) ndarray
+        Unknowns near by.
+    correct : Callable[[ndarray], ndarray | None]
+        What a step of the iteration subtracts from the unknowns; None if there is none.
+    displacements : int
+        Number of displacements among the unknowns; they come first.
+    tolerance : float
+        Root mean square of the displacements of the last correction made, relative to the largest displacement.
+
+    Raises
+    ------
+    Rejected
+        if corrections do not become small.
+    """
+    unknowns, last = start, math.inf
+    places: list[np.ndarray] = []
+    corrections: list[np.ndarray] = []
+    for iteration in range(1, MOST_ITERATIONS + 1):
+        correction = correct(unknowns)
+        size = math.inf if correction is None else math.sqrt(np.square(correction[:displacements]).mean())
+        if correction is None or not size < last:
+            raise Rejected("the tangent of another state leads no closer")
+        places, corrections, last = [*places[-REMEMBERED:], unknowns], [*corrections[-REMEMBERED:], correction], size
+        unknowns = _combined(places, corrections, displacements)
+        if size <= tolerance * np.abs(unknowns[:displacements]).max():
+            return unknowns, iteration
+    raise Rejected(f"the tangent of another state leads no closer in {MOST_ITERATIONS} iterations")
+
+
+def _combined(places: list[np.ndarray], corrections: list[np.ndarray], displacements: int) -> np.ndarray:
+    """The next unknowns, from the last ones and their corrections."""
+    place, correction = places[-1], corrections[-1]
+    if len(places) == 1:
+        return place - correction
+    moved, changed = np.diff(places, axis=0), np.diff(corrections, axis=0)
+    seen, left = changed[:, :displacements], correction[:displacements]
+    # Not as matrix products, whose rounding depends on the number of threads.
+    products, wanted = np.einsum("in,jn->ij", seen, seen), np.einsum("in,n->i", seen, left)
+    weights = np.linalg.lstsq(products, wanted, rcond=None)[0]
+    return place - correction - np.einsum("i,in->n", weights, moved - changed)

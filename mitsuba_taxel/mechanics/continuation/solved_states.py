@@ -1,0 +1,104 @@
+"""States of a path that are solved for where they are asked for, and not interpolated between its nodes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mitsuba_taxel.base.caches import kept
+from mitsuba_taxel.mechanics import cache
+from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
+from mitsuba_taxel.mechanics.continuation.load_segment import Interpolated, LoadSegment, Node
+from mitsuba_taxel.mechanics.continuation.pushed_states import PushedStates
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
+
+FURTHEST_BESIDE = 1.25
+"""Tangential distance from a normal force, in steps of the path, up to which its tangent is tried: of the paper's domes
+it leads one as far, and none to 1.5."""
+
+
+class SolvedStates:
+    """States of one ``path`` in contact, and beside those under normal forces, kept in memory and on disk."""
+
+    def __init__(self, path: PadPath) -> None:
+        self._path = path
+        self._at: dict[LoadSegment, dict[float, Node]] = {}
+        self._beside: dict[LoadSegment, dict[float, Interpolated | None]] = {}
+        self._rates_beside: dict[LoadSegment, dict[float, np.ndarray]] = {}
+
+    def at(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
+        """The state in balance at a distance ``s`` that a segment reaches: in contact, cubics are far off."""
+        asked = self._at.setdefault(segment, {})
+        if s not in asked:
+            name = cache.key("state", self._path.segments.name_of(segment), s)
+            with cache.alone(name):
+                arrays = cache.load(name)
+                asked[s] = segment.solved(pad, s) if arrays is None else Node(**cache.values_of(arrays))
+                if arrays is None:
+                    cache.store(name, cache.arrays_of(asked[s]))
+        return asked[s]
+
+    def state(self, part: LoadSegment | BuckledBranch, s: float, pad: LoadedPad) -> Interpolated:
+        """The state at a distance ``s`` that a part of the path reaches: in balance, or interpolated within its
+        tolerance; raises Rejected if there is none."""
+        if pad.solves_between and isinstance(part, LoadSegment):
+            return Interpolated.of(self.at(part, s, pad), part.seconds_to(s))
+        return part.at(pad, s)
+
+    def beside(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
+        """The state at a distance ``s`` along a tangential segment, by the tangent of its normal force alone.
+
+        The way there is that of the judge of the path. None if that tangent does not lead there, or leads to where the
+        pad touches itself or the board: then the segment must be followed.
+        """
+        small = segment.direction[:-1].any() and s <= FURTHEST_BESIDE * segment.step
+        if not self._path.judge or not small or self._path.load.self_contact or self._path.load.gives_displacement:
+            return None
+        asked = self._beside.setdefault(segment, {})
+        if s not in asked:
+            name = cache.key("pushed", self._path.segments.name_of(segment), s)
+            with cache.alone(name):
+                arrays = cache.load(name)
+                if arrays is None:
+                    asked[s] = self._solved_beside(segment, s, pad)
+                    cache.store(name, cache.arrays_of(asked[s]) if asked[s] else {})
+                else:
+                    asked[s] = Interpolated(**cache.values_of(arrays)) if arrays else None
+        return asked[s]
+
+    def _solved_beside(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
+        try:
+            found = _pushed_from(self, tuple(segment.origin)).state(pad, segment, s)
+        except Rejected:
+            return None
+        return None if self._path.contact.find(pad.split(found.unknowns)[0]) else found
+
+    def rate_beside(self, segment: LoadSegment, s: float, pad: LoadedPad, unknowns: np.ndarray) -> np.ndarray:
+        """How the ``unknowns`` of a state beside that under a normal force change with ``s``."""
+        asked = self._rates_beside.setdefault(segment, {})
+        if s not in asked:
+            name = cache.key("pushed rate", self._path.segments.name_of(segment), s)
+            with cache.alone(name):
+                arrays = cache.load(name)
+                if arrays is None:
+                    asked[s] = _pushed_from(self, tuple(segment.origin)).rate(pad, segment, s, unknowns)
+                    cache.store(name, {"rate": asked[s]})
+                else:
+                    asked[s] = arrays["rate"]
+        return asked[s]
+
+    def pushed_from(self, normal: np.ndarray) -> PushedStates:
+        """States under a normal force (3,) and small tangential ones."""
+        displacement, pressure, _ = self._path.canonical(normal, [], None)
+        pad = self._path.segments.pad_for(np.zeros(3), normal if normal.any() else np.array([0.0, 0.0, -1.0]))
+        return PushedStates(pad, pad.gather(displacement, pressure), normal)
+
+
+@kept(1)  # factors take memory
+def _pushed_from(states: SolvedStates, normal: tuple[float, ...]) -> PushedStates:
+    return states.pushed_from(np.array(normal))

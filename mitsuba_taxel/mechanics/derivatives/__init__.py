@@ -1,0 +1,5 @@
+"""Derivatives of equilibria by load, material and shape.
+
+Enters: a :class:`~mitsuba_taxel.mechanics.continuation.state.State`. Leaves: rates of its displacement, gradients of
+scalars of it, and how its least stiff mode changes.
+"""

@@ -1,0 +1,98 @@
+"""The displacement against which a pad is least stiff, and how its stiffness changes as the pad does.
+
+A pad becomes unstable where the least eigenvalue of its tangent falls to 0. To first order, the eigenvalue of a tangent
+that changes is the stiffness against the mode of the tangent before (T. Kato, Perturbation Theory for Linear Operators,
+1966, chapter 2). So one mode and tangents of pads close by tell how the eigenvalue changes with load, shape and
+material.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.mechanics.continuation.state import State
+from mitsuba_taxel.mechanics.derivatives.sensitivities import mirrors_of_state
+from mitsuba_taxel.mechanics.elements.solvers import symmetric_product
+from mitsuba_taxel.mechanics.equilibrium.pad_parts import loaded_pad
+from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
+from mitsuba_taxel.mechanics.equilibrium.tangent_blocks import TangentBlock, least_mode, tangent_blocks
+from mitsuba_taxel.mechanics.materials.laws import Material
+
+CONVERGED = 1e-7
+"""Change of the mode that ends the iteration; that of the eigenvalue goes with its square."""
+
+
+class CriticalMode:
+    """The mode of a stable state with the least eigenvalue.
+
+    Parameters
+    ----------
+    state : State
+
+    Attributes
+    ----------
+    stiffness : float
+        The eigenvalue, in N/mm for displacements with unit sum of squares.
+
+    Raises
+    ------
+    ComputationError
+        if the state is not stable, or its least stiff modes are too close to be told apart.
+    """
+
+    def __init__(self, state: State) -> None:
+        self._state, self._mirrors = state, mirrors_of_state(state)
+        pad = loaded_pad(state.mesh, state.material, state.load, self._mirrors)
+        self._blocks = tangent_blocks(pad)
+        try:
+            modes = [_mode(block, state) for block in self._blocks]
+        except Rejected as rejection:
+            raise ComputationError(f"no mode can be told of an unstable pad: {rejection}.") from rejection
+        self._place = int(np.argmin([stiffness for stiffness, _ in modes]))
+        self.stiffness, self._mode = modes[self._place]
+
+    def after(self, displacement: np.ndarray, velocity: np.ndarray, value: np.ndarray, material: Material) -> float:
+        """The stiffness against the mode in the equilibrium of a pad that has changed a little.
+
+        Parameters
+        ----------
+        displacement, velocity : (N, 3) ndarray
+            Change of the displacement, approximately, and movement of the nodes before it, in mm. Parts without the
+            symmetry of the state do not change an eigenvalue to first order, and are left out.
+        value : (components,) ndarray
+            Change of the load's value.
+
+        Raises
+        ------
+        ComputationError
+            if no equilibrium is found.
+        """
+        state, block = self._state, self._blocks[0]
+        mesh = replace(state.mesh, points=state.mesh.points + self._symmetric(velocity))
+        pad = loaded_pad(mesh, material, state.load, self._mirrors)
+        start = pad.gather(state.displacement + self._symmetric(displacement), state.pressure)
+        try:
+            solution, _ = pad.solve_closely(start, state.value + block.of_value(value))
+        except Rejected as rejection:
+            raise ComputationError(f"no equilibrium of a pad that changes a little was found: {rejection}.") from None
+        model = tangent_blocks(pad)[self._place].model
+        on_part = model.part.restrict(*pad.split(solution.unknowns))
+        entries = model.evaluate(*on_part, state.value + block.of_value(value)).entries
+        assert entries is not None  # no element is inverted in equilibrium
+        return float(self._mode @ symmetric_product(model.assembly.matrix(entries), self._mode))
+
+    def _symmetric(self, field: np.ndarray) -> np.ndarray:
+        """The part of a vector field (N, 3) with the symmetry of the state."""
+        part = self._blocks[0].model.part
+        return part.expand(self._blocks[0].of_field(field), np.zeros(self._state.mesh.corner_count))[0]
+
+
+def _mode(block: TangentBlock, state: State) -> tuple[float, np.ndarray]:
+    """The least eigenvalue of a block, and its mode over the unknowns."""
+    on_part = block.model.part.restrict(state.displacement, state.pressure)
+    entries = block.model.evaluate(*on_part, state.value).entries
+    assert entries is not None  # no element is inverted in a state
+    return least_mode(block, block.factored(entries, on_part[0], state.value), CONVERGED)

@@ -1,0 +1,85 @@
+"""Derivatives of all states on a straight line of loads, from those of a few.
+
+Derivatives change so smoothly with the load that a polynomial through those of three or four states gives the others.
+States are added where the polynomial may err most (F. Leja, Ann. Polon. Math. 4, 1957), until it predicts the next one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import is_row, refusal
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.mechanics.continuation.state import State
+from mitsuba_taxel.mechanics.derivatives.sensitivities import LinearisedState, linearise
+
+TOLERANCE = 1e-4
+"""Accepted error of a polynomial at a further state, relative to the largest derivative; including that state, it
+becomes more accurate."""
+FEWEST = 2
+"""Number of first states, before the polynomial is tested."""
+STRAIGHT = 1e-9
+"""Tolerance of the distance of loads from a line, relative to its length."""
+
+
+def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequence[np.ndarray]]) -> np.ndarray:
+    """(S, K, ...) K derivatives of each of some states whose loads lie on one line.
+
+    Parameters
+    ----------
+    states : Sequence[State]
+        Of one pad.
+    ask : Callable[[LinearisedState], Sequence[ndarray]]
+        Returns the derivatives of one state, all of one shape, such as ``lambda s: [s.by_value((0, 0, 1)),
+        s.by_shape(v)]``.
+
+    Raises
+    ------
+    InputError
+        if states are not of one pad with loads on a line.
+    ComputationError
+        as :func:`linearise` does.
+    """
+    if not (len(states) and is_row(states, lambda state: isinstance(state, State))):
+        raise refusal("states", states, "a row of States, as load_path returns them,")
+    places = _along(np.array([state.value for state in states]))
+    answers: dict[int, np.ndarray] = {}
+    while len(answers) < len(np.unique(places)):
+        product = np.prod([np.abs(places - places[index]) for index in answers], axis=0)
+        further = int(np.argmax(product)) if answers else int(np.argmin(places))
+        told = _interpolated(places, answers)[further] if len(answers) >= FEWEST else None
+        answers[further] = np.array(ask(linearise(states[further])))
+        if told is not None and np.all(_largest([answers[further] - told]) <= TOLERANCE * _largest(answers.values())):
+            break
+    return _interpolated(places, answers)
+
+
+def _largest(answers: Iterable[np.ndarray]) -> np.ndarray:
+    """(K,) largest absolute value of each derivative."""
+    sizes = np.abs(np.array(list(answers)))
+    return sizes.max(axis=(0, *range(2, sizes.ndim)))
+
+
+def _along(values: np.ndarray) -> np.ndarray:
+    """(S,) positions of loads (S, c) on their line; raises `InputError` if there is none."""
+    from_first = values - values[0]
+    length = np.linalg.norm(from_first, axis=1).max()
+    if length == 0:
+        return np.zeros(len(values))
+    direction = from_first[np.linalg.norm(from_first, axis=1).argmax()] / length
+    places = from_first @ direction
+    if np.abs(from_first - places[:, None] * direction).max() > STRAIGHT * length:
+        raise InputError("states are not allowed: loads on one straight line are needed.")
+    return places / length
+
+
+def _interpolated(places: np.ndarray, answers: dict[int, np.ndarray]) -> np.ndarray:
+    """(S, ...) the polynomial through the derivatives of some states, by number, at the positions of all."""
+    known = places[list(answers)]
+    weights = np.ones((len(places), len(known)))
+    for k, here in enumerate(known):
+        for other in np.delete(known, k):
+            weights[:, k] *= (places - other) / (here - other)
+    return np.tensordot(weights, np.array(list(answers.values())), axes=1)

@@ -1,0 +1,293 @@
+"""Equilibrium of a pad under an indenter: Newton's method with contact pressures as additional unknowns.
+
+In each step the pad is linear, and the nodes in contact are determined exactly, from the flexibility of these few
+nodes, by back-solves with the factor of the pad alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mitsuba_taxel.mechanics.contact.complementarity import pressures
+from mitsuba_taxel.mechanics.contact.friction import Friction, Rubbed
+from mitsuba_taxel.mechanics.contact.indentation import Pressing
+from mitsuba_taxel.mechanics.contact.rubbing import tractions
+from mitsuba_taxel.mechanics.elements.held import answers
+from mitsuba_taxel.mechanics.elements.model import Configuration
+from mitsuba_taxel.mechanics.elements.solvers import Factorisation
+from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import MOST_ITERATIONS, NEAR, RESIDUAL_TOLERANCE, LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.natural_step import NATURAL_STRAIN
+from mitsuba_taxel.mechanics.equilibrium.solution import Balanced, Rejected, Solution
+
+SLOW_PRESSED = 0.2
+"""A factored tangent is reused while each iteration reduces the error below this fraction: more than without an
+indenter, as nodes that come into contact keep the error large, whatever the tangent."""
+MOST_HALVINGS = 5
+"""Number of halvings of a Newton step that would invert an element."""
+LIKELY = 0.25
+"""Largest gap, relative to a step of the path, of nodes that may be in contact at the start of a solve."""
+
+
+class IndentedPad(LoadedPad):
+    """A meshed pad glued to the board, under a moved indenter.
+
+    Attributes
+    ----------
+    rubbed : Rubbed or None
+        History of friction, set by the stepping along a path.
+    """
+
+    solves_between = True
+    rubbed: Rubbed | None = None
+    _most_iterations: ClassVar[int] = MOST_ITERATIONS
+
+    @cached_property
+    def friction(self) -> Friction | None:
+        """Friction of the indenter; None without."""
+        body = self.model.indentation
+        return Friction(body, self.part.mesh.points, self.part.group) if body.indenter.friction else None
+
+    def rubbed_at(self, unknowns: np.ndarray, value: np.ndarray) -> Rubbed | None:
+        """History of friction after an equilibrium."""
+        if self.friction is None:
+            return None
+        displacement = self.numbering.split(unknowns)[0]
+        pressing = self.model.indentation.pressing(displacement, value)
+        return Rubbed(self.friction.place(displacement, value), self._own_traction(displacement, value, pressing))
+
+    def _own_traction(self, displacement: np.ndarray, value: np.ndarray, pressing: Pressing) -> np.ndarray:
+        """(m, 3) MPa, tractions due to slip at the contact ``pressing``; raises without friction."""
+        assert self.friction is not None
+        tangents, place = self.friction.tangents(pressing), self.friction.place(displacement, value)
+        return self.friction.traction(tangents, place, self._before, pressing.pressure)
+
+    @property
+    def _before(self) -> Rubbed:
+        assert self.friction is not None
+        return self.rubbed or self.friction.at_rest()
+
+    def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        found = self._balanced(start, value)
+        largest = np.abs(found.unknowns[: self.numbering.displacements]).max()
+        near = found.linearised if found.distance <= NEAR * largest else None
+        linearised = self._linearised(self._entries(found, value), found.unknowns, value, near)
+        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
+
+    def is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+        if self.friction is not None:
+            return False
+        try:
+            return super().is_stable(linearised, unknowns, value)
+        except Rejected as unstable:
+            factor = self._with_straight_pushes(unknowns, value)
+            held = self.model.held(self.numbering.split(unknowns)[0], value)
+            if factor.negative_pivots == self.numbering.pressures + held.negative(factor):
+                raise Rejected(
+                    "it slips off the indenter, which is sharper there than the elements: a rounder one is needed"
+                ) from unstable
+            raise
+
+    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balanced:
+        """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
+        unknowns, first, last, distance = start, 0.0, math.inf, 0.0
+        pushed_by = self._likely_pushes(unknowns, value)
+        state = self._pushed(unknowns, value, pushed_by)
+        contact = self._contact(linearised.factor, state) if linearised else None
+        for iteration in range(self._most_iterations):
+            error = max(self._checked_error(state, unknowns, value, first), self._out_of_touch(state))
+            settled = self._settled(state, unknowns, value)
+            error_left = self._error(settled, unknowns, value)
+            if error_left < RESIDUAL_TOLERANCE:
+                return Balanced(unknowns, settled, error_left, iteration, linearised, distance)
+            if contact is None or error > SLOW_PRESSED * last:
+                linearised = contact = None  # frees its memory for the next one
+                if state.entries is None:
+                    state = self._pushed(unknowns, value, pushed_by)
+                assert state.entries is not None  # no element is inverted
+                linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
+                contact = self._contact(linearised.factor, state)
+            first, last = first or error, error
+            slip = self._slip(state, unknowns, value)
+            change = contact.step(state, pushed_by, slip)
+            if change is None:
+                linearised = contact = None  # frees its memory for the next one
+                contact = _LinearContact(self, self._with_straight_pushes(unknowns, value), _pressing_of(state))
+                change = contact.step(state, pushed_by, slip)
+            if change is None:
+                raise Rejected("the contact with the indenter does not settle")
+            share, state = self._share_of(change, unknowns, pushed_by, value, error)
+            step, further = share * change[0], share * change[1]
+            unknowns, pushed_by = unknowns + step, pushed_by + further
+            distance += float(np.abs(step[: self.numbering.displacements]).max())
+        raise Rejected(f"Newton's method does not converge in {self._most_iterations} iterations")
+
+    def _share_of(
+        self,
+        change: tuple[np.ndarray, np.ndarray],
+        unknowns: np.ndarray,
+        pushed_by: np.ndarray,
+        value: np.ndarray,
+        error: float,
+    ) -> tuple[float, Configuration]:
+        """How much of a change of unknowns and pressures to make, halved until no element is inverted, and the pad
+        there."""
+        share, (step, further) = 1.0, change
+        for _ in range(MOST_HALVINGS):
+            state = self._pushed(unknowns + share * step, value, pushed_by + share * further, with_tangent=False)
+            if state.min_jacobian > 0:
+                break
+            share *= 0.5
+        return share, state
+
+    def _contact(self, factor: Factorisation, state: Configuration) -> _LinearContact:
+        """The pad linearised at a state, by a factor of its tangent."""
+        return _LinearContact(self, factor, _pressing_of(state), factor.negative_pivots - self.numbering.pressures)
+
+    def _with_straight_pushes(self, unknowns: np.ndarray, value: np.ndarray) -> Factorisation:
+        """Factor of the tangent at a state under pressures whose directions do not follow the indenter's normals.
+
+        Those that do push the pad off a sharply rounded body, so that the linear pad may be unstable although the pad
+        is not. Without, it is stable where the pad alone is, and steps are shorter.
+        """
+        inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, self.past)
+        assert inside.entries is not None  # no element is inverted
+        return self._linearised(inside.entries, unknowns, value).factor
+
+    def _pushed(
+        self, unknowns: np.ndarray, value: np.ndarray, pushed_by: np.ndarray, with_tangent: bool = True
+    ) -> Configuration:
+        """The pad under pressures and tractions along its tangents ``pushed_by`` (m, 3)."""
+        displacement, pressure = self.numbering.split(unknowns)
+        traction = None
+        if self.friction is not None:
+            tangents = self.friction.tangents(self.model.indentation.pressing(displacement, value))
+            traction = np.einsum("mki,mk->mi", tangents, pushed_by[:, 1:])
+        return self.model.evaluate(displacement, pressure, value, with_tangent, self.past, (pushed_by[:, 0], traction))
+
+    def _slip(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """(m, 2) mm³ along the tangents."""
+        if self.friction is None:
+            return np.zeros((len(self.model.indentation.node), 0))
+        place = self.friction.place(self.numbering.split(unknowns)[0], value)
+        return self.friction.slip(self.friction.tangents(_pressing_of(state)), place, self._before)
+
+    def _settled(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> Configuration:
+        """The same displacement with the pressures of its gaps and the tractions of its slip."""
+        pressing, body = _pressing_of(state), self.model.indentation
+        own = pressing._replace(pressure=np.maximum(-pressing.gap, 0.0) / body.slack)
+        if self.friction is not None:
+            traction = self._own_traction(self.numbering.split(unknowns)[0], value, own)
+            own = own._replace(dragged=body.carried.T @ traction)
+        load = self.numbering.summed(own.pushed)
+        return replace(state, residual=state.residual + state.load - load, load=load, entries=None, pressing=own)
+
+    def _out_of_touch(self, state: Configuration) -> float:
+        """Largest gap at a node in contact, or depth at one that is not, relative to the pad's height."""
+        pressing, body = _pressing_of(state), self.model.indentation
+        gap = np.where(
+            pressing.pressure > 0, pressing.gap + body.slack * pressing.pressure, np.minimum(pressing.gap, 0)
+        )
+        return float(np.abs(gap / body.area)[self.model.may_press].max(initial=0.0)) / self.height
+
+    def _likely_pushes(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """(m, 3) pressures that best balance the pad at a displacement out of equilibrium, without tractions."""
+        body = self.model.indentation
+        found = np.zeros((len(body.node), 3))
+        state = self._pushed(unknowns, value, found, with_tangent=False)
+        pressing = _pressing_of(state)
+        likely = np.flatnonzero((pressing.gap < LIKELY * self.step * body.area) & self.model.may_press)
+        if state.min_jacobian > 0 and state.residual.any():
+            rows = self.model.over_unknowns(pressing.rate[likely])
+            products = (rows @ rows.T).toarray()
+            found[likely, 0] = np.linalg.lstsq(products, rows @ state.residual, rcond=None)[0]
+        return np.maximum(found, 0.0)
+
+    @cached_property
+    def _small_load(self) -> float:
+        """Scale for smaller forces: that of a natural strain on the smallest area of a node."""
+        return NATURAL_STRAIN * self.material.youngs_modulus * float(self.model.indentation.area.min())
+
+
+class _LinearContact:
+    """A pad linearised at a state, and the nodes that an indenter may touch.
+
+    Parameters
+    ----------
+    factor : Factorisation
+        Of the tangent at constant pressures.
+    pressing : Pressing
+        State of contact.
+    surplus : int
+        Number of negative eigenvalues of the tangent which pressures have to remove, as if nothing stuck.
+    """
+
+    def __init__(self, pad: IndentedPad, factor: Factorisation, pressing: Pressing, surplus: int = 0) -> None:
+        self._factor, self._may, self._friction, self._surplus = factor, pad.model.may_press, pad.friction, surplus
+        rows = [pressing.rate]
+        if pad.friction is not None:
+            rows.append(pad.friction.rows(pad.friction.tangents(pressing)))
+        self._rows = pad.model.over_unknowns(sparse.csr_array(sparse.vstack(rows)))
+        self._count, self._ways = len(self._may), self._rows.shape[0] // len(self._may)
+        self._slack = np.tile(pad.model.indentation.slack, self._ways)
+        self._known = np.zeros(0, dtype=np.int64)
+        self._answers = np.zeros((len(self._slack), 0))
+
+    def step(
+        self, state: Configuration, pushed_by: np.ndarray, slip: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Changes of the unknowns and of pressures and tractions (m, 3) to a stable equilibrium of the linear pad and
+        the indenter; None if there is none, or it is not found."""
+        before = pushed_by[:, : self._ways].T.ravel()
+        free = -self._factor.solve_roughly(state.residual)
+        offset = np.concatenate([_pressing_of(state).gap, slip.T.ravel()]) + self._rows @ free
+        count, further = self._count, np.zeros(len(before))
+        asked = self._may & ((before[:count] > 0) | (offset[:count] < 0))
+        while asked.any():
+            self._learn(np.flatnonzero(asked))
+            known = (self._known + count * np.arange(self._ways)[:, None]).ravel()
+            matrix = self._answers[known] + np.diag(self._slack[known])
+            found = self._settled(matrix, offset[known] - self._answers[known] @ before[known], before[known])
+            if found is None:
+                return None
+            further[known] = found - before[known]
+            asked = self._may & (offset[:count] + self._answers[:count] @ further[known] < 0)
+            asked[self._known] = False
+        if self._surplus and not self._is_stable(before[:count] + further[:count] > 0):
+            return None
+        pushed = np.zeros_like(pushed_by)
+        pushed[:, : self._ways] = further.reshape(self._ways, count).T
+        return free + self._factor.solve_roughly(self._rows.T @ further), pushed
+
+    def _settled(self, matrix: np.ndarray, offset: np.ndarray, before: np.ndarray) -> np.ndarray | None:
+        """Pressures, followed by tractions."""
+        if self._friction is None:
+            return pressures(matrix, offset, before > 0)
+        return tractions(matrix, offset, self._friction.coefficient, before)
+
+    def _is_stable(self, pressed: np.ndarray) -> bool:
+        """Whether the linear pad is, held at the nodes that are ``pressed`` (m,) (E. V. Haynsworth, 1968)."""
+        at = np.flatnonzero(pressed[self._known])
+        nodes = self._known[at]
+        flexibility = self._answers[np.ix_(nodes, at)] + np.diag(self._slack[nodes])
+        return int(np.count_nonzero(np.linalg.eigvalsh(flexibility) < 0)) == self._surplus
+
+    def _learn(self, nodes: np.ndarray) -> None:
+        """Compute the response of all nodes to pressures and tractions at these."""
+        new = np.setdiff1d(nodes, self._known)
+        rows = (new + self._count * np.arange(self._ways)[:, None]).ravel()
+        learnt = answers(self._factor, self._rows, self._rows[rows]).reshape(len(self._slack), self._ways, -1)
+        known = self._answers.reshape(len(self._slack), self._ways, -1)
+        self._answers = np.concatenate([known, learnt], axis=2).reshape(len(self._slack), -1)
+        self._known = np.concatenate([self._known, new])
+
+
+def _pressing_of(state: Configuration) -> Pressing:
+    assert state.pressing is not None  # the load is an indenter
+    return state.pressing

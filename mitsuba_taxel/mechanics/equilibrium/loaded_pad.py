@@ -1,0 +1,471 @@
+"""Equilibrium of a pad under a load: one Newton solve, on the symmetric part of the pad."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.contacts import Contacts
+from mitsuba_taxel.mechanics.contact.rim_corners import has_right_angled_top
+from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
+from mitsuba_taxel.mechanics.elements.model import Configuration, Model
+from mitsuba_taxel.mechanics.elements.past import Past
+from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
+from mitsuba_taxel.mechanics.elements.symmetry import part_between
+from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised, Steps
+from mitsuba_taxel.mechanics.equilibrium.natural_step import NATURAL_STRAIN, TICKS, natural_step, ticks_of
+from mitsuba_taxel.mechanics.equilibrium.solution import Balanced, Rejected, Solution, refuse_surplus, singular
+from mitsuba_taxel.mechanics.equilibrium.stability import Stability
+from mitsuba_taxel.mechanics.materials.corner_limit import corner_limit
+from mitsuba_taxel.mechanics.materials.laws import Material
+
+RESIDUAL_TOLERANCE = 1e-9
+"""Largest out-of-balance force accepted, relative to the load."""
+MOST_ITERATIONS = 20
+MOST_HALVINGS = 6
+"""Number of halvings of a Newton step that inverts an element."""
+SLOW = 0.1
+"""A factored tangent is reused while each iteration reduces the error below this fraction, ..."""
+FEW_ITERATIONS, FEW_UNKNOWNS = 3, 20_000
+"""... or so many more of the same effect will do, which cost less than factorising another; for more unknowns than
+these, more, since the cost of a factorisation grows faster with their number n than that of an iteration, by about
+n^(2/3)."""
+NEAR = 1e-3
+"""Distance of displacements, relative to the largest, within which the tangent of a nearby state is used."""
+
+
+class LoadedPad:
+    """A meshed pad glued to the board, under a load.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the whole pad.
+    mirrors : sequence of Mirror
+        A group of symmetries of pad and load; only the part between them is solved for.
+    images : Mapping[Mirror, ndarray], optional
+        Of the nodes, from :func:`node_images`; needed with mirrors.
+    solver : str, optional
+        Name of a linear solver; None for the best available.
+    ticks : int
+        Of :func:`ticks_of`: where there are many, smaller loads than a step are resolved as that is.
+
+    Attributes
+    ----------
+    past : Past or None
+        History of a viscoelastic pad, set by the time stepping.
+    """
+
+    solves_between: ClassVar[bool] = False
+    """Whether states between the nodes of a path are solved for rather than interpolated."""
+
+    def __init__(
+        self,
+        mesh: VolumeMesh,
+        material: Material,
+        load: Load = SPREAD_FORCE,
+        mirrors: Sequence[Mirror] = (),
+        images: Mapping[Mirror, np.ndarray] | None = None,
+        solver: str | None = None,
+        ticks: int = TICKS,
+    ) -> None:
+        self.whole, self.material, self.load = mesh, material, load
+        self.mirrors, self.images, self._solver_name = tuple(mirrors), images or {}, solver
+        self.part = part_between(mesh, self.images, mirrors)
+        self.model = Model(self.part, material, self.load, dict.fromkeys(self.part.walls, 1), linear=self._linear())
+        self.numbering = self.model.numbering
+        self._solver = make_solver(solver)
+        self._volume = float(self.model.assembly.elements.weight.sum())
+        self.height = float(np.ptp(mesh.points[:, 2]))
+        self.step = natural_step(mesh, material, self.load)
+        self._ticks = ticks
+        self.past: Past | None = None
+
+    @property
+    def contacts(self) -> Contacts | None:
+        """What the pad is kept off, if its load goes on there."""
+        return None
+
+    def _linear(self) -> np.ndarray | None:
+        """(M, q) whether the law is linear at the quadrature points of the whole pad; None if at none."""
+        return None
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns."""
+        return self.model.assembly.unknowns
+
+    def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (N, 3) and pressure (corners,) of the whole pad."""
+        return self.part.expand(*self.numbering.split(unknowns))
+
+    def gather(self, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """Unknowns of a state of the whole pad that has the symmetry of the load."""
+        return self.numbering.gather(*self.part.restrict(displacement, pressure))
+
+    def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
+        """As much of the way from the unknowns of a known state to a guess as a solve may start from."""
+        return guess
+
+    def ticks(self, response: np.ndarray) -> int:
+        """Into how many fractions a step may be cut, by the change of the unknowns with it to first order."""
+        return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split(response)[0]))
+
+    def solve(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """The equilibrium that Newton's method finds from the unknowns ``start``, if stable.
+
+        Parameters
+        ----------
+        value : (3,) ndarray
+            N or mm, or (1,) MPa: of the load on the whole pad.
+
+        Returns
+        -------
+        The solution and the linearised pad there.
+
+        Raises
+        ------
+        Rejected
+            if it does not converge, inverts an element, or ends in an unstable equilibrium.
+        """
+        found = self._balanced(start, value)
+        linearised = self._linearised(self._entries(found, value), found.unknowns, value)
+        # A further step costs a back-solve, and removes the effect of the residual on derivatives.
+        correction = linearised.step(self._left(found.state), self._gap(found.unknowns, value))
+        found = replace(found, unknowns=found.unknowns - correction, linearised=None)
+        solution = self._accepted(found, self.is_stable(linearised, found.unknowns, value))
+        self.refuse_unstable(solution.unknowns, linearised.entries, value)
+        return solution, linearised
+
+    def solve_symmetric(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """As :meth:`solve`, but without the check of :meth:`refuse_unstable`.
+
+        Only one factored matrix is then in memory at a time: that of a nearby state, if it suffices.
+        """
+        found = self._balanced(start, value)
+        entries = self._entries(found, value)
+        if found.linearised is not None and self._stability.of_all:
+            linearised = self._linearised(entries, found.unknowns, value, found.linearised)
+            return self._accepted(found, True), linearised
+        found = replace(found, linearised=None)  # frees its memory for the next one
+        linearised = self._linearised(entries, found.unknowns, value)
+        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
+
+    def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
+        """Raise Rejected if an equilibrium is unstable against the displacements that :class:`Stability` checks.
+
+        Parameters
+        ----------
+        entries : ndarray
+            Of the tangent there, :attr:`Linearised.entries`.
+        """
+        try:
+            refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value, self.past))
+        except RuntimeError as failure:
+            raise singular(failure) from failure
+
+    def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """As :meth:`solve`, at rest or between states of a path that :meth:`solve` has found stable.
+
+        Displacements without the symmetry of the load are not checked again, and the linearised pad is that of a state
+        within `NEAR`.
+        """
+        found = self._balanced(start, value)
+        linearised = found.linearised
+        largest = np.abs(found.unknowns[: self.numbering.displacements]).max()
+        if linearised is None or found.distance > NEAR * largest:
+            linearised = self._linearised(self._entries(found, value), found.unknowns, value, linearised)
+        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
+
+    def solve_closely(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """As :meth:`solve_linearised`, with the tangent of the state itself; its factor may be that of a nearby one."""
+        solution, near = self.solve_linearised(start, value)
+        state = self._evaluate(solution.unknowns, value)
+        assert state.entries is not None  # no element is inverted
+        linearised = self._linearised(state.entries, solution.unknowns, value, near)
+        # A further step costs a back-solve, and removes the effect of the residual on derivatives.
+        correction = linearised.step(self._left(state), self._gap(solution.unknowns, value))
+        return replace(solution, unknowns=solution.unknowns - correction), linearised
+
+    def balance_closely(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """As :meth:`solve_closely`, an equilibrium that need not be stable."""
+        found = self._balanced(start, value)
+        linearised = self.tangent_at(found.unknowns, value, None)
+        correction = linearised.step(self._left(found.state), self._gap(found.unknowns, value))
+        found = replace(found, unknowns=found.unknowns - correction, linearised=None)
+        return self._accepted(found, True), linearised
+
+    def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
+        """(m, q, 6) MPa, second Piola-Kirchhoff stress of the law in the part, at a displacement of the whole pad."""
+        return self.model.assembly.elements.isochoric_stress(displacement[self.part.nodes])
+
+    def isochoric_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """(m, q, 6) MPa/s, its rate with a velocity of the whole pad."""
+        return self.model.assembly.elements.isochoric_rate(displacement[self.part.nodes], velocity[self.part.nodes])
+
+    def size_of(self, stress: np.ndarray) -> float:
+        """MPa, root mean square over the pad of a stress (m, q, 6)."""
+        weight = self.model.assembly.elements.weight
+        squares = np.square(stress) @ np.array([1.0, 1, 1, 2, 2, 2])
+        return float(np.sqrt((weight * squares).sum() / weight.sum()))
+
+    def solve_next(self, start: np.ndarray, value: np.ndarray, near: Linearised | None) -> tuple[Solution, Linearised]:
+        """As :meth:`solve`, with the factor of a state ``near`` by while that suffices.
+
+        Displacements without the symmetry of the load are not checked.
+        """
+        found = self._balanced(start, value, near)
+        linearised = found.linearised
+        if linearised is None:
+            linearised = self._linearised(self._entries(found, value), found.unknowns, value)
+        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
+
+    def judged(self, unknowns: np.ndarray, value: np.ndarray, near: Linearised) -> Linearised:
+        """The linearised pad at an equilibrium that all displacements leave stable; raises Rejected if one does not.
+
+        The factor is that of a state ``near`` by if :class:`Stability` checks displacements with the symmetry of the
+        load too.
+        """
+        of_all = self._stability.of_all
+        linearised = self.tangent_at(unknowns, value, near if of_all else None)
+        if not of_all:
+            self.is_stable(linearised, unknowns, value)
+        self.refuse_unstable(unknowns, linearised.entries, value)
+        return linearised
+
+    def tangent_at(self, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None) -> Linearised:
+        """The linearised pad at an equilibrium, with the factor of a state ``near`` by if given."""
+        entries = self._evaluate(unknowns, value).entries
+        assert entries is not None  # no element is inverted
+        return self._linearised(entries, unknowns, value, near)
+
+    def rate_in_time(
+        self, linearised: Linearised, unknowns: np.ndarray, rate: np.ndarray, value: np.ndarray, stress: np.ndarray
+    ) -> np.ndarray:
+        """Rate of the unknowns in equilibrium, per s, with those of the load's value and of an additional second
+        Piola-Kirchhoff stress (m, q, 6)."""
+        force = self.model.load_rate(self.numbering.split(unknowns)[0], rate, value) - self._pull(unknowns, stress)
+        return linearised.correction(force, self.numbering.plate_values(rate) if self._driven else None)
+
+    def balance(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """The unknowns of :meth:`solve`, without a check of stability."""
+        return self._balanced(start, value).unknowns
+
+    def near_balance(self, unknowns: np.ndarray, value: np.ndarray, iterations: int, checked: bool) -> Solution:
+        """The figures of unknowns near balance; raises Rejected if elements are inverted.
+
+        ``checked`` tells whether their stability is known.
+        """
+        state = self._evaluate(unknowns, value, with_tangent=False)
+        error = self._checked_error(state, unknowns, value, first=0.0)
+        return self._accepted(Balanced(unknowns, state, error, iterations, None, 0.0), checked)
+
+    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balanced:
+        """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
+        unknowns, first, last, distance = start.copy(), 0.0, math.inf, 0.0
+        correction = np.zeros_like(unknowns)
+        for iteration in range(MOST_ITERATIONS):
+            state = self._evaluate(unknowns, value, with_tangent=linearised is None)
+            for _ in range(MOST_HALVINGS):
+                if state.min_jacobian > 0 or not iteration:
+                    break
+                correction = correction / 2
+                unknowns = unknowns + correction
+                state = self._evaluate(unknowns, value)
+            error = self._checked_error(state, unknowns, value, first)
+            if error < RESIDUAL_TOLERANCE:
+                return Balanced(unknowns, state, error, iteration, linearised, distance)
+            if state.entries is None and _slow(error, last, self.unknowns):
+                state = self._evaluate(unknowns, value)
+            if state.entries is not None:
+                linearised = None  # frees its memory for the next one
+                linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
+            assert linearised is not None  # of an earlier iteration
+            first, last = first or error, error
+            correction = linearised.step(self._left(state), self._gap(unknowns, value))
+            distance += float(np.abs(correction[: self.numbering.displacements]).max())
+            unknowns = unknowns - correction
+        raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
+
+    def _accepted(self, found: Balanced, checked: bool) -> Solution:
+        least = min(found.state.min_jacobian, self._least_nodal_jacobian(found.unknowns))
+        return Solution(found.unknowns, least, found.error, found.iterations, checked)
+
+    def _entries(self, found: Balanced, value: np.ndarray) -> np.ndarray:
+        """Entries of the tangent at an equilibrium."""
+        entries = found.state.entries
+        if entries is None:
+            entries = self._evaluate(found.unknowns, value).entries
+        assert entries is not None  # no element is inverted
+        return entries
+
+    def _checked_error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, first: float) -> float:
+        """Error of equilibrium; raises Rejected if the iteration should not continue."""
+        if not state.min_jacobian > 0:
+            raise Rejected(f"an element would be inverted (J = {state.min_jacobian:.2g})")
+        if not first and self.past is None:
+            self._refuse_beyond_corners(value)
+        error = self._error(state, unknowns, value)
+        if not error < 1e6 * max(first or error, 1.0):
+            raise Rejected("Newton's method diverges")
+        return error
+
+    def _refuse_beyond_corners(self, value: np.ndarray) -> None:
+        limit = gives_way(-value[-1], self.whole, self.material, self.load)
+        if math.isfinite(limit):
+            raise Rejected(
+                f"corners of its top give way beyond {limit:.3g} MPa of constant direction, whatever the elements: a "
+                "plate, load = plate_force, keeps their shape"
+            )
+
+    def _least_nodal_jacobian(self, unknowns: np.ndarray) -> float:
+        least = self.model.least_nodal_jacobian(self.numbering.split(unknowns)[0], self._judged_nodes)
+        if not least > 0:
+            raise Rejected(f"an element would be inverted at a node (J = {least:.2g})")
+        return least
+
+    @cached_property
+    def contact(self) -> ContactTest:
+        """Test of states of the whole pad, which the part determines."""
+        return ContactTest(self.whole, nodes=self.part.nodes)
+
+    @cached_property
+    def _judged_nodes(self) -> np.ndarray:
+        return judged_nodes(self.whole)[self.part.nodes]
+
+    def correction(self, linearised: Steps, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
+        """Correction that a Newton step with a known tangent subtracts from ``unknowns``; None if it fails."""
+        residual = self._left(self._evaluate(unknowns, value, with_tangent=False))
+        if not np.all(np.isfinite(residual)):
+            return None
+        return linearised.step(residual, self._gap(unknowns, value))
+
+    def answer(self, linearised: Linearised, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
+        """Change of the unknowns for an additional second Piola-Kirchhoff stress (m, q, 6), by a nearby factor."""
+        return -linearised.step(self._pull(unknowns, stress))
+
+    def _pull(self, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
+        """Forces over the unknowns of an additional second Piola-Kirchhoff stress (m, q, 6)."""
+        forces = self.model.assembly.elements.pulled(self.numbering.split(unknowns)[0], stress)
+        return self.model.assembly.over_unknowns(forces, np.zeros((len(forces), 4)))
+
+    def plate_force(self, unknowns: np.ndarray) -> np.ndarray:
+        """(3,) force in N on the bonded plate of the whole pad in equilibrium."""
+        residual = self._evaluate(unknowns, np.zeros(3), with_tangent=False).residual
+        return self.part.copies * self.numbering.of_plate(residual)
+
+    def _evaluate(self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True) -> Configuration:
+        return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, self.past)
+
+    def _left(self, state: Configuration) -> np.ndarray:
+        """Out-of-balance forces without the reaction of a moved plate, which is irrelevant and large."""
+        left = state.residual.copy()
+        left[self._moved] = 0.0
+        return left
+
+    def _error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> float:
+        """Error of equilibrium: the largest relative error of forces, volumes, plate."""
+        forces, volumes = np.split(state.residual, [self.numbering.displacements])
+        load = float(np.linalg.norm(state.load))
+        if self._driven:
+            load = float(np.linalg.norm(forces[self._moved]))
+            forces = np.delete(forces, self._moved)
+        scale = max(load, self._small_load)
+        missed = self._gap(unknowns, value)
+        gap = 0.0 if missed is None else float(np.abs(missed).max())
+        forces_off, volumes_off = float(np.linalg.norm(forces)), float(np.linalg.norm(volumes))
+        return max(forces_off / scale, volumes_off * self._ticks / TICKS / self._volume, gap / self.height)
+
+    @cached_property
+    def _small_load(self) -> float:
+        """Norm of the load vector of a natural step, or of as many ticks where these are smaller: the scale for smaller
+        loads."""
+        zero = np.zeros((len(self.part.mesh.points), 3))
+        value = np.zeros(self.load.components)
+        value[-1] = self.step
+        if self._driven:
+            return NATURAL_STRAIN * self.material.youngs_modulus * self.load.loaded_area(self.whole) / self.part.copies
+        return TICKS / self._ticks * float(np.linalg.norm(self.model.load_vector(zero, value)))
+
+    @property
+    def _driven(self) -> bool:
+        return self.load.moves_plate
+
+    @cached_property
+    def _moved(self) -> np.ndarray:
+        """Unknowns of the plate if the load moves it, else none."""
+        return self.numbering.plate_unknowns if self._driven else np.zeros(0, dtype=np.int64)
+
+    def _gap(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
+        """Deviation of each moved unknown of the plate from its prescribed value, in mm; None without one."""
+        return unknowns[self._moved] - self.numbering.plate_values(value) if self._driven else None
+
+    def _linearised(
+        self, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None = None
+    ) -> Linearised:
+        """The linearised pad with given entries at a state, with the factor of a state ``near`` by if given."""
+        lower = self.model.assembly.matrix(entries)
+        held = self.model.held(self.numbering.split(unknowns)[0], value)
+        return Linearised(entries, lower, self._factored, held, self.numbering.displacements, near)
+
+    def _factored(self, lower: sparse.csc_matrix) -> Factorisation:
+        try:
+            return self._solver.factor(lower)
+        except RuntimeError as failure:
+            raise singular(failure) from failure
+
+    def rate(
+        self, linearised: Linearised, unknowns: np.ndarray, direction: np.ndarray, value: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Derivative of the unknowns in equilibrium by the load's value along ``direction``.
+
+        If the load is not linear in its ``value``, that is required.
+        """
+        force = self.model.load_rate(self.numbering.split(unknowns)[0], direction, value)
+        return linearised.correction(force, self.numbering.plate_values(direction) if self._driven else None)
+
+    def is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+        """Whether stability was checked for displacements of the part; raises Rejected if it is unstable."""
+        refuse_surplus(linearised.negative - self.numbering.pressures)
+        return True
+
+    @cached_property
+    def _stability(self) -> Stability:
+        return Stability(self.whole, self.mirrors, self.images, self.model, self._solver_name)
+
+
+def _slow(error: float, last: float, unknowns: int) -> bool:
+    """Whether to factorise another tangent, rather than to go on with one that reduced the ``last`` error to this."""
+    share, few = error / last, FEW_ITERATIONS * max(1.0, unknowns / FEW_UNKNOWNS) ** (2 / 3)
+    return share > SLOW and error * share**few > RESIDUAL_TOLERANCE
+
+
+HARMLESS = 0.2
+"""Pressure in shear moduli up to which corners are not looked at: those of silicones bear 0.4 to 1.2."""
+
+
+def gives_way(force: float, mesh: VolumeMesh, material: Material, load: Load) -> float:
+    """Pressure in MPa at which corners of the top give way, if a load presses with more; infinite if not.
+
+    Parameters
+    ----------
+    force : float
+        In N, with which the load presses.
+    """
+    if not load.loads_rim:
+        return math.inf
+    pressure = force / load.loaded_area(mesh)
+    if pressure < HARMLESS * material.shear_modulus or not has_right_angled_top(mesh):
+        return math.inf
+    limit = corner_limit(material)
+    return limit if pressure > limit else math.inf

@@ -1,0 +1,55 @@
+"""Shared data of states under one kind of load: its symmetries, and parts of the pad between mirrors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mitsuba_taxel.base.caches import kept
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.elements.symmetry import node_images
+from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
+from mitsuba_taxel.mechanics.equilibrium.self_touching_pad import IndentedTouchingPad, SelfTouchingPad
+from mitsuba_taxel.mechanics.materials.laws import Material
+
+
+@kept(4)
+def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
+    """The common symmetries of mesh and load distribution, with the image (N,) of each node."""
+    return {mirror: image for mirror, image in node_images(mesh).items() if load.is_symmetric(mesh, mirror, image)}
+
+
+@kept(4)  # normal and tangential segments, also of the coarser mesh: matrices take memory
+def loaded_pad(
+    mesh: VolumeMesh,
+    material: Material,
+    load: Load,
+    mirrors: tuple[Mirror, ...],
+    bodies: RigidBodies | None = None,
+    ticks: int = TICKS,
+) -> LoadedPad:
+    """The part of a pad between mirrors, kept off ``bodies`` where the load goes on."""
+    return new_pad(mesh, material, load, mirrors, mirror_images(mesh, load), bodies, ticks=ticks)
+
+
+def new_pad(
+    mesh: VolumeMesh,
+    material: Material,
+    load: Load,
+    mirrors: Sequence[Mirror],
+    images: Mapping[Mirror, np.ndarray],
+    bodies: RigidBodies | None = None,
+    share: float = 1.0,
+    ticks: int = TICKS,
+) -> LoadedPad:
+    """As :func:`loaded_pad`, one that nobody shares; ``share`` is that of a :class:`SelfTouchingPad`."""
+    indented, parts = load.moved_indenter is not None, (mesh, material, load, mirrors, images)
+    if load.self_contact:
+        return (IndentedTouchingPad if indented else SelfTouchingPad)(*parts, bodies=bodies, share=share, ticks=ticks)
+    return (IndentedPad if indented else LoadedPad)(*parts, ticks=ticks)

@@ -1,0 +1,64 @@
+"""What a solve for equilibrium finds, and the reasons for which it is rejected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.elements.model import Configuration
+from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
+
+UNSTABLE = "the equilibrium is unstable"
+
+
+@dataclass(frozen=True)
+class Solution:
+    """An accepted state: a stable equilibrium without inverted elements.
+
+    Attributes
+    ----------
+    min_jacobian : float
+        Smallest volume ratio J at any quadrature point of the elements, corners among them, and of
+        :func:`~mitsuba_taxel.mechanics.contact.singular_edges.judged_nodes`.
+    residual : float
+        Largest out-of-balance force, relative to the load.
+    stability_checked : bool
+        Whether the solver provided the inertia for the check of stability.
+    """
+
+    unknowns: np.ndarray
+    min_jacobian: float
+    residual: float
+    iterations: int
+    stability_checked: bool
+
+
+class Rejected(Exception):
+    """A step without an acceptable state, for the reason in the message."""
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """Result of Newton's method: unknowns, the pad there, remaining error, iterations.
+
+    ``linearised`` is the last factored tangent, if any, at a state at a ``distance`` in mm.
+    """
+
+    unknowns: np.ndarray
+    state: Configuration
+    error: float
+    iterations: int
+    linearised: Linearised | None
+    distance: float
+
+
+def singular(failure: RuntimeError) -> Rejected:
+    """The rejection of a step whose tangent cannot be factored."""
+    return Rejected(f"the tangent is singular ({failure})")
+
+
+def refuse_surplus(surplus: int) -> None:
+    """Raise Rejected if the tangent has more negative pivots than a stable equilibrium."""
+    if surplus:
+        raise Rejected(f"{UNSTABLE} ({surplus:+d} negative pivots)")

@@ -1,0 +1,306 @@
+"""The tangent of a symmetric state in blocks, one for each symmetry type of displacements under its mirrors.
+
+The response to a load or a change of shape has the same symmetry type, so that a matrix of the size of the part between
+the mirrors suffices (J.-P. Serre, Linear Representations of Finite Groups, chapter 2). Displacements of the
+two-dimensional representation of a square pad need the part between two mirrors, and one matrix for both: the mirror in
+the diagonal maps one to the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.contacts import Contacts
+from mitsuba_taxel.mechanics.elements.held import Held
+from mitsuba_taxel.mechanics.elements.model import Model
+from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver, sum_of_triangles
+from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart, part_between
+from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
+
+Signs = tuple[tuple[Mirror, int], ...]
+"""Mirrors, in an order in which successive averages give the average over the group; 1 for symmetric, -1 for
+antisymmetric."""
+
+
+class TangentBlock:
+    """The displacements of a pad of one symmetry type under the mirrors of its state.
+
+    Parameters
+    ----------
+    whole : VolumeMesh
+        Mesh of the pad.
+    model : Model
+        Of the part between the mirrors, over the unknowns of such displacements.
+    signs : Signs
+        Symmetry type.
+    images : Mapping[Mirror, ndarray]
+        Of the nodes, from :func:`node_images`.
+    turn : Mirror, optional
+        Mirror that maps them to those of the model.
+    """
+
+    def __init__(
+        self,
+        whole: VolumeMesh,
+        model: Model,
+        signs: Signs,
+        images: Mapping[Mirror, np.ndarray],
+        turn: Mirror | None = None,
+    ) -> None:
+        self._whole, self.model, self._signs, self._images, self._turn = whole, model, signs, images, turn
+        self._solver = make_solver()
+
+    def turned(self, mirror: Mirror) -> TangentBlock:
+        """The displacements that a mirror maps to these."""
+        return TangentBlock(self._whole, self.model, self._signs, self._images, mirror)
+
+    def of_value(self, value: np.ndarray) -> np.ndarray:
+        """The part of this symmetry type of a load's value, a vector or a pressure."""
+        if len(value) == 1:
+            return value if all(sign > 0 for _, sign in self._signs) else 0 * value
+        value = self._turn.image(value) if self._turn else value
+        for mirror, sign in self._signs:
+            value = 0.5 * (value + sign * mirror.image(value))
+        return value
+
+    def of_field(self, field: np.ndarray) -> np.ndarray:
+        """(n, 3) on the part, component of this symmetry type of a vector field (N, 3) at the nodes of the whole
+        pad."""
+        field = self._image(field)
+        for mirror, sign in self._signs:
+            field = 0.5 * (field + sign * mirror.image(field[self._images[mirror]]))
+        return field[self.model.part.nodes]
+
+    def forces(self, field: np.ndarray) -> np.ndarray:
+        """(unknowns,) component of this symmetry type of nodal forces (N, 3) on the whole pad."""
+        return self.model.numbering.summed(self._shares[:, None] * self.of_field(field))
+
+    def displacement(self, unknowns: np.ndarray) -> np.ndarray:
+        """(N, 3) displacement of the whole pad."""
+        part = self.model.part
+        of_part = self.model.numbering.split(unknowns)
+        return self._image(self._sign * part.expand(*of_part)[0])
+
+    @property
+    def expansion(self) -> sparse.csr_array:
+        """(3 N + corners, unknowns): displacement and pressure of the whole pad from the unknowns."""
+        part, numbering = self.model.part, self.model.numbering
+        nodes, corners = len(self._whole.points), self._whole.corner_count
+        place, sign = part.components
+        places = np.concatenate([place.ravel(), 3 * len(part.nodes) + part.source[:corners]])
+        sign = np.concatenate([(self._sign * sign).ravel(), self._sign[:corners, 0]]) * numbering.sign[places]
+        unknown = numbering.unknown[places]
+        rows = np.flatnonzero(unknown >= 0)
+        shape = (3 * nodes + corners, self.model.assembly.unknowns)
+        found = sparse.csr_array((sign[rows], (rows, unknown[rows])), shape=shape)
+        return reflection(self._turn, self._images[self._turn], corners) @ found if self._turn else found
+
+    def factored(
+        self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray, contacts: Contacts | None = None
+    ) -> Linearised:
+        """The factored tangent of given entries, where the part has a ``displacement`` (n, 3) under a load's ``value``.
+
+        Parameters
+        ----------
+        contacts : Contacts, optional
+            What the whole pad is kept off. They do not make it unstable by forces that turn about corners, as of a
+            `SelfTouchingPad`.
+
+        Raises
+        ------
+        Rejected
+            if the state is unstable.
+        """
+        held, stable = self.model.held(displacement, value), self.model.numbering.pressures
+        found = self.tangent(entries, displacement, value, contacts)
+        if found.negative != stable:
+            steady = contacts and self._linearised(entries, self._lower(entries, displacement, contacts, True), held)
+            if not steady or steady.negative != stable:
+                raise Rejected("the equilibrium is unstable")
+        return found
+
+    def tangent(
+        self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray, contacts: Contacts | None = None
+    ) -> Linearised:
+        """As :meth:`factored`, of a state that need not be stable."""
+        lower = self._lower(entries, displacement, contacts)
+        return self._linearised(entries, lower, self.model.held(displacement, value))
+
+    def _lower(
+        self, entries: np.ndarray, displacement: np.ndarray, contacts: Contacts | None, steady: bool = False
+    ) -> sparse.csc_matrix:
+        """Lower triangle of the tangent, with that of contact."""
+        lower, part = self.model.assembly.matrix(entries), self.model.part
+        if contacts is None:
+            return lower
+        stiffness = contacts.stiffness(part.expand(displacement, np.zeros(part.mesh.corner_count))[0], steady)
+        if not stiffness.nnz:
+            return lower
+        moves = self.expansion[: stiffness.shape[0]]
+        self._solver = make_solver()  # other pairs: it has to be analysed again
+        return sum_of_triangles(lower, sparse.tril(moves.T @ stiffness @ moves / part.copies))
+
+    def _linearised(self, entries: np.ndarray, lower: sparse.csc_matrix, held: Held) -> Linearised:
+        return Linearised(entries, lower, self._factor, held, self.model.numbering.displacements)
+
+    def _factor(self, lower: sparse.csc_matrix) -> Factorisation:
+        try:
+            return self._solver.factor(lower)
+        except RuntimeError as failure:
+            raise Rejected(f"the tangent is singular ({failure})") from failure
+
+    def _image(self, field: np.ndarray) -> np.ndarray:
+        return field if self._turn is None else self._turn.image(field[self._images[self._turn]])
+
+    @cached_property
+    def _shares(self) -> np.ndarray:
+        """(n,) the part's share of each of its nodes, as nodes on its walls belong to other parts too."""
+        return np.bincount(self.model.part.source) / self.model.part.copies
+
+    @cached_property
+    def _sign(self) -> np.ndarray:
+        """(N, 1) sign of each node's displacement relative to that of its image in the part."""
+        position, sign = self._whole.points, np.ones((len(self._whole.points), 1))
+        for mirror, own in self._signs:
+            beyond = (mirror.side(position) < 0)[:, None]
+            position, sign = np.where(beyond, mirror.image(position), position), np.where(beyond, own * sign, sign)
+        return sign
+
+
+def reflection(mirror: Mirror, image: np.ndarray, corners: int) -> sparse.csr_array:
+    """(3 N + corners, 3 N + corners): displacement and pressure of a mirrored state, with the ``image`` (N,) of each
+    node."""
+    turned = mirror.image(np.eye(3))
+    columns = np.concatenate(
+        [(3 * image[:, None] + np.abs(turned).argmax(axis=1)).ravel(), 3 * len(image) + image[:corners]]
+    )
+    signs = np.concatenate([np.tile(turned.sum(axis=1), len(image)), np.ones(corners)])
+    return sparse.csr_array((signs, (np.arange(len(columns)), columns)), shape=(len(columns), len(columns)))
+
+
+def tangent_blocks(pad: LoadedPad) -> list[TangentBlock]:
+    """The blocks of all displacements of a pad, first those with the symmetry of its state."""
+    if len(pad.mirrors) < len(MIRRORS):
+        mirrors = [mirror for mirror in MIRRORS if mirror in pad.mirrors]
+        ways = [tuple(zip(mirrors, signs, strict=True)) for signs in product((1, -1), repeat=len(mirrors))]
+        return [_block(pad, pad.part, signs) for signs in ways]
+    ways = [
+        ((ACROSS_X, straight), (ACROSS_Y, straight), (ACROSS_DIAGONAL, diagonal))
+        for straight, diagonal in product((1, -1), repeat=2)
+    ]
+    quarter = part_between(pad.whole, pad.images, (ACROSS_X, ACROSS_Y))
+    one_of_pair = _block(pad, quarter, ((ACROSS_X, -1), (ACROSS_Y, 1)))
+    return [*(_block(pad, pad.part, signs) for signs in ways), one_of_pair, one_of_pair.turned(ACROSS_DIAGONAL)]
+
+
+def _block(pad: LoadedPad, part: SymmetricPart, signs: Signs) -> TangentBlock:
+    model = pad.model
+    if part is not pad.part or any(sign < 0 for _, sign in signs):
+        like = pad.model if part is pad.part else None
+        at_walls = {mirror: sign for mirror, sign in signs if mirror in part.walls}
+        model = Model(part, pad.material, pad.load, at_walls, like=like, linear=pad.model.linear)
+    return TangentBlock(pad.whole, model, signs, pad.images)
+
+
+class _Share(NamedTuple):
+    """States of a part that belong to a block: the part's unknowns from those of the block."""
+
+    spread: sparse.csr_array
+    collect: sparse.csr_array
+    factor: Factorisation
+
+
+class SplitTangent:
+    """The tangent at a symmetric state, on the part of a ``pad`` that less symmetric states need.
+
+    Parameters
+    ----------
+    blocks : Sequence[TangentBlock]
+        Of the symmetric state.
+    factor : Callable[[TangentBlock], Factorisation]
+        Of the tangent of each.
+    images : Mapping[Mirror, ndarray]
+        Of the nodes.
+    """
+
+    def __init__(
+        self,
+        pad: LoadedPad,
+        blocks: Sequence[TangentBlock],
+        factor: Callable[[TangentBlock], Factorisation],
+        images: Mapping[Mirror, np.ndarray],
+    ) -> None:
+        self._shares: list[_Share] = []
+        group, seen = pad.part.group, set[Model]()
+        for block in blocks:
+            if group and block.model in seen:
+                continue  # of two that a mirror maps to each other, states with a mirror of their own have one
+            whole = every = block.expansion
+            for mirror in group:
+                every = 0.5 * (every + reflection(mirror, images[mirror], pad.whole.corner_count) @ every)
+            kept = float(np.square(every.data).sum() / np.square(whole.data).sum())
+            if not kept:  # none has the mirror
+                continue
+            seen.add(block.model)
+            spread = _over_unknowns(pad, every)
+            copies = kept * block.model.part.copies / pad.part.copies
+            self._shares.append(_Share(spread, sparse.csr_array(spread.T / copies), factor(block)))
+
+    def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
+        """The change of the unknowns for a ``residual``, as of :class:`Linearised`, to the accuracy of the factors."""
+        found = np.zeros_like(residual)
+        for spread, collect, factor in self._shares:
+            found += spread @ factor.solve_roughly(collect @ residual)
+        return found
+
+
+def _over_unknowns(pad: LoadedPad, fields: sparse.csr_array) -> sparse.csr_array:
+    """Rows over the unknowns of a pad, from those over displacements and pressures of the whole."""
+    numbering, nodes, source = pad.numbering, len(pad.whole.points), pad.part.nodes
+    of_whole = [(3 * source[:, None] + np.arange(3)).ravel(), 3 * nodes + source[: pad.part.mesh.corner_count]]
+    free = np.flatnonzero(numbering.unknown >= 0)
+    one = np.empty(pad.unknowns, dtype=np.int64)
+    one[numbering.unknown[free]] = free  # of each unknown, a displacement or pressure that it is
+    rows = fields[np.concatenate(of_whole)[one]]
+    return sparse.csr_array(sparse.diags_array(numbering.sign[one]) @ rows)
+
+
+MOST_ITERATIONS = 200
+
+
+def least_mode(block: TangentBlock, tangent: Linearised, converged: float) -> tuple[float, np.ndarray]:
+    """The eigenvalue of a block's ``tangent`` nearest to 0, and its mode over the unknowns, by inverse iteration.
+
+    In N/mm, for displacements with unit sum of squares. The iteration ends where a step changes these by less than
+    ``converged``.
+
+    Raises
+    ------
+    ComputationError
+        if modes are too close to be told apart.
+    """
+    model = block.model
+    moves = np.arange(model.assembly.unknowns) < model.numbering.displacements
+    push = np.random.default_rng(0).normal(size=len(moves)) * moves
+    push /= np.linalg.norm(push)
+    for _ in range(MOST_ITERATIONS):
+        mode = tangent.correction(push, None)
+        before, push = push, mode * moves
+        mode = mode / np.copysign(np.linalg.norm(push), before @ push)
+        push = mode * moves
+        if np.linalg.norm(push - before) < converged:
+            break
+    else:
+        raise ComputationError(f"the least stiff mode of the pad was not found in {MOST_ITERATIONS} iterations.")
+    return tangent.stiffness(mode), mode

@@ -1,0 +1,73 @@
+"""Size of the finite elements of a pad, given or chosen by an error target."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import is_number, refusal
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, pad_path
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.pad_file import PadFile
+
+COARSEST = 0.35
+"""Size of the coarsest elements tried by `mesh_size_for`, relative to the pad's height."""
+SIZES = 9
+"""Number of sizes tried, each 1 / sqrt(2) of the one before."""
+MOST_ELEMENTS_TRIED = 100_000
+"""Largest mesh tried: without symmetry, its solution takes some 10 GB."""
+
+
+def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance: float) -> float:
+    """The coarsest of a sequence of mesh sizes [mm] whose error is within ``tolerance`` under a small load.
+
+    The error is that of :class:`RoofError`, ``relative``, of the change from rest under a small normal load, and a
+    small tangential one if the load has a direction. Under larger loads it may be larger, and is reported.
+
+    Raises
+    ------
+    InputError
+        if the tolerance is not a number between 0 and 1, or cannot be reached.
+    ComputationError
+        if the pad cannot be meshed.
+    """
+    if not 0 < tolerance < 1:
+        raise InputError(f"mesh_tolerance = {tolerance:g} is not allowed: above 0 and below 1 is needed.")
+    error = math.inf
+    with LOCK:
+        size = COARSEST * _height(pad)
+        for _ in range(SIZES):
+            path = pad_path(pad, material, load, size)
+            if len(path.mesh.tets) > MOST_ELEMENTS_TRIED:
+                break
+            error = path.second_meshes.small_load_error
+            if error <= tolerance:
+                return size
+            size /= math.sqrt(2)
+    reached = f"the finest mesh tried, of {size * math.sqrt(2):.2g} mm, has {error:.2g}"
+    if math.isinf(error):
+        reached = f"the error of no mesh of at most {MOST_ELEMENTS_TRIED} elements can be estimated"
+    raise InputError(f"mesh_tolerance = {tolerance:g} is not allowed: {reached}.")
+
+
+def _height(pad: Pad | PadFile) -> float:
+    return pad.height if isinstance(pad, Pad) else float(np.ptp(pad.mesh(pad.default_mesh_size).points[:, 2]))
+
+
+def chosen_size(
+    pad: Pad | PadFile, material: Material, load: Load, size: float | None, tolerance: float | None
+) -> float:
+    """The mesh size in mm, as given, chosen by a tolerance, or the pad's default; raises `InputError`."""
+    for name, value in (("mesh_size", size), ("mesh_tolerance", tolerance)):
+        if not (value is None or is_number(value)):
+            raise refusal(name, value, "a finite number is needed")
+    if size is not None and tolerance is not None:
+        raise InputError(f"mesh_size = {size:g} and mesh_tolerance = {tolerance:g} are given: only one is allowed.")
+    if tolerance is not None:
+        # At rest an indenter touches nothing: the size for a force on the top is used, and refined under the indenter.
+        return mesh_size_for(pad, material, load if load.indenter is None else SPREAD_FORCE, tolerance)
+    return pad.default_mesh_size if size is None else float(size)

@@ -1,0 +1,167 @@
+"""The error of a path of a pad, by the same path on another mesh."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from mitsuba_taxel.base.convergence import COARSENING, ORDER, TYPICAL_ERROR
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics import cache
+from mitsuba_taxel.mechanics.continuation.load_segment import Interpolated
+from mitsuba_taxel.mechanics.continuation.state import StateComparison
+from mitsuba_taxel.mechanics.elements.memory import memory_for
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE
+from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
+from mitsuba_taxel.mechanics.errors.shorter_reach import with_reach
+from mitsuba_taxel.mechanics.results.locate import carried
+from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio, top_ratio
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
+
+FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
+"""Sizes of a second mesh, relative to the first's, that are tried where one of twice the size does not tell the error:
+thin walls and curves leave the mesher little choice, and a coarse pad may not bear a load. Of elements larger than the
+default ones, the default ones do first; these are relative to them."""
+LITTLE_FINER = COARSENING**-0.5
+"""Tried before these under an indenter, where elements are small and many already."""
+LEAST_RATIO = 1.2
+"""Of the sizes that two meshes have in fact, for their difference to tell the error of one."""
+MOST_ELEMENTS_COMPARED = 250_000
+"""A finer second mesh of more is not tried."""
+
+Told = TypeVar("Told")
+
+
+class SecondMeshes:
+    """The paths on other elements that may tell the error of a ``path``, and how they are compared."""
+
+    def __init__(self, path: PadPath) -> None:
+        self._path = path
+        self._known: dict[float, tuple[PadPath, RoofComparison] | None] = {}
+
+    def __iter__(self) -> Iterator[tuple[PadPath, RoofComparison]]:
+        path = self._path
+        start = min(path.mesh_size, path.pad.default_mesh_size)  # larger ones may all give the same mesh
+        finer = FINER if path.load.indenter is None else (LITTLE_FINER, *FINER)
+        coarser = path.judge.mesh_size if path.judge else COARSENING * path.mesh_size
+        default = [start] if start < path.mesh_size else []
+        for size in (coarser, *default, *(share * start for share in finer)):
+            if size not in self._known:
+                self._known[size] = self._compared_with(size)
+            second = self._known[size]
+            if second is not None:
+                yield second
+
+    def first(self, told: Callable[[PadPath, RoofComparison], Told]) -> Told | None:
+        """What is ``told`` by the first that bears the load, with the memory that there is; None if none does."""
+        for second, comparison in self:
+            try:
+                with memory_for("a second mesh"):
+                    return told(second, comparison)
+            except ComputationError:  # its path ends before this load, or memory does
+                if second.mesh_size < self._path.mesh_size:
+                    break  # and so would those of finer ones, after much more time
+        return None
+
+    def comparison(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> StateComparison:
+        """Comparison of a canonical state of the path with that on the first other mesh that bears the load."""
+        path = self._path
+        if not value.any():
+            return StateComparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
+
+        def told(second: PadPath, comparison: RoofComparison) -> StateComparison:
+            if path.segments.buckled_at(value) is not None:  # as they are not judged, second meshes would stay straight
+                second = path.on_elements(second.mesh_size, judged=True)
+            other, there, at = carried_to(second, path.mesh, value, displacement, pressure)
+            second.refuse_unresolved(value, other)
+            of_force = share = 0.0
+            if path.load.gives_displacement:
+                forces = [path.force(value, displacement, pressure), second.force(value, other, there)]
+                of_force = comparison.force_error(*forces)
+                share = share_of(of_force, forces[0])
+            deviations = partial(comparison.deviations, displacement, other, share)
+            return StateComparison(comparison.error(displacement, other), deviations, of_force, at.seconds)
+
+        found = self.first(told) or StateComparison()
+        return with_reach(path, found, value, displacement, pressure) if path.load.self_contact else found
+
+    def _compared_with(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
+        """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
+        path = self._path
+        judge = path.judge
+        second = judge if judge and judge.mesh_size == mesh_size else path.on_elements(mesh_size)
+        try:
+            with memory_for("a second mesh"):
+                ratio = size_ratio(path.mesh, second.mesh)
+        except (ComputationError, InputError):
+            return None
+        if max(ratio, 1 / ratio) < LEAST_RATIO or len(second.mesh.tets) > MOST_ELEMENTS_COMPARED:
+            return None
+        least = self.typical(TYPICAL_ERROR)
+        here, there = path.images, second.images
+        images = {mirror: (here[mirror], there[mirror]) for mirror in here if mirror in there}
+        return second, RoofComparison(path.mesh, second.mesh, least, max(least, self._typical_at_top), images)
+
+    @property
+    def _typical_at_top(self) -> float:
+        """Typical error of a force, if domes alone have smaller elements than those of their judge."""
+        judge = self._path.judge
+        return 0.0 if judge is None else TYPICAL_ERROR * top_ratio(judge.mesh, self._path.mesh) ** ORDER
+
+    def typical(self, error: float) -> float:
+        """An error that is typical of elements of the default size, on those of the path."""
+        relative_size = min(self._path.mesh_size / self._path.pad.default_mesh_size, COARSENING)
+        return error * relative_size**ORDER  # of larger elements, all may be as coarse as can be
+
+    @property
+    def small_load_error(self) -> float:
+        """Relative error of the roofs' change from rest under small loads; infinite where it is not known."""
+        for second, comparison in self:
+            responses = zip(self._path.small_responses, second.small_responses, strict=True)
+            return max(comparison.error(here, other).relative for here, other in responses)
+        return math.inf
+
+
+def share_of(error: float, force: np.ndarray) -> float:
+    """Relative error of a force (3,): all of it, where that is 0 but the error is not."""
+    size = float(np.linalg.norm(force))
+    return error / size if size else float(error > 0)
+
+
+def carried_to(
+    path: PadPath, mesh: VolumeMesh, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Interpolated]:
+    """A canonical state of ``path``; under an indenter without its way there, from the same state on another mesh.
+
+    Without friction a state does not depend on the way to it.
+    """
+    if path.load.moved_indenter is None or path.load.self_contact:  # of one carried, walls may meet
+        return path.canonical(value, [], None)
+    name = cache.key("jump", *path.key_parts, RESIDUAL_TOLERANCE, _digest(mesh, displacement), value.tolist())
+    with cache.alone(name):
+        arrays = cache.load(name)
+        if arrays is None:
+            began, pad = time.perf_counter(), path.segments.pad_for(np.zeros(3), value)
+            try:
+                start = pad.gather(*carried(mesh, displacement, pressure, path.mesh, path.mesh_size))
+                solution, _ = pad.solve_linearised(start, value)
+            except (InputError, Rejected):
+                return path.canonical(value, [], None)
+            arrays = {"unknowns": solution.unknowns, "seconds": np.array(time.perf_counter() - began)}
+            cache.store(name, arrays)
+    seconds, pad = float(arrays["seconds"]), path.segments.pad_for(np.zeros(3), value)
+    found = pad.split(arrays["unknowns"])
+    return *found, Interpolated(arrays["unknowns"], math.nan, math.nan, 0, True, seconds)
+
+
+def _digest(mesh: VolumeMesh, displacement: np.ndarray) -> str:
+    return hashlib.sha256(mesh.points.tobytes() + displacement.tobytes()).hexdigest()

@@ -1,0 +1,67 @@
+"""A state on elements of another size, with which its derivatives are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.base.convergence import SLOPE_ORDER, TYPICAL_SLOPE_ERROR
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, PadPath, pad_path
+from mitsuba_taxel.mechanics.continuation.placed_paths import solved_on
+from mitsuba_taxel.mechanics.continuation.state import State
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
+from mitsuba_taxel.mechanics.errors.mesh_sizes import chosen_size
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.results.roof_error import RoofComparison, size_ratio
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.pad_file import PadFile
+
+
+class SecondState(NamedTuple):
+    """A state on elements of another size.
+
+    Attributes
+    ----------
+    state : State
+    share : float
+        Error of a derivative on the elements of the first state, relative to its difference from that on these.
+    share_of_sum : float
+        The same, relative to the sum of its errors on both.
+    least : float
+        Least relative error of a rate of the displacement on the elements of the first state.
+    """
+
+    state: State
+    share: float
+    share_of_sum: float
+    least: float
+
+
+def second_state(
+    pad: Pad | PadFile,
+    material: Material,
+    value: Sequence[float],
+    *,
+    load: Load = SPREAD_FORCE,
+    mesh_size: float | None = None,
+    mesh_tolerance: float | None = None,
+    judged_on: float | None = None,
+    bodies: RigidBodies | None = None,
+) -> SecondState | None:
+    """The state of :func:`load_path` under ``value`` on the second mesh that tells its error; None if no mesh does."""
+    with LOCK:
+        size = chosen_size(pad, material, load, mesh_size, mesh_tolerance)
+        path = pad_path(pad, material, load, size, judged_on=judged_on, bodies=bodies)
+        path, there, _ = solved_on(path, np.array(value, dtype=float))
+
+        def told(second: PadPath, comparison: RoofComparison) -> SecondState:
+            state = second.state(there)
+            second.refuse_unresolved(there, state.displacement)
+            growth = size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER
+            least = path.second_meshes.typical(TYPICAL_SLOPE_ERROR)
+            return SecondState(state, 1 / abs(growth - 1), 1 / (growth + 1), least)
+
+        return path.second_meshes.first(told)

@@ -1,0 +1,121 @@
+"""The states of a pad whose past counts under forces of an indenter: at poses at which it presses as asked.
+
+The body moves along z, and along the sideways parts of its force and of that of the row before; else it is guided.
+Poses are found by Broyden's method (Math. Comput. 19, 1965), each from the state at the row before.
+
+On a viscoelastic silicone the force changes linearly between rows. The body moves evenly between times that are halved
+until this hardly changes where it ends.
+"""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
+from mitsuba_taxel.mechanics.history.timed_path import Reached, TimedPath
+from mitsuba_taxel.mechanics.history.timed_rows import Row
+
+FORCE_TOLERANCE = 1e-6
+"""Of the force, relative."""
+POSE_TOLERANCE = 1e-3
+"""Of the place of the body, relative to that at a row, by which an interval of time and its halves may differ."""
+MOST_HALVINGS = 40
+"""Of an interval of time, one within the other: an instant at which the body jumps ends the path."""
+MOST_POSES = 30
+SLIPS = 0.02
+"""Stiffness sideways, relative to a guess of that along z, below which the body slips."""
+GIVES_WAY = 0.7
+"""First guess of the stiffness sideways, relative to that along z."""
+PARALLEL = 1e-6
+"""Sideways forces count as parallel if what is across is less than this share."""
+_DOWN = np.array([0.0, 0.0, -1.0])
+
+
+class PushedPath(TimedPath):
+    """As :class:`TimedPath`; values of rows are forces."""
+
+    def _next(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
+        began, at = clock.perf_counter(), self._pushed(before, rows)
+        if rows[-1][0] > before.time:
+            way = max(np.linalg.norm(at.moved), np.linalg.norm(before.moved))
+            at = self._halved(before, rows, at, POSE_TOLERANCE * float(way), MOST_HALVINGS)
+        return replace(at, seconds=before.seconds + clock.perf_counter() - began)
+
+    def _halved(self, before: Reached, rows: tuple[Row, ...], whole: Reached, allowed: float, left: int) -> Reached:
+        """The pad at the end of the last row, in as many even movements as it takes; ``whole`` is that by one,
+        ``allowed`` in mm, and ``left`` the number of further halvings."""
+        (time, force), last = rows[-1], rows[-2][1] if len(rows) > 1 else (0.0, 0.0, 0.0)
+        middle = 0.5 * (before.time + time), tuple(0.5 * (a + b) for a, b in zip(last, force, strict=True))
+        halves = (*rows[:-1], middle), (*rows[:-1], middle, rows[-1])
+        first = self._pushed(before, halves[0])
+        second = self._pushed(first, halves[1])
+        if np.linalg.norm(second.moved - whole.moved) <= allowed:
+            missed = (second.displacement - whole.displacement) / 3  # that of the halves, if errors go with the square
+            return replace(second, deviation=second.deviation + missed)
+        if not left:
+            raise ComputationError(
+                f"the indenter does not settle between {before.time:.4g} and {time:.4g} s: the load path ends there. "
+                "Smaller steps of the force may do."
+            )
+        first = self._halved(before, halves[0], first, allowed, left - 1)
+        return self._halved(first, halves[1], self._pushed(first, halves[1]), allowed, left - 1)
+
+    def _pushed(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
+        """The pad at the end of the last row, if the body moves evenly; raises `ComputationError` if it slips."""
+        time, force = rows[-1][0], np.array(rows[-1][1])
+        duration = time - before.time
+        if not force.any():
+            return self._moved(before, rows, np.zeros(3), duration)
+        ways = np.array([_DOWN, *_sideways(force, np.array(rows[-2][1] if len(rows) > 1 else np.zeros(3)))])
+        pad, free = self._pad_for(rows), self._without_friction(force)
+        stiffness = 1.5 * abs(force[2] / free[2])
+        slope = stiffness * np.diag([1.0, GIVES_WAY, GIVES_WAY][: len(ways)])
+        at, left, count, change = before, ways @ force, 0, -free[2:]
+        if before.moved.any():
+            left = ways @ (force - self._pressed(rows[:-1], before))
+            change = np.linalg.solve(slope, left)
+        change = np.append(change, np.zeros(len(ways) - len(change)))
+        for tried in range(MOST_POSES):
+            if before.moved.any() and change.any():
+                change = change * min(1.0, pad.step / np.linalg.norm(change))
+            pose = at.moved + change @ ways
+            count = max(count, 2 * math.ceil(np.linalg.norm(pose - before.moved) / pad.step))
+            at, last = self._moved(before, rows, pose, duration, count), left
+            left = ways @ (force - self._pressed(rows, at))
+            if np.linalg.norm(left) < FORCE_TOLERANCE * np.linalg.norm(force):
+                return at
+            if change.any() and (tried or not duration):  # else the force has changed in time, too
+                gained, aside = last - left, change[1:]
+                mostly = np.linalg.norm(aside) > abs(change[0])
+                if mostly and left[1:] @ aside > 0 and gained[1:] @ aside < SLIPS * stiffness * (aside @ aside):
+                    break
+                slope = slope + np.outer(gained - slope @ change, change) / (change @ change)
+            change = np.linalg.solve(slope, left)
+        reached = ", ".join(f"{part:.4g}" for part in np.round(self._pressed(rows, at), 12) + 0.0)
+        raise ComputationError(f"the indenter slips: the load path ends at force = ({reached}) N.")
+
+    def _without_friction(self, force: np.ndarray) -> np.ndarray:
+        """(3,) mm, how far the body would move under the normal part of a force."""
+        path = self._path
+        load: Any = path.load
+        load = replace(load, indenter=replace(load.indenter, friction=0.0))
+        free = pad_path(
+            path.pad, path.material, load, path.mesh_size, judged=False, bodies=path.bodies, refinement=path.refinement
+        )
+        return free.driven_to(-force[2] * _DOWN, None)
+
+    def _pressed(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
+        """(3,) N, force on the pad."""
+        return -self._board_force(rows, at)
+
+
+def _sideways(force: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """(n, 3) orthonormal directions of the sideways parts of two forces (3,): at most two."""
+    _, sizes, ways = np.linalg.svd(np.stack([force, before]) * [1.0, 1.0, 0.0])
+    return ways[:2][sizes > PARALLEL * sizes[0]]

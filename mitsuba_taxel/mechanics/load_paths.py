@@ -1,0 +1,217 @@
+"""The deformed pad at any load, on shared load paths.
+
+The path to a force F is 0 -> (0, 0, Fz) -> F: the normal segment first, then the tangential one, as in the paper's
+procedure and on the bench. Its nodes depend on pad, material, load and mesh alone, so that a state is bitwise the same
+whichever others are requested, in any order. The mirror image of a load, by a symmetry of the pad, has bitwise the
+mirrored state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from textwrap import shorten
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import check_progress, is_number, refusal, require
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE
+from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, PadPath, pad_path
+from mitsuba_taxel.mechanics.continuation.placed_paths import path_along, placed_path, state_of
+from mitsuba_taxel.mechanics.continuation.state import State
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
+from mitsuba_taxel.mechanics.elements.memory import memory_for
+from mitsuba_taxel.mechanics.errors.mesh_sizes import chosen_size
+from mitsuba_taxel.mechanics.history.pushed_path import PushedPath
+from mitsuba_taxel.mechanics.history.timed_path import TimedPath
+from mitsuba_taxel.mechanics.history.timed_rows import Row, timed_rows
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.pad_file import PadFile
+
+FEW_STATES = 100
+MOST_BYTES = 4 * 2**30
+"""Memory limit of the states returned at once; a few are always allowed."""
+
+
+def load_path(
+    pad: Pad | PadFile,
+    material: Material | Viscoelastic,
+    values: Sequence[Sequence[float]] | np.ndarray,
+    *,
+    times: Sequence[float] | np.ndarray | None = None,
+    load: Load = SPREAD_FORCE,
+    mesh_size: float | None = None,
+    mesh_tolerance: float | None = None,
+    judged_on: float | None = None,
+    step_tolerance: float = INTERPOLATION_TOLERANCE,
+    obstacles: np.ndarray | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[State]:
+    """Deformed states of a pad under each of the ``values`` of a load.
+
+    States of an elastic pad without friction depend on their values alone. A `Viscoelastic` silicone is at rest until t
+    = 0; its load changes linearly from each value to the next, and jumps where two times are equal. An indenter with
+    friction moves straight from each value to the next, and to the first one first down, then sideways.
+
+    Parameters
+    ----------
+    values : Sequence[Sequence[float]] or ndarray
+        (S, 3) forces in N or displacements in mm, compression is z < 0; or (S, 1) pressures in MPa.
+    times : (S,) sequence of float, optional
+        Non-decreasing times of the values in s: for a viscoelastic silicone only.
+    mesh_size : float, optional
+        Size of the finite elements in mm; by default the pad's own `default_mesh_size`.
+    mesh_tolerance : float, optional
+        Instead of a size, the target for the relative error of the roofs' displacement under a small load; see
+        :func:`mesh_size_for`.
+    judged_on : float, optional
+        Size in mm of the elements on which the stability of an elastic pad is judged; by default on those of the path
+        itself, which takes a third of its time or more. Beyond the loads that such a pad bears, it is judged on both.
+    step_tolerance : float
+        Root mean square error, relative to the largest displacement there, of displacements of an elastic pad that are
+        interpolated between solved states.
+    obstacles : (K, 3, 3) ndarray, optional
+        In mm, corners of the triangles of closed surfaces that do not move, in the frame of the pad. With
+        ``self_contact`` of the load, contact without friction keeps the pad off them; else it must not touch them.
+    progress : Callable[[int, int], None], optional
+        Called with (states done, total states).
+
+    Raises
+    ------
+    InputError
+        if values are not finite or too many for memory, a mesh size or tolerance is not allowed, the undeformed pad
+        touches obstacles, or times are missing, not needed, negative or decreasing.
+    ComputationError
+        naming the value at which the path ends, because the pad cannot be loaded further, or touches itself, the board
+        or an obstacle; or if memory does not suffice. With ``self_contact`` of the load, it goes on where it touches
+        them.
+    """
+    require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
+    require("material", material, (Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic")
+    require("load", load, Load, "a load, such as SpreadForce,")
+    check_progress(progress)
+    rows = _checked(values, load)
+    if obstacles is not None:
+        obstacles = _checked_triangles(obstacles)
+    law = material.law if isinstance(material, Viscoelastic) else material
+    if not (judged_on is None or (is_number(judged_on) and judged_on > 0)):
+        raise refusal("judged_on", judged_on, "a finite size in mm above 0 is needed")
+    if not (is_number(step_tolerance) and step_tolerance > 0):
+        raise refusal("step_tolerance", step_tolerance, "a finite number above 0 is needed")
+    history = timed_rows(material, load, rows, times)
+    earlier = len(history) - len(rows)
+    states = []
+    with LOCK:
+        size = chosen_size(pad, law, load, mesh_size, mesh_tolerance)
+        bodies = None
+        if load.self_contact and obstacles is not None:
+            bodies, obstacles = RigidBodies(obstacles.tobytes()), None
+        judged_on = None if history else judged_on
+        path = pad_path(pad, law, load, size, judged_on=judged_on, bodies=bodies, step_tolerance=step_tolerance)
+        _check_room(len(rows), path)
+        for done, value in enumerate(rows, start=1):
+            with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
+                if history:
+                    states.append(_state_in_time(path, material, history[: earlier + done], obstacles))
+                else:
+                    states.append(state_of(path, value, obstacles))
+            if progress is not None:
+                progress(done, len(rows))
+    return states
+
+
+def state_after(
+    pad: Pad | PadFile,
+    material: Material | Viscoelastic,
+    values: Sequence[Sequence[float]] | np.ndarray,
+    times: Sequence[float] | np.ndarray | None = None,
+    *,
+    load: Load = SPREAD_FORCE,
+    mesh_size: float | None = None,
+    mesh_tolerance: float | None = None,
+    obstacles: np.ndarray | None = None,
+) -> State:
+    """The last state of :func:`load_path`, if states depend on earlier ones, without keeping these in memory."""
+    rows = _checked(values, load)
+    history, law = timed_rows(material, load, rows, times), remembering(material).law
+    with LOCK:
+        path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
+        with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
+            return _state_in_time(path, material, history, obstacles)
+
+
+def state_at_rest(
+    pad: Pad | PadFile,
+    material: Material | Viscoelastic,
+    values: Sequence[Sequence[float]] | np.ndarray,
+    times: Sequence[float] | np.ndarray | None = None,
+    *,
+    load: Load = SPREAD_FORCE,
+    mesh_size: float | None = None,
+    mesh_tolerance: float | None = None,
+) -> State:
+    """The unloaded state on the elements that the last state of :func:`load_path` has."""
+    rows = _checked(values, load)
+    history, law = timed_rows(material, load, rows, times), remembering(material).law
+    with LOCK:
+        path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
+        with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
+            path = path_along(path, [row for _, row in history]) if history else placed_path(path, rows[-1])[0]
+            return path.state(np.zeros(load.components))
+
+
+def remembering(material: Material | Viscoelastic) -> Viscoelastic:
+    """A material as a viscoelastic one, without terms if it is elastic."""
+    return material if isinstance(material, Viscoelastic) else Elastic(material)
+
+
+def _state_in_time(
+    path: PadPath, material: Material | Viscoelastic, history: tuple[Row, ...], obstacles: np.ndarray | None
+) -> State:
+    """The last state of a pad whose states depend on earlier ones."""
+    kind = PushedPath if path.load.driven is not None else TimedPath
+    along = path_along(path, [value for _, value in history])
+    return kind.of(along, remembering(material)).state(history, obstacles)
+
+
+def _check_room(states: int, path: PadPath) -> None:
+    """Raise `InputError` if so many states do not fit into memory at once."""
+    if states <= FEW_STATES:
+        return
+    most = MOST_BYTES // (3 * path.mesh.points.nbytes)  # displacement and deviations
+    if states > most:
+        raise InputError(
+            f"{states} values of a load are not allowed: at most {most} states of this pad fit into memory at once; "
+            "compute them one by one."
+        )
+
+
+def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.ndarray:
+    """The values as an array (S, components); raises `InputError`."""
+    try:
+        rows = np.asarray(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        rows = np.empty(0)
+    wanted = "three finite numbers are" if load.components == 3 else "one finite number is"
+    if rows.ndim != 2 or rows.shape[1] != load.components:
+        shown = shorten(repr(values), 100, placeholder=" ...]")
+        raise InputError(f"{load.quantity} values = {shown} are not allowed: rows of {wanted} needed.")
+    wrong = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+    if len(wrong):
+        shown = f"{load.quantity} values[{wrong[0]}] = {rows[wrong[0]].tolist()}"
+        raise InputError(f"{shown} are not allowed: {wanted} needed.")
+    return rows
+
+
+def _checked_triangles(obstacles: object) -> np.ndarray:
+    """The corners (K, 3, 3) as numbers; raises `InputError`."""
+    try:
+        corners = np.asarray(obstacles, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        corners = np.empty(0)
+    if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not np.all(np.isfinite(corners)):
+        raise refusal("obstacles", obstacles, "an array (K, 3, 3) of finite corners of triangles is needed")
+    return corners

@@ -1,0 +1,27 @@
+"""Cached meshes of pads."""
+
+from __future__ import annotations
+
+from weakref import WeakValueDictionary
+
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics import cache
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.pad_file import PadFile
+
+_IN_USE: WeakValueDictionary[str, VolumeMesh] = WeakValueDictionary()
+
+
+def pad_mesh(pad: Pad | PadFile, mesh_size: float) -> VolumeMesh:
+    """The undeformed mesh of a pad, with elements of a size in mm, from disk or from the mesher.
+
+    While it is in use it is the same object for all, so that what depends on the mesh alone is found once.
+    """
+    name = cache.key("mesh", [pad.identity, mesh_size])
+    with cache.alone(name):
+        arrays = cache.load(name)
+        if arrays is None:
+            mesh = pad.mesh(mesh_size, pad_mesh) if isinstance(pad, Pad) else pad.mesh(mesh_size)
+            cache.store(name, vars(mesh))
+            return _IN_USE.setdefault(name, mesh)
+    return _IN_USE.get(name) or _IN_USE.setdefault(name, VolumeMesh(**arrays))

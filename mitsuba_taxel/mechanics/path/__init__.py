@@ -1,1 +1,0 @@
-"""Equilibrium along a load path, its stability and its derivatives."""
