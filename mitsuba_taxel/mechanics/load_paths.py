@@ -9,6 +9,7 @@ mirrored state.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from textwrap import shorten
 
 import numpy as np
@@ -16,13 +17,15 @@ import numpy as np
 from mitsuba_taxel.base.arguments import check_progress, is_number, refusal, require
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, PadPath, pad_path
-from mitsuba_taxel.mechanics.continuation.placed_paths import path_along, placed_path, state_of
+from mitsuba_taxel.mechanics.continuation.placed_paths import path_along, placed_path, solved_on
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.errors.mesh_sizes import chosen_size
+from mitsuba_taxel.mechanics.errors.second_meshes import compared
 from mitsuba_taxel.mechanics.history.pushed_path import PushedPath
 from mitsuba_taxel.mechanics.history.timed_path import TimedPath
 from mitsuba_taxel.mechanics.history.timed_rows import Row, timed_rows
@@ -117,7 +120,7 @@ def load_path(
                 if history:
                     states.append(_state_in_time(path, material, history[: earlier + done], obstacles))
                 else:
-                    states.append(state_of(path, value, obstacles))
+                    states.append(_elastic_state(path, value, obstacles))
             if progress is not None:
                 progress(done, len(rows))
     return states
@@ -160,12 +163,26 @@ def state_at_rest(
         path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
         with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
             path = path_along(path, [row for _, row in history]) if history else placed_path(path, rows[-1])[0]
-            return path.state(np.zeros(load.components))
+            return compared(path, path.state(np.zeros(load.components)))
 
 
 def remembering(material: Material | Viscoelastic) -> Viscoelastic:
     """A material as a viscoelastic one, without terms if it is elastic."""
     return material if isinstance(material, Viscoelastic) else Elastic(material)
+
+
+def _elastic_state(path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
+    """The deformed pad under a value of a load, without friction, as :func:`solved_on` its elements."""
+    try:
+        on, _, state = solved_on(path, value, obstacles)
+    except LoadPathEnds as end:
+        if end.value is None or end.load == path.load or path.load.moved_indenter is None:
+            raise
+        raise end.at(path.load, np.array([*value[:2], end.value[2]])) from end
+    state = compared(on, state)
+    if on.load == path.load:
+        return state
+    return replace(state, load=path.load, value=value, indenter_moved=value)
 
 
 def _state_in_time(

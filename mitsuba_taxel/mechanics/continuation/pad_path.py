@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.base.sources import own_code
 from mitsuba_taxel.geometry.bezier_patches import Place
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -22,9 +20,9 @@ from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
-from mitsuba_taxel.mechanics.contact.local_mesh import Refinement, mesh_under
+from mitsuba_taxel.mechanics.contact.local_mesh import Refinement
 from mitsuba_taxel.mechanics.contact.resolution import LARGEST, refuse_unresolved
-from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.contact.self_contact import Contact
 from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.continuation.indenter_depth import depth_under, force_at, stiffness_at
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds, Obstacles, end_of_path, refuse_at_rest
@@ -33,32 +31,29 @@ from mitsuba_taxel.mechanics.continuation.load_segment import (
     Interpolated,
     LoadSegment,
 )
+from mitsuba_taxel.mechanics.continuation.path_problem import PathProblem
 from mitsuba_taxel.mechanics.continuation.path_segments import PathSegments, nothing
 from mitsuba_taxel.mechanics.continuation.solved_states import SolvedStates
-from mitsuba_taxel.mechanics.continuation.state import PathRate, State, StateComparison
+from mitsuba_taxel.mechanics.continuation.state import PathRate, State
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
-from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS, natural_step
-from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
+from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
-from mitsuba_taxel.mechanics.errors.second_meshes import SecondMeshes
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 
 LOCK = threading.RLock()
 
 
-class PadPath:
+class PadPath(PathProblem):
     """The states of one pad of one material under one kind of load, kept on disk and in memory.
 
     One that another is compared with is not ``judged``: it may be unstable where it does not show in that. One that is
     ``judged_on`` elements of another size in mm is stable as far as the pad of those bears the load; beyond, it is
-    judged itself. Where a load goes on, ``bodies`` may stand in the way, which the states of the path touch. Between
-    nodes it is interpolated within ``step_tolerance``. Under an indenter elements are small as ``refinement`` says: by
-    default never larger than those of the default size have there.
+    judged itself. Where a load goes on, ``bodies`` may stand in the way, which the states of the path touch. Other
+    parameters are those of a :class:`PathProblem`.
     """
 
     def __init__(
@@ -73,40 +68,16 @@ class PadPath:
         step_tolerance: float,
         refinement: Refinement | None,
     ) -> None:
-        self.pad, self.material, self.load, self.mesh_size, self.bodies = pad, material, load, mesh_size, bodies
-        self.step_tolerance, self._refinement = step_tolerance, refinement
-        self.judged = judged and judged_on is None
+        judged = judged and judged_on is None
+        super().__init__(pad, material, load, mesh_size, judged, bodies, step_tolerance, refinement)
         self.judge = None if judged_on is None else self._like(judged_on)
         self.segments = PathSegments(self)
-        self.solved = SolvedStates(self)
-        self.second_meshes = SecondMeshes(self)
-
-    @cached_property
-    def _identity(self) -> list[Any]:
-        if self.load.indenter is None:
-            return [self.pad.identity, self.mesh_size]
-        return [self.pad.identity, self.mesh_size, asdict(self.load.indenter), asdict(self.refinement)]
-
-    @cached_property
-    def refinement(self) -> Refinement:
-        """Of the mesh under an indenter."""
-        return self._refinement or Refinement(min(1.0, self.mesh_size / self.pad.default_mesh_size))
+        self.solved = SolvedStates(self, self.segments, self._state_under_normal_force if self.judge else None)
 
     @cached_property
     def mesh(self) -> VolumeMesh:
-        if self.load.driven is not None:
-            return self.driven.mesh
-        indenter = self.load.indenter
-        if indenter is None:
-            return pad_mesh(self.pad, self.mesh_size)
-        name = cache.key("mesh", self._identity)
-        with cache.alone(name):
-            arrays = cache.load(name)
-            if arrays is None:
-                mesh = mesh_under(pad_mesh(self.pad, self.mesh_size), indenter, self.refinement)
-                cache.store(name, vars(mesh))
-                return mesh
-        return VolumeMesh(**arrays)
+        """Of the undeformed pad."""
+        return super().mesh if self.load.driven is None else self.driven.mesh
 
     @cached_property
     def driven(self) -> PadPath:
@@ -151,63 +122,57 @@ class PadPath:
             carried = max(force_at(pad, segment, node) for node in nodes)
             raise end.under(self.load, np.array([0.0, 0.0, -carried])) from end
 
-    @cached_property
-    def images(self) -> dict[Mirror, np.ndarray]:
-        """The mirrors that leave mesh, load's distribution and bodies as they are."""
-        images = mirror_images(self.mesh, self.load)
-        return {mirror: image for mirror, image in images.items() if self.bodies is None or self.bodies.kept_by(mirror)}
-
-    @cached_property
-    def contact(self) -> ContactTest:
-        return ContactTest(self.mesh, None if self.bodies is None else self.bodies.triangles)
-
     def _obstacles(self, triangles: np.ndarray, mirrors: list[Mirror]) -> Obstacles:
         """What is known of obstacles, which ``mirrors`` take where the segments are; of the last few."""
-        refuse_at_rest(self._own_contact_at_rest)
+        refuse_at_rest(self.own_contact_at_rest)
         return _in_the_way(self, np.asarray(triangles, dtype=float).tobytes(), tuple(mirrors))
-
-    @cached_property
-    def _own_contact_at_rest(self) -> Contact | None:
-        """A contact of the undeformed pad with the board or itself: of those that mirrors map onto each other, one."""
-        kept = np.ones(len(self.mesh.points), dtype=bool)
-        for mirror in self.images:
-            kept &= mirror.side(self.mesh.points) >= 0
-        return ContactTest(self.mesh, nodes=np.flatnonzero(kept)).at_rest
-
-    @cached_property
-    def step(self) -> float:
-        return natural_step(self.mesh, self.material, self.load)
 
     def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
         """The deformed pad under ``value``, on the way to which it must not touch ``obstacles``."""
-        if self.judge and not self._bears(self.judge, value):
-            return self._like(self.mesh_size).state(value, obstacles)
+        bearing = self.bearing(value)
+        if bearing is not self:
+            return bearing.state(value, obstacles)
         if self.bodies is not None:
             refuse_at_rest(self.contact.at_rest)
         self.load.check(value)
-        used: list[Mirror] = []
-        turned = value = np.array(value)
-        self.segments.follow_normal(value)
-        for mirror in self.segments.mirrors_at(value):
-            if len(value) == 3 and mirror.side(turned) < 0:
-                turned = mirror.image(turned)
-                used.append(mirror)
+        value = np.array(value)
+        turned, used = self.turned(value)
         in_the_way = None if obstacles is None else self._obstacles(obstacles, used)
         displacement, pressure, at = self.canonical(turned, used, in_the_way)
-        compare = partial(self._comparison, turned, used, displacement, pressure)
         rate = partial(self._rate, turned, used)
-        for mirror in reversed(used):
-            image = self.images[mirror]
-            displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
+        displacement, pressure = self.mirrored(displacement, pressure, reversed(used))
         buckled_at = self.segments.buckled_at(turned, used)
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
         moved = None if self.load.moved_indenter is None else value
         if self.load.driven is not None:
             moved = self.driven_to(value, in_the_way)
         return State(
-            self.mesh, self.material, self.load, value, displacement, pressure, *figures, compare, rate,
+            self.mesh, self.material, self.load, value, displacement, pressure, *figures, path_rate=rate,
             indenter_moved=moved, bodies=self.bodies, buckled_at=buckled_at,
         )  # fmt: skip
+
+    def bearing(self, value: np.ndarray) -> PadPath:
+        """The path that leads to a value: this one, or one that is judged itself, where that of its judge does not."""
+        return self._like(self.mesh_size) if self.judge and not self._bears(self.judge, value) else self
+
+    def turned(self, value: np.ndarray) -> tuple[np.ndarray, list[Mirror]]:
+        """A value on the kept side of all mirrors of the pad, and those that take it there."""
+        used: list[Mirror] = []
+        self.segments.follow_normal(value)
+        for mirror in self.segments.mirrors_at(value):
+            if len(value) == 3 and mirror.side(value) < 0:
+                value = mirror.image(value)
+                used.append(mirror)
+        return value, used
+
+    def mirrored(
+        self, displacement: np.ndarray, pressure: np.ndarray, mirrors: Iterable[Mirror]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (N, 3) and pressure (corners,) after some mirrors of the pad in turn."""
+        for mirror in mirrors:
+            image = self.images[mirror]
+            displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
+        return displacement, pressure
 
     def like(self, load: Load | None = None, refinement: Refinement | None = None) -> PadPath:
         """The path under another load, or on elements that are refined otherwise under the indenter."""
@@ -242,20 +207,6 @@ class PadPath:
             return self.state(value).buckled_at is None
         except ComputationError:
             return False
-
-    def _comparison(
-        self, value: np.ndarray, mirrors: list[Mirror], displacement: np.ndarray, pressure: np.ndarray
-    ) -> StateComparison:
-        """What a second mesh tells of a canonical state; deviations of that which ``mirrors`` took there."""
-        with LOCK:
-            found = self.second_meshes.comparison(value, displacement, pressure)
-        return found._replace(deviate=found.deviate and partial(self._mirrored, found.deviate, mirrors))
-
-    def _mirrored(self, deviate: Callable[[], np.ndarray], mirrors: list[Mirror]) -> np.ndarray:
-        deviations = deviate()
-        for mirror in reversed(mirrors):
-            deviations = mirror.image(deviations[:, self.images[mirror]])
-        return deviations
 
     def _rate(self, value: np.ndarray, mirrors: list[Mirror]) -> PathRate | None:
         """How a canonical state that ``mirrors`` took there goes on."""
@@ -358,6 +309,11 @@ class PadPath:
             start = partial(_in_balance, pad, at.unknowns, segment.value(s))
         return *found, replace(at, seconds=seconds)
 
+    def _state_under_normal_force(self, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement and pressure under a force (3,) along z."""
+        displacement, pressure, _ = self.canonical(value, [], None)
+        return displacement, pressure
+
     def _refuse_touch(
         self,
         segment: LoadSegment | BuckledBranch,
@@ -407,13 +363,6 @@ class PadPath:
             folded_at = folded_at and tuple(mirror.image(np.array(folded_at)).tolist())
         return end_of_path(self.mesh, self.load, value, reason, place, buckled_at, folded_at)
 
-    @property
-    def key_parts(self) -> list[Any]:
-        """Pad, material, load and bodies, for keys of the cache."""
-        material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]
-        bodies = [] if self.bodies is None else [self.bodies.triangles.tolist()]
-        return [self._identity, material, [_name_of(self.load), asdict(self.load)], *bodies]
-
 
 def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return state
@@ -422,12 +371,6 @@ def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarr
 def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Displacement and pressure in balance near the unknowns of an interpolated state."""
     return pad.split(pad.balance(near, value))
-
-
-def _name_of(part: object) -> str:
-    """The class of a part, and the code of one that is not of this package."""
-    kind: Any = type(part)
-    return f"{kind.__module__}.{kind.__qualname__}{own_code(kind)}"
 
 
 def pad_path(

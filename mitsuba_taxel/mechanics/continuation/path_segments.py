@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,13 +12,11 @@ from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.continuation.load_segment import Followed, LoadSegment
 from mitsuba_taxel.mechanics.continuation.onset_of_buckling import find_onset, is_kept
+from mitsuba_taxel.mechanics.continuation.path_problem import PathProblem
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import loaded_pad
-
-if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 
 LONGER_PRESSED = 2.0
 """Relative length of steps along z where stability is not judged: pads give way to a push aside five times as much."""
@@ -33,9 +30,9 @@ def nothing(segment: LoadSegment, pad: Followed) -> None:
 
 
 class PathSegments:
-    """Segments and branches of one ``path``, kept in memory and on disk."""
+    """Segments and branches of the path of one problem, kept in memory and on disk."""
 
-    def __init__(self, path: PadPath) -> None:
+    def __init__(self, path: PathProblem) -> None:
         self._path = path
         self.known: dict[tuple[float, ...], LoadSegment] = {}
         self.branches: dict[LoadSegment, BuckledBranch] = {}

@@ -15,7 +15,6 @@ import numpy as np
 
 from mitsuba_taxel.mechanics.contact.local_mesh import CLOSE, SMALL_DEPTH, swept_legs
 from mitsuba_taxel.mechanics.contact.resolution import LARGEST, WANTED, Unresolved
-from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.meshes import pad_mesh
@@ -88,16 +87,3 @@ def solved_on(
                 raise
         left -= 1
         path = path.like(refinement=replace(path.refinement, depth=SHALLOWER * path.refinement.depth))
-
-
-def state_of(path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
-    """The deformed pad under a value of a load, without friction, as :func:`solved_on` its elements."""
-    try:
-        on, there, state = solved_on(path, value, obstacles)
-    except LoadPathEnds as end:
-        if end.value is None or end.load == path.load or path.load.moved_indenter is None:
-            raise
-        raise end.at(path.load, np.array([*value[:2], end.value[2]])) from end
-    if on.load == path.load:
-        return state
-    return replace(state, load=path.load, value=value, indenter_moved=value)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,12 +10,11 @@ from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.continuation.load_segment import Interpolated, LoadSegment, Node
+from mitsuba_taxel.mechanics.continuation.path_problem import PathProblem
+from mitsuba_taxel.mechanics.continuation.path_segments import PathSegments
 from mitsuba_taxel.mechanics.continuation.pushed_states import PushedStates
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
-
-if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 
 FURTHEST_BESIDE = 1.25
 """Tangential distance from a normal force, in steps of the path, up to which its tangent is tried: of the paper's domes
@@ -23,10 +22,23 @@ it leads one as far, and none to 1.5."""
 
 
 class SolvedStates:
-    """States of one ``path`` in contact, and beside those under normal forces, kept in memory and on disk."""
+    """States of the path of one problem in contact, and beside those under normal forces, in memory and on disk.
 
-    def __init__(self, path: PadPath) -> None:
-        self._path = path
+    Parameters
+    ----------
+    path : PathProblem
+    segments : PathSegments
+    state_under : Callable[[ndarray], tuple[ndarray, ndarray]] or None
+        Displacement and pressure under a force (3,) along z; None where all segments are followed.
+    """
+
+    def __init__(
+        self,
+        path: PathProblem,
+        segments: PathSegments,
+        state_under: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None,
+    ) -> None:
+        self._path, self._segments, self._state_under = path, segments, state_under
         self._at: dict[LoadSegment, dict[float, Node]] = {}
         self._beside: dict[LoadSegment, dict[float, Interpolated | None]] = {}
         self._rates_beside: dict[LoadSegment, dict[float, np.ndarray]] = {}
@@ -35,7 +47,7 @@ class SolvedStates:
         """The state in balance at a distance ``s`` that a segment reaches: in contact, cubics are far off."""
         asked = self._at.setdefault(segment, {})
         if s not in asked:
-            name = cache.key("state", self._path.segments.name_of(segment), s)
+            name = cache.key("state", self._segments.name_of(segment), s)
             with cache.alone(name):
                 arrays = cache.load(name)
                 asked[s] = segment.solved(pad, s) if arrays is None else Node(**cache.values_of(arrays))
@@ -57,11 +69,11 @@ class SolvedStates:
         pad touches itself or the board: then the segment must be followed.
         """
         small = segment.direction[:-1].any() and s <= FURTHEST_BESIDE * segment.step
-        if not self._path.judge or not small or self._path.load.self_contact or self._path.load.gives_displacement:
+        if self._state_under is None or not small or self._path.load.self_contact or self._path.load.gives_displacement:
             return None
         asked = self._beside.setdefault(segment, {})
         if s not in asked:
-            name = cache.key("pushed", self._path.segments.name_of(segment), s)
+            name = cache.key("pushed", self._segments.name_of(segment), s)
             with cache.alone(name):
                 arrays = cache.load(name)
                 if arrays is None:
@@ -82,7 +94,7 @@ class SolvedStates:
         """How the ``unknowns`` of a state beside that under a normal force change with ``s``."""
         asked = self._rates_beside.setdefault(segment, {})
         if s not in asked:
-            name = cache.key("pushed rate", self._path.segments.name_of(segment), s)
+            name = cache.key("pushed rate", self._segments.name_of(segment), s)
             with cache.alone(name):
                 arrays = cache.load(name)
                 if arrays is None:
@@ -94,8 +106,9 @@ class SolvedStates:
 
     def pushed_from(self, normal: np.ndarray) -> PushedStates:
         """States under a normal force (3,) and small tangential ones."""
-        displacement, pressure, _ = self._path.canonical(normal, [], None)
-        pad = self._path.segments.pad_for(np.zeros(3), normal if normal.any() else np.array([0.0, 0.0, -1.0]))
+        assert self._state_under is not None
+        displacement, pressure = self._state_under(normal)
+        pad = self._segments.pad_for(np.zeros(3), normal if normal.any() else np.array([0.0, 0.0, -1.0]))
         return PushedStates(pad, pad.gather(displacement, pressure), normal)
 
 

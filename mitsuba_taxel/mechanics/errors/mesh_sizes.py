@@ -10,6 +10,7 @@ from mitsuba_taxel.base.arguments import is_number, refusal
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, pad_path
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
+from mitsuba_taxel.mechanics.errors.second_meshes import second_meshes
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
@@ -44,7 +45,7 @@ def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance:
             path = pad_path(pad, material, load, size)
             if len(path.mesh.tets) > MOST_ELEMENTS_TRIED:
                 break
-            error = path.second_meshes.small_load_error
+            error = second_meshes(path).small_load_error
             if error <= tolerance:
                 return size
             size /= math.sqrt(2)

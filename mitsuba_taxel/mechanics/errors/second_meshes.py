@@ -6,26 +6,27 @@ import hashlib
 import math
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.convergence import COARSENING, ORDER, TYPICAL_ERROR
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.continuation.load_segment import Interpolated
-from mitsuba_taxel.mechanics.continuation.state import StateComparison
+from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, PadPath
+from mitsuba_taxel.mechanics.continuation.state import State, StateComparison
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 from mitsuba_taxel.mechanics.errors.shorter_reach import with_reach
 from mitsuba_taxel.mechanics.results.locate import carried
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio, top_ratio
-
-if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 
 FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
 """Sizes of a second mesh, relative to the first's, that are tried where one of twice the size does not tell the error:
@@ -129,6 +130,35 @@ class SecondMeshes:
             responses = zip(self._path.small_responses, second.small_responses, strict=True)
             return max(comparison.error(here, other).relative for here, other in responses)
         return math.inf
+
+
+@kept(16)
+def second_meshes(path: PadPath) -> SecondMeshes:
+    """The shared second meshes of a path."""
+    return SecondMeshes(path)
+
+
+def compared(path: PadPath, state: State) -> State:
+    """A state of a path, with its error: the second mesh that tells it is solved when it is first asked for."""
+    return replace(state, second_mesh=partial(_comparison, path, state))
+
+
+def _comparison(path: PadPath, state: State) -> StateComparison:
+    """What a second mesh tells of a state; the canonical one is compared, and mirrored back."""
+    with LOCK:
+        path = path.bearing(state.value)
+        value, mirrors = path.turned(state.value)
+        canonical = path.mirrored(state.displacement, state.pressure, mirrors)
+        comparison = second_meshes(path).comparison(value, *canonical)
+    return comparison._replace(deviate=comparison.deviate and partial(_mirrored, path, comparison.deviate, mirrors))
+
+
+def _mirrored(path: PadPath, deviate: Callable[[], np.ndarray], mirrors: list[Mirror]) -> np.ndarray:
+    """(2, N, 3) deviations of the state that ``mirrors`` took to the canonical one."""
+    deviations = deviate()
+    for mirror in reversed(mirrors):
+        deviations = mirror.image(deviations[:, path.images[mirror]])
+    return deviations
 
 
 def share_of(error: float, force: np.ndarray) -> float:

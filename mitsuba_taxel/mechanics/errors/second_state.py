@@ -14,6 +14,7 @@ from mitsuba_taxel.mechanics.continuation.placed_paths import solved_on
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.errors.mesh_sizes import chosen_size
+from mitsuba_taxel.mechanics.errors.second_meshes import compared, second_meshes
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.results.roof_error import RoofComparison, size_ratio
 from mitsuba_taxel.pads.pad import Pad
@@ -58,10 +59,10 @@ def second_state(
         path, there, _ = solved_on(path, np.array(value, dtype=float))
 
         def told(second: PadPath, comparison: RoofComparison) -> SecondState:
-            state = second.state(there)
+            state = compared(second, second.state(there))
             second.refuse_unresolved(there, state.displacement)
             growth = size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER
-            least = path.second_meshes.typical(TYPICAL_SLOPE_ERROR)
+            least = second_meshes(path).typical(TYPICAL_SLOPE_ERROR)
             return SecondState(state, 1 / abs(growth - 1), 1 / (growth + 1), least)
 
-        return path.second_meshes.first(told)
+        return second_meshes(path).first(told)

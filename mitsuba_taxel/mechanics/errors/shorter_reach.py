@@ -4,19 +4,17 @@ linear: from the same state with half of both."""
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.mechanics import cache
+from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.state import StateComparison
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE
 from mitsuba_taxel.mechanics.equilibrium.self_touching_pad import SelfTouchingPad
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
-
-if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 
 CLOSER = 0.5
 """Share of both, in that state."""

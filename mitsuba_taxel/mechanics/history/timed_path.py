@@ -36,7 +36,7 @@ from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import new_pad
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
-from mitsuba_taxel.mechanics.errors.second_meshes import share_of
+from mitsuba_taxel.mechanics.errors.second_meshes import second_meshes, share_of
 from mitsuba_taxel.mechanics.errors.shorter_reach import REMAINDER
 from mitsuba_taxel.mechanics.history.reached import ON_ITS_WAY, Passed, Reached, Way, passed
 from mitsuba_taxel.mechanics.history.time_steps import (
@@ -425,7 +425,7 @@ class TimedPath:
                     there.seconds + sum(other.seconds for other in (longer, closer) if other is not at),
                 )
 
-            return self._path.second_meshes.first(told) or StateComparison()
+            return second_meshes(self._path).first(told) or StateComparison()
 
     @cached_property
     def _longer(self) -> TimedPath:

@@ -24,7 +24,7 @@ from mitsuba_taxel.mechanics import (
     load_path,
 )
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
-from mitsuba_taxel.mechanics.continuation import pad_path
+from mitsuba_taxel.mechanics.continuation import pad_path, path_problem
 from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
 from mitsuba_taxel.mechanics.continuation.onset_of_buckling import find_onset
@@ -84,7 +84,7 @@ def test_an_elastica(symmetric_block, judging):
 def columns(fresh, monkeypatch, symmetric_block):
     """Pads that are columns in truth; a function that forgets all states in memory."""
     monkeypatch.setattr(
-        pad_path, "pad_mesh", lambda pad, size: symmetric_block((1.0, WIDTH, LENGTH), (1, 1, round(8 / size)))
+        path_problem, "pad_mesh", lambda pad, size: symmetric_block((1.0, WIDTH, LENGTH), (1, 1, round(8 / size)))
     )
     return fresh
 
@@ -184,7 +184,7 @@ def test_readings_are_continuous_as_a_buckled_wall_touches_the_package(fresh, mo
     """Two walls bend inwards from 0.051 mm on, and lean on the package from 0.067 mm on; the others bend outwards."""
     pytest.importorskip("ipctk")
     pad = Pad(rows=1, columns=1, wall=0.12, cell_size=2.0, cell_height=1.2, height=1.6, pitch=2.12)
-    monkeypatch.setattr(pad_path, "pad_mesh", lambda pad, size: thin_walled(pad, 2, 4))
+    monkeypatch.setattr(path_problem, "pad_mesh", lambda pad, size: thin_walled(pad, 2, 4))
     depths, read, error, pushed = 0.067 + 3e-3 * np.arange(-2, 3), [], [], []
     reflector, load = PhotoReflector(body=(1.8, 1.8, 0.7)), PlateDisplacement(self_contact=True)
     for depth in depths:

@@ -77,7 +77,7 @@ def test_the_residual():
 def test_figures_of_a_buckled_pad(fresh, monkeypatch, symmetric_block):
     """Between solved amplitudes."""
     mesh = symmetric_block((1.0, 2.0, 16.0), (1, 1, 8))
-    monkeypatch.setattr("mitsuba_taxel.mechanics.continuation.pad_path.pad_mesh", lambda *_: mesh)
+    monkeypatch.setattr("mitsuba_taxel.mechanics.continuation.path_problem.pad_mesh", lambda *_: mesh)
     onset = 4.0 * np.pi**2 / 48 * 2.0 / 16.0**2
     (state,) = load_path(PAD, NeoHookean(4.0, 0.0), [(0.0, 0.0, -1.013 * onset)], mesh_size=SIZE)
     assert state.buckled_at is not None

@@ -29,7 +29,7 @@ def strip(fresh, monkeypatch, symmetric_block):
         region = np.where(mesh.face_region == REGIONS["bottom"], REGIONS["roof"], mesh.face_region)
         region = np.where(ends, REGIONS["bottom"], region)
         high = replace(mesh, points=mesh.points + [0.0, 0.0, SPAN], face_region=region)  # far above the board
-        monkeypatch.setattr("mitsuba_taxel.mechanics.continuation.pad_path.pad_mesh", lambda *_: high)
+        monkeypatch.setattr("mitsuba_taxel.mechanics.continuation.path_problem.pad_mesh", lambda *_: high)
         return thickness
 
     return clamped

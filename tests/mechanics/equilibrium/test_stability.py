@@ -10,7 +10,7 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_SECOND_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS
 from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement, PlateForce, Pressure, SpreadForce, load_path
-from mitsuba_taxel.mechanics.continuation import pad_path as pad_path_module
+from mitsuba_taxel.mechanics.continuation import path_problem
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.continuation.path_segments import LONGER_PRESSED
 from mitsuba_taxel.mechanics.elements import solvers
@@ -124,7 +124,7 @@ def test_a_stable_pad_needs_two_small_matrices(fresh, monkeypatch):
 def test_a_state_may_be_stable_beyond_an_unstable_one(fresh, monkeypatch, thin_walled):
     """So it does not do to test the last of a path."""
     pad, load = Pad(rows=1, columns=1, wall=0.05), PlateDisplacement()
-    monkeypatch.setattr(pad_path_module, "pad_mesh", lambda pad, size: thin_walled(pad, 2, 4))
+    monkeypatch.setattr(path_problem, "pad_mesh", lambda pad, size: thin_walled(pad, 2, 4))
     path = pad_path(pad, LAW, load, 2.0, judged=False)
     value = np.array((0.0, 0.0, -0.2))
     path.state(value)

@@ -1,0 +1,123 @@
+"""What a load path is of: a pad of one material under one kind of load, on elements of one size."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.sources import own_code
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics import cache
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.local_mesh import Refinement, mesh_under
+from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.equilibrium.natural_step import natural_step
+from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.meshes import pad_mesh
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.pad_file import PadFile
+
+
+class PathProblem:
+    """A pad, its material and load, and the elements on which it is solved: with all that follows from these alone.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+    material : Material
+    load : Load
+    mesh_size : float
+        In mm.
+    judged : bool
+        Whether states must be stable against all displacements, not only those with the symmetry of the load.
+    bodies : RigidBodies or None
+        Those that the states touch, where a load goes on.
+    step_tolerance : float
+        Of the interpolation between nodes; see
+        :data:`~mitsuba_taxel.mechanics.continuation.load_segment.INTERPOLATION_TOLERANCE`.
+    refinement : Refinement or None
+        How small elements are under an indenter: by default never larger than those of the default size have there.
+    """
+
+    def __init__(
+        self,
+        pad: Pad | PadFile,
+        material: Material,
+        load: Load,
+        mesh_size: float,
+        judged: bool,
+        bodies: RigidBodies | None,
+        step_tolerance: float,
+        refinement: Refinement | None,
+    ) -> None:
+        self.pad, self.material, self.load, self.mesh_size, self.bodies = pad, material, load, mesh_size, bodies
+        self.judged, self.step_tolerance, self._refinement = judged, step_tolerance, refinement
+
+    @cached_property
+    def _identity(self) -> list[Any]:
+        if self.load.indenter is None:
+            return [self.pad.identity, self.mesh_size]
+        return [self.pad.identity, self.mesh_size, asdict(self.load.indenter), asdict(self.refinement)]
+
+    @cached_property
+    def refinement(self) -> Refinement:
+        """Of the mesh under an indenter."""
+        return self._refinement or Refinement(min(1.0, self.mesh_size / self.pad.default_mesh_size))
+
+    @cached_property
+    def mesh(self) -> VolumeMesh:
+        """Of the undeformed pad."""
+        indenter = self.load.indenter
+        if indenter is None:
+            return pad_mesh(self.pad, self.mesh_size)
+        name = cache.key("mesh", self._identity)
+        with cache.alone(name):
+            arrays = cache.load(name)
+            if arrays is None:
+                mesh = mesh_under(pad_mesh(self.pad, self.mesh_size), indenter, self.refinement)
+                cache.store(name, vars(mesh))
+                return mesh
+        return VolumeMesh(**arrays)
+
+    @cached_property
+    def images(self) -> dict[Mirror, np.ndarray]:
+        """The mirrors that leave mesh, load's distribution and bodies as they are."""
+        images = mirror_images(self.mesh, self.load)
+        return {mirror: image for mirror, image in images.items() if self.bodies is None or self.bodies.kept_by(mirror)}
+
+    @cached_property
+    def contact(self) -> ContactTest:
+        """Test of displacements of the whole pad, in which it must not touch itself, the board or bodies."""
+        return ContactTest(self.mesh, None if self.bodies is None else self.bodies.triangles)
+
+    @cached_property
+    def own_contact_at_rest(self) -> Contact | None:
+        """A contact of the undeformed pad with the board or itself: of those that mirrors map onto each other, one."""
+        kept = np.ones(len(self.mesh.points), dtype=bool)
+        for mirror in self.images:
+            kept &= mirror.side(self.mesh.points) >= 0
+        return ContactTest(self.mesh, nodes=np.flatnonzero(kept)).at_rest
+
+    @cached_property
+    def step(self) -> float:
+        """Change of the load's value by a whole step."""
+        return natural_step(self.mesh, self.material, self.load)
+
+    @property
+    def key_parts(self) -> list[Any]:
+        """Pad, material, load and bodies, for keys of the cache."""
+        material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]
+        bodies = [] if self.bodies is None else [self.bodies.triangles.tolist()]
+        return [self._identity, material, [_name_of(self.load), asdict(self.load)], *bodies]
+
+
+def _name_of(instance: object) -> str:
+    """The class of an object, and the code of one that is not of this package."""
+    kind: Any = type(instance)
+    return f"{kind.__module__}.{kind.__qualname__}{own_code(kind)}"
