@@ -16,9 +16,9 @@ from mitsuba_taxel.fitting.plan import CIRCUIT, FitPlan
 from mitsuba_taxel.sensing.derivatives.derivable import without_derivative
 from mitsuba_taxel.studies.plan.batch import Batch, make_batch
 from mitsuba_taxel.studies.plan.vary import STEP
-from mitsuba_taxel.studies.run.dataset import NOT_COMPUTED
 from mitsuba_taxel.studies.run.pool import Pool
 from mitsuba_taxel.studies.run.study import run_batch
+from mitsuba_taxel.studies.store.dataset import NOT_COMPUTED
 
 STEP_SHARES = (0.02, 0.06, 0.2)
 """Relative steps of an unknown for differences of noisy readings: the first whose change noise does not hide."""

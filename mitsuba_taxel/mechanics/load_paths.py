@@ -31,8 +31,8 @@ from mitsuba_taxel.mechanics.history.timed_path import TimedPath
 from mitsuba_taxel.mechanics.history.timed_rows import Row, timed_rows
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
-from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 FEW_STATES = 100
 MOST_BYTES = 4 * 2**30

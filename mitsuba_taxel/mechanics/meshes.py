@@ -6,8 +6,8 @@ from weakref import WeakValueDictionary
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics import cache
-from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 _IN_USE: WeakValueDictionary[str, VolumeMesh] = WeakValueDictionary()
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mitsuba_taxel.pads.cells.meridian import SIDES, leaning
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 
 def thicknesses(pad: Pad) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 ROUNDING = 1e-5
 """Relative error of lengths in single precision."""

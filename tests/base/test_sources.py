@@ -14,7 +14,7 @@ import mitsuba_taxel
 from mitsuba_taxel.base import sources
 from mitsuba_taxel.base.sources import code_digest, own_code
 from mitsuba_taxel.mechanics import cache
-from mitsuba_taxel.studies.run import provenance
+from mitsuba_taxel.studies.store import provenance
 
 SHOWING = {"plots", "characterise"}
 """Rooms that the others ask for pictures, files and words alone."""

@@ -7,7 +7,7 @@ import signal
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.studies.run.job import Job
+    from mitsuba_taxel.studies.plan.job import Job
 
 
 def mortal(job: Job, threads: int) -> int:

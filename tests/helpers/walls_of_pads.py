@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.pad import CELL_SHAPES
+from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
 from mitsuba_taxel.pads.regions import REGIONS
 

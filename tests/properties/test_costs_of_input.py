@@ -19,8 +19,8 @@ from mitsuba_taxel.sensing.validity import shared_places
 from mitsuba_taxel.studies.plan.batch import columns_of, make_batch
 from mitsuba_taxel.studies.plan.histories import histories
 from mitsuba_taxel.studies.plan.refused_values import check_values
-from mitsuba_taxel.studies.run.provenance import provenance
 from mitsuba_taxel.studies.run.study import _curves
+from mitsuba_taxel.studies.store.provenance import provenance
 
 PLATE = """<scene version="3.9.0">
     <integrator type="taxel_tracer"/>

@@ -12,7 +12,7 @@ from plate_scenes import plate
 from taxel_program import run_program
 
 from mitsuba_taxel import crosstalk, measure, open_study, sweep
-from mitsuba_taxel.studies.run.dataset import missed_target, study_error_budget
+from mitsuba_taxel.studies.store.dataset import missed_target, study_error_budget
 
 LAW = "uniform_solid_angle"
 

@@ -20,8 +20,8 @@ from mitsuba_taxel.evidence.accuracy.mechanics import (
 from mitsuba_taxel.evidence.accuracy.optics import REFERENCE_TIME, optics_curves
 from mitsuba_taxel.evidence.accuracy.plot import plot_accuracy
 from mitsuba_taxel.evidence.accuracy.tables import write_csv
-from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve
-from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve
+from mitsuba_taxel.pads.parametric.pad import DEFAULT_MESH_SIZE
 from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.scene_pads import loaded_pads

@@ -10,7 +10,7 @@ import numpy as np
 from mitsuba_taxel.base.caches import clear_caches
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.evidence.accuracy.mechanics import POINTS, SEED, FineMeshLimit, from_nothing
-from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point, Truth, now, relative_rms
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point, Truth, now, relative_rms
 from mitsuba_taxel.sensing.diffuse.diffuse_cells import kept_cell
 from mitsuba_taxel.sensing.measurement import measure
 from mitsuba_taxel.sensing.reading.readings import ERROR_SHARE, Readings

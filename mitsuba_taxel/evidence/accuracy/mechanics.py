@@ -16,7 +16,7 @@ import numpy as np
 from mitsuba_taxel.base.caches import clear_caches
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
-from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point, Truth, now, relative_rms
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point, Truth, now, relative_rms
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.mechanics import State, load_path
 from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE
@@ -25,8 +25,8 @@ from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.meshes import pad_mesh
-from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
 from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.pad import DEFAULT_MESH_SIZE, Pad
 from mitsuba_taxel.sensing.measurement import measure
 from mitsuba_taxel.sensing.reading.readings import ERROR_SHARE, Readings
 from mitsuba_taxel.sensing.reading.runs import prepare

@@ -23,7 +23,7 @@ from mitsuba_taxel.evidence.accuracy.methods import (
     offset_share,
     stray_light,
 )
-from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point, Truth, now, relative_rms
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point, Truth, now, relative_rms
 from mitsuba_taxel.sensing.reading.runs import derived_seed
 from mitsuba_taxel.sensing.scene.description import Scene
 

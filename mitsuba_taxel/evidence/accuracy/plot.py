@@ -12,7 +12,7 @@ from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point
+    from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point
 
 TITLES = {"optics": "light", "mechanics": "mechanics", "chain": "reading: light and mechanics"}
 MOST_ACROSS = 4

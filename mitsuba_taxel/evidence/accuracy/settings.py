@@ -18,11 +18,11 @@ from mitsuba_taxel.evidence.accuracy.methods import Estimate, Estimator, of_read
 from mitsuba_taxel.evidence.accuracy.optics import Rung, reference, rung_point, rungs
 from mitsuba_taxel.evidence.accuracy.plot import plot_accuracy
 from mitsuba_taxel.evidence.accuracy.tables import write_csv
-from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point, Truth, now, relative_rms
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point, Truth, now, relative_rms
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement
 from mitsuba_taxel.mechanics.surface.finish import LayerSteps
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.sensing import PadSensor, Scene, measure
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
 from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths

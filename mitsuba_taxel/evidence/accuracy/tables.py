@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mitsuba_taxel.base.atomic import replacing
-from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, slope
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, slope
 
 COLUMNS = (
     "part", "method", "setting", "seconds", "error", "stated_error", "floor", "reference", "runs", "light_error",

@@ -32,7 +32,7 @@ from mitsuba_taxel.mechanics.elements.loads import (
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.results.roof_error import size_ratio
 from mitsuba_taxel.pads.cells.cell_shape import CellShape
-from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
+from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.parameters import REQUIRED
 from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
 from mitsuba_taxel.sensing.reading.runs import prepare

@@ -14,7 +14,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.evidence.coverage.light_row import LightRow
-from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
+from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.targets import geometry_of

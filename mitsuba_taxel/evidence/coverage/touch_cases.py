@@ -11,7 +11,7 @@ from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
-from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
+from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing import PadSensor
 
 SEED = 52

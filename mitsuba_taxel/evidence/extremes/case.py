@@ -27,7 +27,7 @@ from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 from mitsuba_taxel.mechanics.load_paths import load_path
 from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
 from mitsuba_taxel.mechanics.results.balance import reactions
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.pads.regions import REGIONS
 
 MESH_SIZE = 2.0

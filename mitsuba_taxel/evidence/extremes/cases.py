@@ -20,7 +20,7 @@ from mitsuba_taxel.mechanics.elements.loads import (
 )
 from mitsuba_taxel.mechanics.materials.laws import MooneyRivlin, NeoHookean
 from mitsuba_taxel.mechanics.materials.silicones import silicone
-from mitsuba_taxel.pads.pad import CELL_SHAPES, DEFAULT_MESH_SIZE, Pad
+from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, DEFAULT_MESH_SIZE, Pad
 
 _PAD = Pad()
 CELL = replace(_PAD, rows=1, columns=1)

@@ -19,7 +19,7 @@ from mitsuba_taxel.evidence.extremes.reading_row import MOST_DEVIATIONS, RIGHT, 
 from mitsuba_taxel.evidence.extremes.table_case import TimedCase
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
-from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
+from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.parts import mirror_curve, read_part
 from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
 from mitsuba_taxel.sensing.reading.runs import prepare

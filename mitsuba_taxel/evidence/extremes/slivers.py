@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.element_maps import jacobians
 from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 FLATNESS = 0.01
 """Height of a flattened element, relative to the original one."""

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from mitsuba_taxel.evidence.accuracy.work_precision import Truth
 from mitsuba_taxel.evidence.peers import mitsuba_stock
 from mitsuba_taxel.evidence.peers.cases import Estimator, PeerCase
 from mitsuba_taxel.evidence.peers.plate_quadrature import plate_power
+from mitsuba_taxel.evidence.rows.work_precision import Truth
 
 FALSE_ALARM_RATE = 1e-4
 """Probability that a correct row is reported to disagree with the truth."""

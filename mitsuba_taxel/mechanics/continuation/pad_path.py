@@ -41,8 +41,8 @@ from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 LOCK = threading.RLock()
 

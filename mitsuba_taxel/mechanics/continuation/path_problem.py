@@ -20,8 +20,8 @@ from mitsuba_taxel.mechanics.equilibrium.natural_step import natural_step
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.meshes import pad_mesh
-from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 
 class PathProblem:

@@ -12,8 +12,8 @@ from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, pad_path
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.errors.second_meshes import second_meshes
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 COARSEST = 0.35
 """Size of the coarsest elements tried by `mesh_size_for`, relative to the pad's height."""

@@ -17,8 +17,8 @@ from mitsuba_taxel.mechanics.errors.mesh_sizes import chosen_size
 from mitsuba_taxel.mechanics.errors.second_meshes import compared, second_meshes
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.results.roof_error import RoofComparison, size_ratio
-from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 
 class SecondState(NamedTuple):

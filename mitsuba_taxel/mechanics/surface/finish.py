@@ -14,7 +14,7 @@ from mitsuba_taxel.geometry.slices import sliced
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.surface.layers import stepped
 from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.pads.regions import REGIONS
 from mitsuba_taxel.parameters import REQUIRED, Checked, number, vector, whole
 

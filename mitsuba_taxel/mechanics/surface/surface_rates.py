@@ -13,8 +13,8 @@ from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.surface.cutting import cut_faces, in_cells
 from mitsuba_taxel.mechanics.surface.tessellation import chosen_cells, knows_walls, placed
 from mitsuba_taxel.pads.imported.round_faces import round_walls
-from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 ROUND = 1e-6
 """Tolerance of nodal velocities, relative to the largest, for a wall that remains round."""

@@ -29,8 +29,8 @@ from mitsuba_taxel.mechanics.surface.finish import (
 )
 from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface, displacement_gradient
 from mitsuba_taxel.pads.imported import round_faces
-from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
 
 CREASE, FACET = 20.0, 1.0

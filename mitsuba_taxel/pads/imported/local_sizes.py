@@ -15,8 +15,8 @@ from mitsuba_taxel.pads.cells.cell_shape import ON_FLAT_WALLS, ON_ROUND_WALLS
 from mitsuba_taxel.pads.imported.curvature import radii
 from mitsuba_taxel.pads.imported.snapping import Patches
 from mitsuba_taxel.pads.imported.symmetric_part import PLANE
-from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, MIN_THICKNESS, TYPICAL_CELL, TYPICAL_THICKNESS
 from mitsuba_taxel.pads.parametric.meshing import BULK_COARSENING, CURVATURE_SAFETY, RIM_REFINEMENT
+from mitsuba_taxel.pads.parametric.pad import DEFAULT_MESH_SIZE, MIN_THICKNESS, TYPICAL_CELL, TYPICAL_THICKNESS
 from mitsuba_taxel.pads.regions import REGIONS
 
 GRADING = 0.4

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.base.atomic import replacing
-from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.parametric.lean import leans
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 MOULD = 3.0
 """Thickness of the mould around the pad, mm."""

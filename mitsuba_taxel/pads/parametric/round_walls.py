@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.pads.regions import REGIONS
 
 

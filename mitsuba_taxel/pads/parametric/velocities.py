@@ -12,8 +12,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.cells import CellShape
-from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.parametric.lean import AXES, lean, lean_rate, leans, on_round_walls, upright_nodes
+from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.parameters import parameters_of
 
 STEP = 1e-3

@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import Pad
 
 WIDTH, GAP, TOP, TEXT = 300.0, 70.0, 12.0, 11
 """Width of a view, margins beside and above it, and height of text, in pixels."""

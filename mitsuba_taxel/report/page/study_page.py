@@ -23,8 +23,8 @@ from mitsuba_taxel.report.page.outcome import outcome_sections
 from mitsuba_taxel.report.page.panels import MOST_PANELS, viewer_panels
 from mitsuba_taxel.studies import open_study
 from mitsuba_taxel.studies.plan.batch import WRITTEN_KEYS, Batch, batch_from
-from mitsuba_taxel.studies.run.provenance import provenance
 from mitsuba_taxel.studies.store.opening import read_results
+from mitsuba_taxel.studies.store.provenance import provenance
 
 
 @in_turn

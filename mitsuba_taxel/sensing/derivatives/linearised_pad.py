@@ -10,7 +10,7 @@ import numpy as np
 
 from mitsuba_taxel.base.caches import Recent
 from mitsuba_taxel.kernels.protocols import PadShape
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.sensing.derivatives.scene_rates import Rates
 
 if TYPE_CHECKING:

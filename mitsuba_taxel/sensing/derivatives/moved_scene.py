@@ -14,7 +14,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.mesh_adapter import Places
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.derivatives.scene_rates import Rates
 from mitsuba_taxel.sensing.reading.mechanics_error import move

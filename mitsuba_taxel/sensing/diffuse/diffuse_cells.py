@@ -19,7 +19,7 @@ from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.kernels.protocols import PadShape, is_package, is_pad
 from mitsuba_taxel.kernels.walls import walls_by_region
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.pads.regions import REGIONS
 from mitsuba_taxel.sensing.diffuse.cell_patches import CellPatches
 from mitsuba_taxel.sensing.diffuse.diffuse_taxels import (

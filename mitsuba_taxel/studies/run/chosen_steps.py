@@ -21,9 +21,9 @@ from mitsuba_taxel.sensing.measurement import LIGHT_ERROR
 from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.studies.plan.batch import Batch
+from mitsuba_taxel.studies.plan.job import describe
 from mitsuba_taxel.studies.plan.vary import Axis, combinations
-from mitsuba_taxel.studies.run.job import describe
-from mitsuba_taxel.studies.run.provenance import provenance
+from mitsuba_taxel.studies.store.provenance import provenance
 
 SLOPE_ERROR = 0.01
 """Default tolerance, relative to the largest slope of a curve."""

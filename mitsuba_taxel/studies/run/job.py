@@ -4,118 +4,35 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from mitsuba_taxel.backend import in_turn
-from mitsuba_taxel.backend.own_plugins import load_plugins, loaded_plugins
+from mitsuba_taxel.backend.own_plugins import load_plugins
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.errors import ComputationError, InputError, comes_from_interrupt
-from mitsuba_taxel.base.units import HISTORY
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.reading.irradiance_file import write_irradiance
 from mitsuba_taxel.sensing.reading.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.reading.runs import prepare
-from mitsuba_taxel.sensing.scene.description import MESHED_AS
 from mitsuba_taxel.sensing.scene.left_out import NONE
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, loaded_pads
+from mitsuba_taxel.studies.plan.job import MAPS, MESHES, Failure, Job, JobResult
 from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT, as_number, way_to_contact
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 
 if TYPE_CHECKING:
     from mitsuba_taxel.sensing.reading.contact_value import FirstContact
 
-MESHES, MAPS = "meshes", "maps"
-"""Folders of a study for the files of results."""
 ELSEWHERE = (
     " A study stores derivatives only without random numbers; taxel render --derivatives finds them by differences of "
     "random paths."
 )
 """Remark where a study has no derivatives."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """One scene to read.
-
-    Attributes
-    ----------
-    number : int
-        Number of the scene in its batch, from 0; the last dimension varies fastest.
-    file : Path
-        The scene.
-    parameters : dict[str, str]
-        Values of its parameters, and of `TO_CONTACT`, with which derivatives are those of the first contact instead.
-    points, seed : int
-        As for ``measure``; 0 if light should be computed without random numbers.
-    mesh_size : float or None
-        As for ``Scene``.
-    mechanics_error : bool
-        As for ``measure``.
-    meshes, maps : bool
-        Whether to return the surfaces of its pads, and its irradiance map.
-    derivatives : tuple[str, ...]
-        As for ``measure``; their errors are computed together with that of the mechanics.
-    where_smooth : bool
-        Whether they are computed only where readings need no random numbers, and left out without a remark elsewhere.
-    bare : bool
-        Whether the error of the pads' shape may remain unknown.
-    continued : Readings or None
-        Readings of the same scene with fewer points, which this job extends.
-    sides : dict[str, int]
-        On which side all curves of the study go on from here, by parameter: 1 at larger, -1 at smaller values.
-    plugins : tuple[Path, ...]
-        Files of the user's own plugins, which the process that computes it runs first.
-    """
-
-    number: int
-    file: Path
-    parameters: dict[str, str]
-    points: int
-    seed: int
-    mesh_size: float | None
-    mechanics_error: bool
-    meshes: bool
-    maps: bool
-    derivatives: tuple[str, ...] = ()
-    where_smooth: bool = False
-    bare: bool = False
-    continued: Readings | None = None
-    sides: dict[str, int] = field(default_factory=dict)
-    plugins: tuple[Path, ...] = field(default_factory=loaded_plugins)
-
-
-class JobResult(NamedTuple):
-    """Result of a job: readings, seconds by stage, and the content of its files (PLY in mm, EXR) by name."""
-
-    readings: Readings
-    seconds: dict[str, float]
-    files: dict[str, bytes]
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Failure of a job.
-
-    Attributes
-    ----------
-    message : str
-        One line.
-    bad_input : bool
-        Whether the scene was refused, rather than its computation failed.
-    """
-
-    message: str
-    bad_input: bool = field(default=False)
-
-    def error(self) -> InputError | ComputationError:
-        """The failure as an exception."""
-        return (InputError if self.bad_input else ComputationError)(self.message)
 
 
 def run(job: Job) -> JobResult | Failure:
@@ -135,16 +52,6 @@ def failure_of(error: BaseException) -> Failure:
     if isinstance(error, (InputError, ComputationError)):
         return Failure(str(error), isinstance(error, InputError))
     return Failure(" ".join(f"{type(error).__name__}: {error}".split()))
-
-
-def describe(values: Mapping[str, str], roles: Mapping[str, Sequence[Any]] = MappingProxyType({})) -> str:
-    """Values of parameters, in words, without the load history, what meshes are moved from, and the way to contact if
-    any else is told. Parameters without one of the ``roles`` are what they are called."""
-    past = {name for name, (role, *_) in roles.items() if role == HISTORY} or {HISTORY}
-    shown = {name: value for name, value in values.items() if name not in past | {MESHED_AS}}
-    if shown.keys() - {TO_CONTACT}:
-        shown.pop(TO_CONTACT, None)
-    return ", ".join(" ".join(f"{name}={value}".split()) for name, value in shown.items())
 
 
 @in_turn

@@ -16,8 +16,8 @@ from mitsuba_taxel.sensing.reading.prepared_scenes import Settings
 from mitsuba_taxel.sensing.reading.runs import FIRST_POINTS, MOST_POINTS, Clock, Run, prepare
 from mitsuba_taxel.sensing.targets import points_for, prepare_for, without_random_numbers
 from mitsuba_taxel.studies.plan.batch import Batch
+from mitsuba_taxel.studies.plan.job import describe
 from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
-from mitsuba_taxel.studies.run.job import describe
 
 MOST_PILOT_CURVES = 8
 """Number of curves, spread evenly over a study, whose scenes determine the number of points."""

@@ -17,8 +17,9 @@ from typing import Protocol
 from mitsuba_taxel.base.arguments import check_whole, plain_number, require
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.threads import set_thread_count
+from mitsuba_taxel.studies.plan.job import Failure, Job, JobResult
 from mitsuba_taxel.studies.run import processes
-from mitsuba_taxel.studies.run.job import Failure, Job, JobResult, failure_of, run
+from mitsuba_taxel.studies.run.job import failure_of, run
 
 MOST_WORKERS = 120
 """Each uses eight of the 1024 open files that a process is commonly allowed."""

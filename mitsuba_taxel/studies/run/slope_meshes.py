@@ -14,8 +14,8 @@ from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.targets import MOST_MESHES, RUNG, finer_mesh, smallest_mesh_size
 from mitsuba_taxel.studies.plan.batch import Batch
+from mitsuba_taxel.studies.plan.job import describe
 from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
-from mitsuba_taxel.studies.run.job import describe
 
 MOST_CURVES = 4
 """Number of curves, spread evenly over a study, of which the first and the last scene are examined."""

@@ -20,18 +20,18 @@ from mitsuba_taxel.sensing.reading.prepared_scenes import Settings
 from mitsuba_taxel.sensing.reading.runs import FIRST_POINTS, Clock
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read_study
 from mitsuba_taxel.studies.plan.growth import grown, without_failed
+from mitsuba_taxel.studies.plan.job import Failure, Job, describe
 from mitsuba_taxel.studies.plan.refused_values import check_derivatives, check_values
 from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension, sides_along
 from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
-from mitsuba_taxel.studies.run.dataset import assemble
-from mitsuba_taxel.studies.run.job import Failure, Job, describe
 from mitsuba_taxel.studies.run.pilots import piloted_settings
 from mitsuba_taxel.studies.run.pool import Pool, open_pool
-from mitsuba_taxel.studies.run.provenance import provenance
 from mitsuba_taxel.studies.run.scene_source import file_of
 from mitsuba_taxel.studies.run.slope_meshes import mesh_size_for_slopes
+from mitsuba_taxel.studies.store.dataset import assemble
 from mitsuba_taxel.studies.store.folder import Kept, Store, StoreError, begin_tree, keepable
 from mitsuba_taxel.studies.store.opening import open_study, stored_study
+from mitsuba_taxel.studies.store.provenance import provenance
 
 RECENT = 16
 """Scenes whose time tells whether another ends within a time budget."""

@@ -8,7 +8,7 @@ from itertools import zip_longest
 
 from mitsuba_taxel.base import toml
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.studies.run.provenance import PLUGIN
+from mitsuba_taxel.studies.store.provenance import PLUGIN
 
 MOST_LETTERS = 200
 """Largest length of a line of a study file in a message."""

@@ -35,7 +35,7 @@ from mitsuba_taxel.sensing.reading.prepared_scenes import Settings
 from mitsuba_taxel.sensing.reading.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.plan.growth import TARGETS, moves
-from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, Job, JobResult
+from mitsuba_taxel.studies.plan.job import MAPS, MESHES, Failure, Job, JobResult
 from mitsuba_taxel.studies.store.changes import changed_study
 
 STUDY, LOCK, RUN, CHOICE = "study.toml", ".lock", "run.json", "points.json"

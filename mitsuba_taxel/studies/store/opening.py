@@ -17,9 +17,9 @@ from mitsuba_taxel.sensing.reading.prepared_scenes import Settings
 from mitsuba_taxel.sensing.scene.description import is_file, why_unreadable
 from mitsuba_taxel.studies.plan.batch import check_target_slope, loads_among, read_study
 from mitsuba_taxel.studies.plan.vary import combinations, make_axes
-from mitsuba_taxel.studies.run.dataset import assemble
-from mitsuba_taxel.studies.run.provenance import own_code
+from mitsuba_taxel.studies.store.dataset import assemble
 from mitsuba_taxel.studies.store.folder import STUDY, Store
+from mitsuba_taxel.studies.store.provenance import own_code
 
 OF_OTHER_CODE = "computed by another version of the program, which may have stated errors otherwise"
 

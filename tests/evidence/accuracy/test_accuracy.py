@@ -26,7 +26,7 @@ from mitsuba_taxel.evidence.accuracy.mechanics import from_nothing, open_pads, s
 from mitsuba_taxel.evidence.accuracy.methods import METHODS, Method, estimator, is_bounded, offset_share, stray_light
 from mitsuba_taxel.evidence.accuracy.plot import plot_accuracy
 from mitsuba_taxel.evidence.accuracy.tables import COLUMNS, HEADINGS, cells, write_csv
-from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point, Truth, relative_rms, slope
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point, Truth, relative_rms, slope
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.continuation import load_segment
 from mitsuba_taxel.mechanics.continuation import pad_path as path

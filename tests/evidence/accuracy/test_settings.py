@@ -14,7 +14,7 @@ from PIL import Image
 from mitsuba_taxel import InputError, Pad, PadSensor, Wall
 from mitsuba_taxel.evidence.accuracy import settings as accuracy_settings
 from mitsuba_taxel.evidence.accuracy.settings import PATHS, WITHOUT, settings_accuracy
-from mitsuba_taxel.evidence.accuracy.work_precision import ErrorCurve, Point
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point
 
 GREY = Wall("lambertian", 0.9)
 SECONDS = 0.1

@@ -13,7 +13,7 @@ from mitsuba_taxel.mechanics import NeoHookean, load_path
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.results.roof_error import RoofComparison, size_ratio
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.pad import CELL_SHAPES
+from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES
 
 THIN, ROUND, THICK = Pad(rows=1, columns=1, wall=0.5), Pad("hemispheric", 1, 1), Pad(rows=1, columns=1)
 PAIRS = [(THIN, 1.25, 2.5), (THIN, 1.25, 0.625), (ROUND, 1.25, 0.625), (THICK, 1.0, 2.0)]

@@ -13,7 +13,7 @@ from mitsuba_taxel.geometry.element_maps import curved_volume
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.cells.meridian import rim_angle
-from mitsuba_taxel.pads.pad import CELL_SHAPES, LENGTHS
+from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, LENGTHS
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
 from mitsuba_taxel.pads.regions import REGIONS
 

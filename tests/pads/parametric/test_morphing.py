@@ -15,8 +15,8 @@ from mitsuba_taxel.geometry.mirror import ACROSS_X, ACROSS_Y
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.pad import CELL_SHAPES, LENGTHS
 from mitsuba_taxel.pads.parametric.morphing import moved_onto, stretches
+from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, LENGTHS
 from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 
 FAR = {"pitch": 0.3, "wall": -0.2, "height": 0.4, "cell_size": 0.15, "cell_height": 0.15}

@@ -13,8 +13,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.pad import LENGTHS
 from mitsuba_taxel.pads.parametric.lean import leaning
+from mitsuba_taxel.pads.parametric.pad import LENGTHS
 from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 from mitsuba_taxel.pads.regions import REGIONS
 

@@ -7,8 +7,8 @@ import gc
 import pytest
 
 from mitsuba_taxel.sensing import find_scene
+from mitsuba_taxel.studies.plan.job import Failure, Job, JobResult, describe
 from mitsuba_taxel.studies.run import job
-from mitsuba_taxel.studies.run.job import Failure, Job, JobResult, describe
 
 
 def one_of(name, **parameters):

@@ -16,8 +16,8 @@ from stand_ins import mortal, take_threads
 
 from mitsuba_taxel import Pad, PadSensor, PhotoReflector, Scene, load_plugins, measure, sweep, write_xml
 from mitsuba_taxel.backend import own_plugins
+from mitsuba_taxel.studies.plan.job import Failure, Job
 from mitsuba_taxel.studies.run import pool, processes
-from mitsuba_taxel.studies.run.job import Failure, Job
 from mitsuba_taxel.studies.run.pool import open_pool
 
 VARY = {"z": "0.6,0.7", "law": "lambertian,uniform_solid_angle"}

@@ -14,7 +14,7 @@ from mitsuba_taxel import ComputationError, InputError, Scene, open_study, sweep
 from mitsuba_taxel.base.convergence import SLOPE_ORDER
 from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
 from mitsuba_taxel.studies.run import slope_meshes
-from mitsuba_taxel.studies.run.dataset import missed_slope
+from mitsuba_taxel.studies.store.dataset import missed_slope
 
 PAD = one_cell(cell="cylindrical", mesh_size="$size", scattering="$roof", fz=0, size=1.7, roof="lambertian")
 

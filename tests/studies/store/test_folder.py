@@ -19,8 +19,9 @@ from started_process import started
 
 from mitsuba_taxel import ComputationError, InputError, open_study, sweep
 from mitsuba_taxel.base import atomic, toml
-from mitsuba_taxel.studies.run import job, provenance
+from mitsuba_taxel.studies.run import job
 from mitsuba_taxel.studies.store import folder as store
+from mitsuba_taxel.studies.store import provenance
 from mitsuba_taxel.studies.store.status import study_status
 
 Z = "0.6,0.7,0.8"

@@ -15,7 +15,7 @@ from mitsuba_taxel.evidence.paper.comparison import order, pairs_in_order
 from mitsuba_taxel.evidence.paper.page.words import NAMES, TANGENTIAL, Found, micro, steepest
 from mitsuba_taxel.evidence.paper.paper_studies import add_seconds
 from mitsuba_taxel.evidence.paper.slopes import Sensitivity
-from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
+from mitsuba_taxel.pads.parametric.pad import DEFAULT_MESH_SIZE
 from mitsuba_taxel.studies import stage_totals
 
 

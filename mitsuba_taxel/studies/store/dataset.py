@@ -23,8 +23,8 @@ from mitsuba_taxel.sensing.reading.readings import (
     shares,
 )
 from mitsuba_taxel.sensing.reading.results import RESULTS
+from mitsuba_taxel.studies.plan.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, curve_dimension
-from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.store.folder import Kept
 
 Place = tuple[int, ...]
