@@ -3,7 +3,8 @@
 A path of n reflections has the vertices LED, x1 .. xn and a point y of the phototransistor. It can be sampled as
 
 * a *detector connection*: x1 .. xn by scattering, y uniform on the phototransistor;
-* a *sensor-subpath connection*: x1 .. x(n-1) by scattering, y uniform, and xn by a cosine-distributed ray from y;
+* a *sensor-subpath connection*: x1 .. x(n-1) by scattering, y uniform, and xn by a ray from y, distributed as the
+  response;
 * a *unidirectional hit*: x1 .. xn and y by scattering.
 
 The three densities share the factor of x1 .. x(n-1), so their ratios, and with them the weights of the power heuristic,
@@ -47,7 +48,7 @@ class View:
     si: mi.SurfaceInteraction3f  # at the point z that it sees
     bsdf: mi.BSDFPtr
     valid: mi.Bool
-    response: mi.Float
+    weight: mi.Float  # sr: response times cosine over the density of the direction
     to_y: mi.Vector3f  # direction from z to y, in the frame of z
     cosine: mi.Float  # at z
     density: mi.Float  # 1/mm²: of z
@@ -86,9 +87,9 @@ class Techniques:
         self.context = mi.BSDFContext(mi.TransportMode.Importance)
 
     def look(self, position: mi.Point2f, direction: mi.Point2f) -> View:
-        """What one point of each phototransistor sees along a cosine-distributed direction."""
+        """What one point of each phototransistor sees along a direction that is distributed as its response."""
         y, offset = self.sensor.sample_point(self.index, position)
-        local = mi.warp.square_to_cosine_hemisphere(direction)
+        local, of_direction = self.sensor.sample_view(direction)
         d = self.sensor.faces.frame.to_world(local)
         if not self.sensor_subpaths:
             nothing = dr.zeros(mi.SurfaceInteraction3f)
@@ -96,7 +97,7 @@ class Techniques:
         place, is_open = self.sensor.window.leave(self.index, y, d)
         ray = release(place, mi.Normal3f(self.sensor.normal), d, self.clearance)
         si = self.scene.ray_intersect(ray)
-        valid = si.is_valid() & (local.z > 0) & is_open
+        valid = si.is_valid() & (local.z > 0) & (of_direction > 0) & is_open
         distance_squared = self.sensor.window.apparent(dr.squared_norm(si.p - place), local.z)
         cosine = dr.abs(dr.dot(si.n, d))
         member, guided, place = self.guidance(si, valid)
@@ -106,10 +107,10 @@ class Techniques:
             si,
             si.bsdf(mi.RayDifferential3f(ray)),
             valid & (cosine > 0),
-            self.sensor.response(local.z),
+            self.sensor.response(local.z) * local.z / of_direction,
             si.to_local(-d),
             cosine,
-            dr.inv_pi * local.z * cosine / distance_squared,
+            of_direction * cosine / distance_squared,
             self.area * local.z / distance_squared,
             member,
             guided,
@@ -130,7 +131,7 @@ class Techniques:
         active &= ~self.scene.ray_test(ray, active)
         solid_angle = self.area * cosine / distance_squared
         hit = (1 - here.guided) * density * solid_angle
-        subpath = dr.inv_pi * cosine * dr.abs(dr.dot(here.n, wo)) / distance_squared * here.inverse
+        subpath = self.sensor.density_of_view(-wo) * dr.abs(dr.dot(here.n, wo)) / distance_squared * here.inverse
         weight = self._weight((self.unidirectional, hit), (self.sensor_subpaths, subpath))
         value *= here.throughput * solid_angle * self.sensor.response(cosine) * weight
         return dr.select(active, value, 0)
@@ -162,7 +163,7 @@ class Techniques:
         hit = connection * (1 - view.guided) * onward * view.solid_angle
         weight = self._weight((self.connections, connection), (self.unidirectional, hit))
         value *= here.throughput * passed_on[0] * cosine / (distance_squared * view.cosine)
-        return dr.select(active, value * dr.pi * self.area * view.response * weight, 0)
+        return dr.select(active, value * self.area * view.weight * weight, 0)
 
     def hit(
         self, si: mi.SurfaceInteraction3f, d: mi.Vector3f, before: Vertex, density: mi.Float, specular: mi.Bool
@@ -183,7 +184,8 @@ class Techniques:
         here = si.is_valid() & (si.shape == self.detector) & inside & (cosine > 0)
         distance_squared = self.sensor.window.apparent(dr.squared_norm(si.p - before.p), cosine)
         connection = distance_squared / (density * self.area * cosine)
-        subpath = connection * before.inverse * dr.inv_pi * cosine * dr.abs(dr.dot(before.n, d)) / distance_squared
+        subpath = connection * before.inverse * self.sensor.density_of_view(-d)
+        subpath *= dr.abs(dr.dot(before.n, d)) / distance_squared
         weight = dr.select(specular, 1, self._weight((self.connections, connection), (self.sensor_subpaths, subpath)))
         return dr.select(here, before.throughput * self.sensor.response(cosine) * weight, 0), offset
 

@@ -70,7 +70,7 @@ class TaxelPath(mi.CppADIntegrator):
 
         # ---------------------- Point and direction on the phototransistor ----------------------
         y, offset = sensor.sample_point(index, sampler.next_2d())
-        local = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+        local, density = sensor.sample_view(sampler.next_2d())
         direction = sensor.faces.frame.to_world(local)
         target = mi.Point3f(led.sample_point(led_index, sampler.next_2d()))
         place, is_open = sensor.window.leave(index, y, direction)
@@ -79,12 +79,11 @@ class TaxelPath(mi.CppADIntegrator):
         if dr.hint(not pair.coplanar, mode="scalar"):
             result += self._straight_across(scene, pair, vertex, target, clearance)
 
-        throughput = dr.pi * sensor.faces.area * sensor.response(local.z) + result * 0
+        throughput = sensor.faces.area * sensor.response(local.z) * local.z / density + result * 0
         full = mi.Float(throughput)
-        density = mi.warp.square_to_cosine_hemisphere_pdf(local)
         specular = mi.Bool(False)
         depth = mi.UInt32(0)
-        active = (throughput > 0) & (local.z > 0) & is_open
+        active = (density > 0) & (throughput > 0) & (local.z > 0) & is_open
         ray = release(vertex, normal, direction, clearance)
         while active:
             si = scene.ray_intersect(ray, active)

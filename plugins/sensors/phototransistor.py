@@ -11,6 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels import emission
 from mitsuba_taxel.kernels.carriers import faces_on, window_on
 from mitsuba_taxel.kernels.faces import FaceGrid
 from mitsuba_taxel.kernels.recorded_paths import RecordedPaths
@@ -78,6 +79,7 @@ class Phototransistor(mi.Sensor):
         self.specification = stated
         self.angular_response = _response_of(self.specification)
         self.table = self.angular_response.table if isinstance(self.angular_response, _Tabulated) else None
+        self.view = self.angular_response.view
         if not self.film().rfilter().is_box_filter():
             raise InputError("film: its rfilter must be a box, so that the map integrates to the reading.")
         if "pixel_format = xyz" in str(self.film()):  # the only way to ask it
@@ -155,6 +157,18 @@ class Phototransistor(mi.Sensor):
         value = self.angular_response(cosine)
         return value if self.resin_index is None else value * transmittance(self.resin_index, cosine)
 
+    def sample_view(self, sample: mi.Point2f) -> tuple[mi.Vector3f, mi.Float]:
+        """A direction, in the frame of the normal, for a point of the unit square, and its density [1/sr].
+
+        It is distributed as the response to a parallel beam: a narrow response sees a small part of a wall.
+        """
+        local = self.view.sample(sample)
+        return local, self.view.density(local)
+
+    def density_of_view(self, d: mi.Vector3f) -> mi.Float:
+        """Density [1/sr] with which :meth:`sample_view` returns a direction, given in world coordinates."""
+        return self.view.density(self.faces.frame.to_local(d))
+
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f]:
         """A point uniform on phototransistor ``index``, and its offset from the centre."""
         offset = (sample - 0.5) * self.faces.size
@@ -183,14 +197,15 @@ class Phototransistor(mi.Sensor):
         row = dr.minimum(mi.UInt32(y), faces.rows - 1)
         offset = mi.Point2f(x - mi.Float(column) - 0.5, 0.5 - (y - mi.Float(row))) * faces.size
         index = row * faces.columns + column
-        local = mi.warp.square_to_cosine_hemisphere(sample3)
+        local, density = self.sample_view(sample3)
         d = faces.frame.to_world(local)
         ps = dr.zeros(mi.PositionSample3f)
         ps.p, is_open = self.window.leave(index, faces.point(index, offset), d)
         ps.n = self.normal
         ps.time = time
         si = mi.SurfaceInteraction3f(ps, dr.zeros(mi.Color0f))
-        return si.spawn_ray(d), mi.Spectrum(dr.pi * self.response(local.z)) & (active & is_open)
+        weight = self.response(local.z) * local.z / density
+        return si.spawn_ray(d), mi.Spectrum(weight) & (active & is_open & (density > 0))
 
     def sample_ray_differential(self, time, sample1, sample2, sample3, active=True):
         ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
@@ -235,13 +250,18 @@ class Phototransistor(mi.Sensor):
 
 
 class _AngularResponse(Protocol):
-    """Response relative to an ideal phototransistor, finite for every cosine of at most 1."""
+    """Response relative to an ideal phototransistor, finite for every cosine of at most 1, and the law of directions
+    that is proportional to the response to a parallel beam."""
 
+    @property
+    def view(self) -> emission.EmissionLaw: ...
     def __call__(self, cosine: mi.Float) -> mi.Float: ...
 
 
 class _Ideal:
     """Independent of the angle."""
+
+    view = emission.CosineLaw()
 
     def __call__(self, cosine: mi.Float) -> mi.Float:
         return mi.Float(1)
@@ -252,6 +272,7 @@ class _CosinePower:
 
     def __init__(self, exponent: float) -> None:
         self.excess = dr.opaque(mi.Float, exponent - 1)
+        self.view = emission.CosinePower(exponent)
 
     def __call__(self, cosine: mi.Float) -> mi.Float:
         return dr.power(dr.clip(cosine, 1e-30, 1), self.excess)
@@ -261,6 +282,7 @@ class _Tabulated:
     """Table over cos(theta); the cosine is limited, for tables that are not zero at 90 degrees."""
 
     def __init__(self, angles: np.ndarray, responses: np.ndarray) -> None:
+        self.view = emission.Tabulated(angles, responses)
         angles, responses = refine(angles, responses / responses[0])
         self.to_beam = Interpolant(np.radians(angles), responses)
         cosines = np.cos(np.radians(angles[::-1]))

@@ -158,6 +158,14 @@ def test_angular_response(llvm_mono, agree, tmp_path, response):
     climb(agree, plate(llvm_mono, 0.7, {"type": "wall"}, detector=detector), ON_PLATES, points=FEW_POINTS)
 
 
+def test_narrow_response(llvm_mono, agree):
+    """A phototransistor that sees a small part of a Lambertian plate: a ray of its own finds it, points on walls do not."""
+    detector = {"response": "cosine_power", "exponent": 300.0}
+    shapes = plate(llvm_mono, 0.7, {"type": "wall"}, detector=detector)
+    points = {"all": 1 << 6, "connections": 1 << 15, "sensor_subpath_connections": 1 << 6, "taxel_path": 1 << 7}
+    climb(agree, shapes, ("connections", "sensor_subpath_connections", "taxel_path"), points=points)
+
+
 @pytest.mark.parametrize("led", ["cosine_power", "tabulated", "circular"])
 def test_light_sources(llvm_mono, agree, tmp_path, led):
     """Directional laws, and an emitting area between two circles."""

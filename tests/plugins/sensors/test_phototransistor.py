@@ -63,6 +63,21 @@ def test_rays_under_a_uniform_sky(llvm_mono, agree, tmp_path, exponent, table):
     agree(weight.mean(), np.hypot(error, 3e-5), 2 * np.pi / (exponent + 1), replicates=REPLICATES)
 
 
+@pytest.mark.parametrize("exponent", [1.0, 1e2, 1e4, "table"])
+def test_rays_are_distributed_as_the_response(llvm_mono, tmp_path, exponent):
+    """So each counts by the whole of it, however narrow it is: 2 pi / (m + 1), and that of a cone that falls linearly."""
+    parameters, expected = {"response": "cosine_power", "exponent": exponent}, 0.0
+    if exponent == "table":
+        file, end = write_table(tmp_path / "response.csv", [(0, 1), (10, 0)]), np.radians(10)
+        parameters, expected = {"response": "tabulated", "file": file}, 2 * np.pi * (1 - np.sin(end) / end)
+    expected = expected or 2 * np.pi / (exponent + 1)
+    _, sensor = sensor_on_rectangle(llvm_mono, **parameters)
+    count = 1 << 10
+    _, weight = sensor.sample_ray(0, 0.5, random_points(llvm_mono, count, 1), random_points(llvm_mono, count, 2))
+    weight = np.broadcast_to(weight[0].numpy(), count) / expected
+    assert weight.mean() == pytest.approx(1, abs=1e-3) and weight.std() < 0.01
+
+
 def test_ideal_is_the_default(llvm_mono):
     mi = llvm_mono
     _, sensor = sensor_on_rectangle(mi)
