@@ -13,7 +13,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -155,10 +155,24 @@ def is_locked(name: str) -> bool:
 
 
 def arrays_of(state: Any) -> dict[str, np.ndarray]:
-    """The fields of a dataclass of arrays and numbers by name, to be stored."""
-    return {field.name: np.array(getattr(state, field.name)) for field in fields(state)}
+    """The fields of a dataclass of arrays and numbers by name, to be stored.
+
+    Those of a group, a dataclass within it, have its name and a dot before theirs; what is None is left out.
+    """
+    arrays: dict[str, np.ndarray] = {}
+    for field in fields(state):
+        value = getattr(state, field.name)
+        if is_dataclass(value):
+            arrays |= {f"{field.name}.{name}": array for name, array in arrays_of(value).items()}
+        elif value is not None:
+            arrays[field.name] = np.array(value)
+    return arrays
 
 
 def values_of(arrays: dict[str, np.ndarray]) -> dict[str, Any]:
-    """The inverse of :func:`arrays_of`: the arrays, and numbers as such."""
-    return {name: array if array.ndim else array.item() for name, array in arrays.items()}
+    """The inverse of :func:`arrays_of`: the arrays, and numbers as such; groups are dictionaries."""
+    values: dict[str, Any] = {}
+    for name, array in arrays.items():
+        group, _, inner = name.rpartition(".")
+        (values.setdefault(group, {}) if group else values)[inner] = array if array.ndim else array.item()
+    return values

@@ -24,7 +24,7 @@ from mitsuba_taxel.mechanics.elements.solvers import Factorisation
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import MOST_ITERATIONS, NEAR, RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.natural_step import NATURAL_STRAIN
-from mitsuba_taxel.mechanics.equilibrium.solution import Balanced, Rejected, Solution
+from mitsuba_taxel.mechanics.equilibrium.solution import NO_HISTORY, Balanced, History, Rejected, Solution
 
 SLOW_PRESSED = 0.2
 """A factored tangent is reused while each iteration reduces the error below this fraction: more than without an
@@ -36,16 +36,9 @@ LIKELY = 0.25
 
 
 class IndentedPad(LoadedPad):
-    """A meshed pad glued to the board, under a moved indenter.
-
-    Attributes
-    ----------
-    rubbed : Rubbed or None
-        History of friction, set by the stepping along a path.
-    """
+    """A meshed pad glued to the board, under a moved indenter."""
 
     solves_between = True
-    rubbed: Rubbed | None = None
     _most_iterations: ClassVar[int] = MOST_ITERATIONS
 
     @cached_property
@@ -54,24 +47,23 @@ class IndentedPad(LoadedPad):
         body = self.model.indentation
         return Friction(body, self.part.mesh.points, self.part.group) if body.indenter.friction else None
 
-    def rubbed_at(self, unknowns: np.ndarray, value: np.ndarray) -> Rubbed | None:
-        """History of friction after an equilibrium."""
+    def rubbed_at(self, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY) -> Rubbed | None:
+        """Friction after an equilibrium that followed on a ``history``."""
         if self.friction is None:
             return None
         displacement = self.numbering.split(unknowns)[0]
         pressing = self.model.indentation.pressing(displacement, value)
-        return Rubbed(self.friction.place(displacement, value), self._own_traction(displacement, value, pressing))
+        return Rubbed(
+            self.friction.place(displacement, value), self._own_traction(displacement, value, pressing, history)
+        )
 
-    def _own_traction(self, displacement: np.ndarray, value: np.ndarray, pressing: Pressing) -> np.ndarray:
+    def _own_traction(
+        self, displacement: np.ndarray, value: np.ndarray, pressing: Pressing, history: History
+    ) -> np.ndarray:
         """(m, 3) MPa, tractions due to slip at the contact ``pressing``; raises without friction."""
         assert self.friction is not None
         tangents, place = self.friction.tangents(pressing), self.friction.place(displacement, value)
-        return self.friction.traction(tangents, place, self._before, pressing.pressure)
-
-    @property
-    def _before(self) -> Rubbed:
-        assert self.friction is not None
-        return self.rubbed or self.friction.at_rest()
+        return self.friction.traction(tangents, place, history.rubbed or self.friction.at_rest(), pressing.pressure)
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         found = self._balanced(start, value)
@@ -80,13 +72,15 @@ class IndentedPad(LoadedPad):
         linearised = self._linearised(self._entries(found, value), found.unknowns, value, near)
         return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
 
-    def is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+    def is_stable(
+        self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
+    ) -> bool:
         if self.friction is not None:
             return False
         try:
-            return super().is_stable(linearised, unknowns, value)
+            return super().is_stable(linearised, unknowns, value, history)
         except Rejected as unstable:
-            factor = self._with_straight_pushes(unknowns, value)
+            factor = self._with_straight_pushes(unknowns, value, history)
             held = self.model.held(self.numbering.split(unknowns)[0], value)
             if factor.negative_pivots == self.numbering.pressures + held.negative(factor):
                 raise Rejected(
@@ -94,96 +88,122 @@ class IndentedPad(LoadedPad):
                 ) from unstable
             raise
 
-    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balanced:
-        """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
-        unknowns, first, last, distance = start, 0.0, math.inf, 0.0
-        pushed_by = self._likely_pushes(unknowns, value)
-        state = self._pushed(unknowns, value, pushed_by)
+    def _balanced(
+        self,
+        start: np.ndarray,
+        value: np.ndarray,
+        linearised: Linearised | None = None,
+        history: History = NO_HISTORY,
+    ) -> Balanced:
+        """Newton's method with the pressures of contact, and the tractions of friction, as further unknowns.
+
+        In each iteration the pad is linear, and on that the contact set is found exactly: no gap is negative, no
+        pressure pulls, and one of both is 0 (P. Wriggers, Computational Contact Mechanics, 2006, chapter 9).
+        """
+        # Of the pressures at the start nothing is known but that they balance it.
+        unknowns, first_error, last_error, distance = start, 0.0, math.inf, 0.0
+        forces = self._likely_pushes(unknowns, value, history)
+        state = self._pushed(unknowns, value, forces, True, history)
         contact = self._contact(linearised.factor, state) if linearised else None
         for iteration in range(self._most_iterations):
-            error = max(self._checked_error(state, unknowns, value, first), self._out_of_touch(state))
-            settled = self._settled(state, unknowns, value)
-            error_left = self._error(settled, unknowns, value)
-            if error_left < RESIDUAL_TOLERANCE:
-                return Balanced(unknowns, settled, error_left, iteration, linearised, distance)
-            if contact is None or error > SLOW_PRESSED * last:
+            # In equilibrium, with the pressures that follow from the gaps? The error under the pressures of the
+            # iteration, and what its gaps lack to these, tells how good the tangent still is.
+            error = max(self._checked_error(state, unknowns, value, first_error, history), self._out_of_touch(state))
+            settled = self._settled(state, unknowns, value, history)
+            residual_error = self._error(settled, unknowns, value)
+            if residual_error < RESIDUAL_TOLERANCE:
+                return Balanced(unknowns, settled, residual_error, iteration, linearised, distance)
+
+            # A tangent is factored at first, and where the last one has become too poor.
+            if contact is None or error > SLOW_PRESSED * last_error:
                 linearised = contact = None  # frees its memory for the next one
                 if state.entries is None:
-                    state = self._pushed(unknowns, value, pushed_by)
+                    state = self._pushed(unknowns, value, forces, True, history)
                 assert state.entries is not None  # no element is inverted
                 linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
                 contact = self._contact(linearised.factor, state)
-            first, last = first or error, error
-            slip = self._slip(state, unknowns, value)
-            change = contact.step(state, pushed_by, slip)
+            first_error, last_error = first_error or error, error
+
+            # The contact set of the linear pad. Pressures that follow the normals of a sharp body may make it
+            # unstable; without that, steps are shorter.
+            slip = self._slip(state, unknowns, value, history)
+            change = contact.step(state, forces, slip)
             if change is None:
                 linearised = contact = None  # frees its memory for the next one
-                contact = _LinearContact(self, self._with_straight_pushes(unknowns, value), _pressing_of(state))
-                change = contact.step(state, pushed_by, slip)
+                contact = _LinearContact(
+                    self, self._with_straight_pushes(unknowns, value, history), _pressing_of(state)
+                )
+                change = contact.step(state, forces, slip)
             if change is None:
                 raise Rejected("the contact with the indenter does not settle")
-            share, state = self._share_of(change, unknowns, pushed_by, value, error)
-            step, further = share * change[0], share * change[1]
-            unknowns, pushed_by = unknowns + step, pushed_by + further
+
+            # As much of the step as inverts no element.
+            step_length, state = self._step_length(change, unknowns, forces, value, error, history)
+            step, force_step = step_length * change[0], step_length * change[1]
+            unknowns, forces = unknowns + step, forces + force_step
             distance += float(np.abs(step[: self.numbering.displacements]).max())
         raise Rejected(f"Newton's method does not converge in {self._most_iterations} iterations")
 
-    def _share_of(
+    def _step_length(
         self,
         change: tuple[np.ndarray, np.ndarray],
         unknowns: np.ndarray,
-        pushed_by: np.ndarray,
+        forces: np.ndarray,
         value: np.ndarray,
         error: float,
+        history: History,
     ) -> tuple[float, Configuration]:
         """How much of a change of unknowns and pressures to make, halved until no element is inverted, and the pad
         there."""
-        share, (step, further) = 1.0, change
+        length, (step, force_step) = 1.0, change
         for _ in range(MOST_HALVINGS):
-            state = self._pushed(unknowns + share * step, value, pushed_by + share * further, with_tangent=False)
+            state = self._pushed(unknowns + length * step, value, forces + length * force_step, False, history)
             if state.min_jacobian > 0:
                 break
-            share *= 0.5
-        return share, state
+            length *= 0.5
+        return length, state
 
     def _contact(self, factor: Factorisation, state: Configuration) -> _LinearContact:
         """The pad linearised at a state, by a factor of its tangent."""
         return _LinearContact(self, factor, _pressing_of(state), factor.negative_pivots - self.numbering.pressures)
 
-    def _with_straight_pushes(self, unknowns: np.ndarray, value: np.ndarray) -> Factorisation:
+    def _with_straight_pushes(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
         """Factor of the tangent at a state under pressures whose directions do not follow the indenter's normals.
 
         Those that do push the pad off a sharply rounded body, so that the linear pad may be unstable although the pad
         is not. Without, it is stable where the pad alone is, and steps are shorter.
         """
-        inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, self.past)
+        inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.past)
         assert inside.entries is not None  # no element is inverted
         return self._linearised(inside.entries, unknowns, value).factor
 
     def _pushed(
-        self, unknowns: np.ndarray, value: np.ndarray, pushed_by: np.ndarray, with_tangent: bool = True
+        self, unknowns: np.ndarray, value: np.ndarray, forces: np.ndarray, with_tangent: bool, history: History
     ) -> Configuration:
-        """The pad under pressures and tractions along its tangents ``pushed_by`` (m, 3)."""
+        """The pad under ``forces`` (m, 3) MPa: pressures, and tractions along its tangents."""
         displacement, pressure = self.numbering.split(unknowns)
         traction = None
         if self.friction is not None:
             tangents = self.friction.tangents(self.model.indentation.pressing(displacement, value))
-            traction = np.einsum("mki,mk->mi", tangents, pushed_by[:, 1:])
-        return self.model.evaluate(displacement, pressure, value, with_tangent, self.past, (pushed_by[:, 0], traction))
+            traction = np.einsum("mki,mk->mi", tangents, forces[:, 1:])
+        return self.model.evaluate(displacement, pressure, value, with_tangent, history.past, (forces[:, 0], traction))
 
-    def _slip(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
+    def _slip(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, history: History) -> np.ndarray:
         """(m, 2) mm³ along the tangents."""
         if self.friction is None:
             return np.zeros((len(self.model.indentation.node), 0))
         place = self.friction.place(self.numbering.split(unknowns)[0], value)
-        return self.friction.slip(self.friction.tangents(_pressing_of(state)), place, self._before)
+        before = history.rubbed or self.friction.at_rest()
+        return self.friction.slip(self.friction.tangents(_pressing_of(state)), place, before)
 
-    def _settled(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> Configuration:
+    def _settled(
+        self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, history: History
+    ) -> Configuration:
         """The same displacement with the pressures of its gaps and the tractions of its slip."""
         pressing, body = _pressing_of(state), self.model.indentation
         own = pressing._replace(pressure=np.maximum(-pressing.gap, 0.0) / body.slack)
         if self.friction is not None:
-            traction = self._own_traction(self.numbering.split(unknowns)[0], value, own)
+            traction = self._own_traction(self.numbering.split(unknowns)[0], value, own, history)
             own = own._replace(dragged=body.carried.T @ traction)
         load = self.numbering.summed(own.pushed)
         return replace(state, residual=state.residual + state.load - load, load=load, entries=None, pressing=own)
@@ -196,11 +216,11 @@ class IndentedPad(LoadedPad):
         )
         return float(np.abs(gap / body.area)[self.model.may_press].max(initial=0.0)) / self.height
 
-    def _likely_pushes(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
+    def _likely_pushes(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> np.ndarray:
         """(m, 3) pressures that best balance the pad at a displacement out of equilibrium, without tractions."""
         body = self.model.indentation
         found = np.zeros((len(body.node), 3))
-        state = self._pushed(unknowns, value, found, with_tangent=False)
+        state = self._pushed(unknowns, value, found, False, history)
         pressing = _pressing_of(state)
         likely = np.flatnonzero((pressing.gap < LIKELY * self.step * body.area) & self.model.may_press)
         if state.min_jacobian > 0 and state.residual.any():

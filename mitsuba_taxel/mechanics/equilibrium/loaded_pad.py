@@ -19,12 +19,19 @@ from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.model import Configuration, Model
-from mitsuba_taxel.mechanics.elements.past import Past
-from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
+from mitsuba_taxel.mechanics.elements.solvers import Factorisation, Solver, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import part_between
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised, Steps
 from mitsuba_taxel.mechanics.equilibrium.natural_step import NATURAL_STRAIN, TICKS, natural_step, ticks_of
-from mitsuba_taxel.mechanics.equilibrium.solution import Balanced, Rejected, Solution, refuse_surplus, singular
+from mitsuba_taxel.mechanics.equilibrium.solution import (
+    NO_HISTORY,
+    Balanced,
+    History,
+    Rejected,
+    Solution,
+    refuse_surplus,
+    singular,
+)
 from mitsuba_taxel.mechanics.equilibrium.stability import Stability
 from mitsuba_taxel.mechanics.materials.corner_limit import corner_limit
 from mitsuba_taxel.mechanics.materials.laws import Material
@@ -59,11 +66,6 @@ class LoadedPad:
         Name of a linear solver; None for the best available.
     ticks : int
         Of :func:`ticks_of`: where there are many, smaller loads than a step are resolved as that is.
-
-    Attributes
-    ----------
-    past : Past or None
-        History of a viscoelastic pad, set by the time stepping.
     """
 
     solves_between: ClassVar[bool] = False
@@ -89,7 +91,6 @@ class LoadedPad:
         self.height = float(np.ptp(mesh.points[:, 2]))
         self.step = natural_step(mesh, material, self.load)
         self._ticks = ticks
-        self.past: Past | None = None
 
     @property
     def contacts(self) -> Contacts | None:
@@ -161,7 +162,9 @@ class LoadedPad:
         linearised = self._linearised(entries, found.unknowns, value)
         return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
 
-    def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
+    def refuse_unstable(
+        self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
+    ) -> None:
         """Raise Rejected if an equilibrium is unstable against the displacements that :class:`Stability` checks.
 
         Parameters
@@ -170,7 +173,7 @@ class LoadedPad:
             Of the tangent there, :attr:`Linearised.entries`.
         """
         try:
-            refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value, self.past))
+            refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value, history.past))
         except RuntimeError as failure:
             raise singular(failure) from failure
 
@@ -219,33 +222,41 @@ class LoadedPad:
         squares = np.square(stress) @ np.array([1.0, 1, 1, 2, 2, 2])
         return float(np.sqrt((weight * squares).sum() / weight.sum()))
 
-    def solve_next(self, start: np.ndarray, value: np.ndarray, near: Linearised | None) -> tuple[Solution, Linearised]:
-        """As :meth:`solve`, with the factor of a state ``near`` by while that suffices.
+    def solve_next(
+        self, start: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
+    ) -> tuple[Solution, Linearised]:
+        """As :meth:`solve` after a ``history``, with the factor of a state ``near`` by while that suffices.
 
         Displacements without the symmetry of the load are not checked.
         """
-        found = self._balanced(start, value, near)
-        linearised = found.linearised
+        balanced = self._balanced(start, value, near, history)
+        linearised = balanced.linearised
         if linearised is None:
-            linearised = self._linearised(self._entries(found, value), found.unknowns, value)
-        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
+            entries = self._entries(balanced, value, history)
+            linearised = self._linearised(entries, balanced.unknowns, value)
+        checked = self.is_stable(linearised, balanced.unknowns, value, history)
+        return self._accepted(balanced, checked), linearised
 
-    def judged(self, unknowns: np.ndarray, value: np.ndarray, near: Linearised) -> Linearised:
+    def judged(
+        self, unknowns: np.ndarray, value: np.ndarray, near: Linearised, history: History = NO_HISTORY
+    ) -> Linearised:
         """The linearised pad at an equilibrium that all displacements leave stable; raises Rejected if one does not.
 
         The factor is that of a state ``near`` by if :class:`Stability` checks displacements with the symmetry of the
         load too.
         """
         of_all = self._stability.of_all
-        linearised = self.tangent_at(unknowns, value, near if of_all else None)
+        linearised = self.tangent_at(unknowns, value, near if of_all else None, history)
         if not of_all:
-            self.is_stable(linearised, unknowns, value)
-        self.refuse_unstable(unknowns, linearised.entries, value)
+            self.is_stable(linearised, unknowns, value, history)
+        self.refuse_unstable(unknowns, linearised.entries, value, history)
         return linearised
 
-    def tangent_at(self, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None) -> Linearised:
+    def tangent_at(
+        self, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
+    ) -> Linearised:
         """The linearised pad at an equilibrium, with the factor of a state ``near`` by if given."""
-        entries = self._evaluate(unknowns, value).entries
+        entries = self._evaluate(unknowns, value, history=history).entries
         assert entries is not None  # no element is inverted
         return self._linearised(entries, unknowns, value, near)
 
@@ -261,37 +272,57 @@ class LoadedPad:
         """The unknowns of :meth:`solve`, without a check of stability."""
         return self._balanced(start, value).unknowns
 
-    def near_balance(self, unknowns: np.ndarray, value: np.ndarray, iterations: int, checked: bool) -> Solution:
+    def near_balance(
+        self, unknowns: np.ndarray, value: np.ndarray, iterations: int, checked: bool, history: History = NO_HISTORY
+    ) -> Solution:
         """The figures of unknowns near balance; raises Rejected if elements are inverted.
 
         ``checked`` tells whether their stability is known.
         """
-        state = self._evaluate(unknowns, value, with_tangent=False)
-        error = self._checked_error(state, unknowns, value, first=0.0)
+        state = self._evaluate(unknowns, value, with_tangent=False, history=history)
+        error = self._checked_error(state, unknowns, value, 0.0, history)
         return self._accepted(Balanced(unknowns, state, error, iterations, None, 0.0), checked)
 
-    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balanced:
-        """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
-        unknowns, first, last, distance = start.copy(), 0.0, math.inf, 0.0
+    def _balanced(
+        self,
+        start: np.ndarray,
+        value: np.ndarray,
+        linearised: Linearised | None = None,
+        history: History = NO_HISTORY,
+    ) -> Balanced:
+        """Newton's method, whose iterations share a factored tangent as long as they get on with it.
+
+        With the residual r and its tangent K, iterations are u <- u - K^-1 r (J. Bonet and R. D. Wood, Nonlinear
+        Continuum Mechanics for Finite Element Analysis, 2nd ed., 2008, section 9.4).
+        """
+        unknowns, first_error, last_error, distance = start.copy(), 0.0, math.inf, 0.0
         correction = np.zeros_like(unknowns)
         for iteration in range(MOST_ITERATIONS):
-            state = self._evaluate(unknowns, value, with_tangent=linearised is None)
+            # The residual here; the tangent as well, only if no factored one is left. A step that has inverted an
+            # element is halved.
+            state = self._evaluate(unknowns, value, linearised is None, history)
             for _ in range(MOST_HALVINGS):
                 if state.min_jacobian > 0 or not iteration:
                     break
                 correction = correction / 2
                 unknowns = unknowns + correction
-                state = self._evaluate(unknowns, value)
-            error = self._checked_error(state, unknowns, value, first)
+                state = self._evaluate(unknowns, value, history=history)
+
+            # In equilibrium?
+            error = self._checked_error(state, unknowns, value, first_error, history)
             if error < RESIDUAL_TOLERANCE:
                 return Balanced(unknowns, state, error, iteration, linearised, distance)
-            if state.entries is None and _slow(error, last, self.unknowns):
-                state = self._evaluate(unknowns, value)
+
+            # A tangent is factored at first, and where the last one has become too poor.
+            if state.entries is None and _slow(error, last_error, self.unknowns):
+                state = self._evaluate(unknowns, value, history=history)
             if state.entries is not None:
                 linearised = None  # frees its memory for the next one
                 linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
             assert linearised is not None  # of an earlier iteration
-            first, last = first or error, error
+            first_error, last_error = first_error or error, error
+
+            # One step, and how far the tangent is away by now.
             correction = linearised.step(self._left(state), self._gap(unknowns, value))
             distance += float(np.abs(correction[: self.numbering.displacements]).max())
             unknowns = unknowns - correction
@@ -301,19 +332,21 @@ class LoadedPad:
         least = min(found.state.min_jacobian, self._least_nodal_jacobian(found.unknowns))
         return Solution(found.unknowns, least, found.error, found.iterations, checked)
 
-    def _entries(self, found: Balanced, value: np.ndarray) -> np.ndarray:
+    def _entries(self, balanced: Balanced, value: np.ndarray, history: History = NO_HISTORY) -> np.ndarray:
         """Entries of the tangent at an equilibrium."""
-        entries = found.state.entries
+        entries = balanced.state.entries
         if entries is None:
-            entries = self._evaluate(found.unknowns, value).entries
+            entries = self._evaluate(balanced.unknowns, value, history=history).entries
         assert entries is not None  # no element is inverted
         return entries
 
-    def _checked_error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, first: float) -> float:
+    def _checked_error(
+        self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, first: float, history: History
+    ) -> float:
         """Error of equilibrium; raises Rejected if the iteration should not continue."""
         if not state.min_jacobian > 0:
             raise Rejected(f"an element would be inverted (J = {state.min_jacobian:.2g})")
-        if not first and self.past is None:
+        if not first and history.past is None:
             self._refuse_beyond_corners(value)
         error = self._error(state, unknowns, value)
         if not error < 1e6 * max(first or error, 1.0):
@@ -343,9 +376,11 @@ class LoadedPad:
     def _judged_nodes(self) -> np.ndarray:
         return judged_nodes(self.whole)[self.part.nodes]
 
-    def correction(self, linearised: Steps, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
+    def correction(
+        self, linearised: Steps, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
+    ) -> np.ndarray | None:
         """Correction that a Newton step with a known tangent subtracts from ``unknowns``; None if it fails."""
-        residual = self._left(self._evaluate(unknowns, value, with_tangent=False))
+        residual = self._left(self._evaluate(unknowns, value, with_tangent=False, history=history))
         if not np.all(np.isfinite(residual)):
             return None
         return linearised.step(residual, self._gap(unknowns, value))
@@ -364,8 +399,10 @@ class LoadedPad:
         residual = self._evaluate(unknowns, np.zeros(3), with_tangent=False).residual
         return self.part.copies * self.numbering.of_plate(residual)
 
-    def _evaluate(self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True) -> Configuration:
-        return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, self.past)
+    def _evaluate(
+        self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True, history: History = NO_HISTORY
+    ) -> Configuration:
+        return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, history.past)
 
     def _left(self, state: Configuration) -> np.ndarray:
         """Out-of-balance forces without the reaction of a moved plate, which is irrelevant and large."""
@@ -418,9 +455,9 @@ class LoadedPad:
         held = self.model.held(self.numbering.split(unknowns)[0], value)
         return Linearised(entries, lower, self._factored, held, self.numbering.displacements, near)
 
-    def _factored(self, lower: sparse.csc_matrix) -> Factorisation:
+    def _factored(self, lower: sparse.csc_matrix, solver: Solver | None = None) -> Factorisation:
         try:
-            return self._solver.factor(lower)
+            return (solver or self._solver).factor(lower)
         except RuntimeError as failure:
             raise singular(failure) from failure
 
@@ -434,7 +471,9 @@ class LoadedPad:
         force = self.model.load_rate(self.numbering.split(unknowns)[0], direction, value)
         return linearised.correction(force, self.numbering.plate_values(direction) if self._driven else None)
 
-    def is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+    def is_stable(
+        self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
+    ) -> bool:
         """Whether stability was checked for displacements of the part; raises Rejected if it is unstable."""
         refuse_surplus(linearised.negative - self.numbering.pressures)
         return True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,11 +14,11 @@ from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.elements.model import Configuration
-from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver, sum_of_triangles
+from mitsuba_taxel.mechanics.elements.solvers import Factorisation, Solver, make_solver, sum_of_triangles
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE, LoadedPad
-from mitsuba_taxel.mechanics.equilibrium.solution import Balanced, Rejected
+from mitsuba_taxel.mechanics.equilibrium.solution import NO_HISTORY, Balanced, History, Rejected
 
 MOST_ITERATIONS = 40
 """More than of a pad without contact, as its corners may slide off others on the way."""
@@ -37,7 +37,8 @@ class SelfTouchingPad(LoadedPad):
     """
 
     solves_between = True
-    _pattern: tuple[bytes, ...] = ()
+    _analysed: tuple[tuple[bytes, ...], Solver] | None = None
+    """Pattern of the last tangent, and a solver that has analysed it."""
 
     def __init__(self, *parts: Any, bodies: RigidBodies | None = None, share: float = 1.0, **more: Any) -> None:
         self._bodies, self._share = bodies, share
@@ -67,17 +68,19 @@ class SelfTouchingPad(LoadedPad):
         share = self.contacts.free_share(self.split(known)[0], self.split(guess)[0])
         return guess if share == 1 else known + share * (guess - known)
 
-    def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
+    def refuse_unstable(
+        self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
+    ) -> None:
         displacement, pressure = self.split(unknowns)
         if not self.contacts.stiffness(displacement).nnz:
-            super().refuse_unstable(unknowns, entries, value)
+            super().refuse_unstable(unknowns, entries, value, history)
         elif self.mirrors:
             whole = self._of_whole
-            whole.past = self.past and self.past.on(whole.part, self.whole)
+            past = history.past and history.past.on(whole.part, self.whole)
             alike = whole.gather(displacement, pressure)
-            tangent = whole._evaluate(alike, value).entries
+            tangent = whole._evaluate(alike, value, history=History(past)).entries
             assert tangent is not None  # no element is inverted
-            whole.is_stable(whole._linearised(tangent, alike, value), alike, value)
+            whole.is_stable(whole._linearised(tangent, alike, value), alike, value, History(past))
 
     @cached_property
     def _of_whole(self) -> SelfTouchingPad:
@@ -86,80 +89,104 @@ class SelfTouchingPad(LoadedPad):
         whole.contacts = self.contacts
         return whole
 
-    def is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+    def is_stable(
+        self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
+    ) -> bool:
         """As of a `LoadedPad`, whatever forces do that turn about corners: these are corners of cut faces and of
         bodies that are sharper than the elements."""
         try:
-            return super().is_stable(linearised, unknowns, value)
+            return super().is_stable(linearised, unknowns, value, history)
         except Rejected:
             steady = self._linearised(linearised.entries, unknowns, value, steady=True)
-            return super().is_stable(steady, unknowns, value)
+            return super().is_stable(steady, unknowns, value, history)
 
-    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balanced:
-        """Newton's method with steps that collide with nothing, shortened until they lead closer to balance."""
-        unknowns, first = start, 0.0
+    def _balanced(
+        self,
+        start: np.ndarray,
+        value: np.ndarray,
+        linearised: Linearised | None = None,
+        history: History = NO_HISTORY,
+    ) -> Balanced:
+        """Newton's method with steps that collide with nothing, shortened until they lead closer to balance.
+
+        Barriers are smooth, and their forces grow without limit towards contact (M. Li et al., Incremental Potential
+        Contact, ACM Trans. Graph. 39, 2020).
+        """
+        unknowns, first_error = start, 0.0
         for iteration in range(MOST_ITERATIONS):
-            state = self._evaluate(unknowns, value)
-            error = self._checked_error(state, unknowns, value, first)
+            # In equilibrium with the forces of the barriers?
+            state = self._evaluate(unknowns, value, history=history)
+            error = self._checked_error(state, unknowns, value, first_error, history)
             if error < RESIDUAL_TOLERANCE:
                 return Balanced(unknowns, state, error, iteration, None, 0.0)
-            first = first or error
+            first_error = first_error or error
+
+            # Where the energy has no minimum, a step would lead to a saddle: a tangent without what turns forces about
+            # corners leads down.
             assert state.entries is not None  # no element is inverted
             linearised = self._linearised(state.entries, unknowns, value)
-            if linearised.negative > self.numbering.pressures:  # a step would lead to a saddle
+            if linearised.negative > self.numbering.pressures:
                 linearised = self._linearised(state.entries, unknowns, value, steady=True)
             step = linearised.step(self._left(state), self._gap(unknowns, value))
-            unknowns = self._along(unknowns, -step, state, value)
+            unknowns = self._along(unknowns, -step, state, value, history)
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
-    def _along(self, unknowns: np.ndarray, step: np.ndarray, state: Configuration, value: np.ndarray) -> np.ndarray:
-        """The first place along a step, halved until so, that is closer to balance, or not far beyond the least energy.
+    def _along(
+        self, unknowns: np.ndarray, step: np.ndarray, state: Configuration, value: np.ndarray, history: History
+    ) -> np.ndarray:
+        """The first unknowns along a step, halved until so, that are closer to balance, or not far beyond the least
+        energy.
 
         Out-of-balance forces may grow on the way to a minimum of the energy, where a corner slides off an edge. There
         the step is doubled as long as the energy falls on.
         """
         error, least, best = self._error(state, unknowns, value), math.inf, unknowns
+
+        # As much of the step as collides with nothing.
         step = self.towards(unknowns, unknowns + step) - unknowns
         slope = self._slope(step, state)
         for halvings in range(MOST_HALVINGS):
-            share = 0.5**halvings
-            tried = unknowns + share * step
-            there = self._evaluate(tried, value, with_tangent=False)
-            if not there.min_jacobian > 0:
+            length = 0.5**halvings
+            trial = unknowns + length * step
+            trial_state = self._evaluate(trial, value, with_tangent=False, history=history)
+            if not trial_state.min_jacobian > 0:
                 continue
-            left = self._error(there, tried, value)
-            if left < (1 - 0.25 * share) * error:
-                return tried
-            if self._slope(step, there) < -OVERSHOT * slope:
-                return self._further(unknowns, step, share, there, value)
-            if left < least:
-                best, least = tried, left
+            residual_error = self._error(trial_state, trial, value)
+            if residual_error < (1 - 0.25 * length) * error:
+                return trial
+
+            # Not closer, but near the least energy along the step, or before it: then twice the length is tried.
+            trial_slope = self._slope(step, trial_state)
+            if trial_slope < -OVERSHOT * slope:
+                for _ in range(MOST_HALVINGS):
+                    trial, beyond = unknowns + length * step, unknowns + 2 * length * step
+                    if not trial_slope < 0 or self.towards(trial, beyond) is not beyond:
+                        break
+                    beyond_state = self._evaluate(beyond, value, with_tangent=False, history=history)
+                    if not beyond_state.min_jacobian > 0:
+                        break
+                    beyond_slope = self._slope(step, beyond_state)
+                    if not beyond_slope < -OVERSHOT * trial_slope:
+                        break
+                    length, trial_slope = 2 * length, beyond_slope
+                return unknowns + length * step
+
+            # If no length does, the best of all.
+            if residual_error < least:
+                best, least = trial, residual_error
         if math.isinf(least):
             raise Rejected("an element would be inverted")
         return best
-
-    def _further(
-        self, unknowns: np.ndarray, step: np.ndarray, share: float, there: Configuration, value: np.ndarray
-    ) -> np.ndarray:
-        """The place at a share of a step that leads down, which is doubled while the energy falls on."""
-        slope = self._slope(step, there)
-        for _ in range(MOST_HALVINGS):
-            here, tried = unknowns + share * step, unknowns + 2 * share * step
-            if not slope < 0 or self.towards(here, tried) is not tried:
-                break
-            there = self._evaluate(tried, value, with_tangent=False)
-            if not there.min_jacobian > 0 or not self._slope(step, there) < -OVERSHOT * slope:
-                break
-            share, slope = 2 * share, self._slope(step, there)
-        return unknowns + share * step
 
     def _slope(self, step: np.ndarray, state: Configuration) -> float:
         """Derivative of the energy at a state by the share of a step."""
         moved = slice(self.numbering.displacements)
         return float(step[moved] @ self._left(state)[moved])
 
-    def _evaluate(self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True) -> Configuration:
-        return self._kept_apart(super()._evaluate(unknowns, value, with_tangent), unknowns)
+    def _evaluate(
+        self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True, history: History = NO_HISTORY
+    ) -> Configuration:
+        return self._kept_apart(super()._evaluate(unknowns, value, with_tangent, history), unknowns)
 
     def _kept_apart(self, state: Configuration, unknowns: np.ndarray) -> Configuration:
         """A state with the forces of contact added."""
@@ -183,10 +210,12 @@ class SelfTouchingPad(LoadedPad):
             added = sparse.tril(self._expansion.T @ stiffness @ self._expansion / self.part.copies)
             lower = sum_of_triangles(lower, added)
         pattern = lower.indptr.tobytes(), lower.indices.tobytes()
-        if pattern != self._pattern:  # other pairs: it has to be analysed again
-            self._solver, self._pattern = make_solver(self._solver_name), pattern
+        analysed = self._analysed  # once, as another thread may replace it
+        if analysed is None or analysed[0] != pattern:  # other pairs: it has to be analysed again
+            self._analysed = analysed = pattern, make_solver(self._solver_name)
         held = self.model.held(self.numbering.split(unknowns)[0], value)
-        return Linearised(entries, lower, self._factored, held, self.numbering.displacements, near)
+        factor = partial(self._factored, solver=analysed[1])
+        return Linearised(entries, lower, factor, held, self.numbering.displacements, near)
 
 
 class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
@@ -199,40 +228,41 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
     _most_iterations: ClassVar[int] = MOST_ITERATIONS
 
     def _pushed(
-        self, unknowns: np.ndarray, value: np.ndarray, pushed_by: np.ndarray, with_tangent: bool = True
+        self, unknowns: np.ndarray, value: np.ndarray, forces: np.ndarray, with_tangent: bool, history: History
     ) -> Configuration:
-        return self._kept_apart(super()._pushed(unknowns, value, pushed_by, with_tangent), unknowns)
+        return self._kept_apart(super()._pushed(unknowns, value, forces, with_tangent, history), unknowns)
 
-    def _with_straight_pushes(self, unknowns: np.ndarray, value: np.ndarray) -> Factorisation:
+    def _with_straight_pushes(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
         """As of an :class:`IndentedPad`; forces that turn about corners of walls do not make it unstable either."""
-        inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, self.past)
+        inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.past)
         assert inside.entries is not None  # no element is inverted
         return self._linearised(inside.entries, unknowns, value, steady=True).factor
 
-    def _share_of(
+    def _step_length(
         self,
         change: tuple[np.ndarray, np.ndarray],
         unknowns: np.ndarray,
-        pushed_by: np.ndarray,
+        forces: np.ndarray,
         value: np.ndarray,
         error: float,
+        history: History,
     ) -> tuple[float, Configuration]:
         """How much of a change collides with nothing and leads closer to balance, halved until so; else the best of
         these."""
-        step, further = change
+        step, force_step = change
         known, guess = self.split(unknowns)[0], self.split(unknowns + step)[0]
-        share, least = self.contacts.free_share(known, guess), math.inf
+        length, least = self.contacts.free_share(known, guess), math.inf
         best: tuple[float, Configuration] | None = None
         for _ in range(MOST_HALVINGS):
-            tried = unknowns + share * step
-            there = self._pushed(tried, value, pushed_by + share * further, with_tangent=False)
-            if there.min_jacobian > 0:
-                left = max(self._error(there, tried, value), self._out_of_touch(there))
-                if left < least:
-                    least, best = left, (share, there)
-                if left < (1 - 0.25 * share) * error:
+            trial = unknowns + length * step
+            state = self._pushed(trial, value, forces + length * force_step, False, history)
+            if state.min_jacobian > 0:
+                trial_error = max(self._error(state, trial, value), self._out_of_touch(state))
+                if trial_error < least:
+                    least, best = trial_error, (length, state)
+                if trial_error < (1 - 0.25 * length) * error:
                     break
-            share *= 0.5
+            length *= 0.5
         if best is None:
             raise Rejected("an element would be inverted")
         return best

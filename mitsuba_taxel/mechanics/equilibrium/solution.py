@@ -6,8 +6,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.elements.model import Configuration
+from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """What an equilibrium depends on besides its load: states at earlier times.
+
+    Attributes
+    ----------
+    past : Past or None
+        Composition of the stress of a viscoelastic pad; None if it is elastic.
+    rubbed : Rubbed or None
+        Friction of an indenter at the end of the step before; None where nothing has touched the pad.
+    """
+
+    past: Past | None = None
+    rubbed: Rubbed | None = None
+
+
+NO_HISTORY = History()
+"""Of an elastic pad that nothing has rubbed."""
 
 UNSTABLE = "the equilibrium is unstable"
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
-from mitsuba_taxel.mechanics.history.timed_path import Reached, TimedPath
+from mitsuba_taxel.mechanics.history.time_state import TimeState
+from mitsuba_taxel.mechanics.history.timed_path import TimedPath
 from mitsuba_taxel.mechanics.history.timed_rows import Row
 
 FORCE_TOLERANCE = 1e-6
@@ -40,14 +41,17 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 class PushedPath(TimedPath):
     """As :class:`TimedPath`; values of rows are forces."""
 
-    def _next(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
+    def _next(self, before: TimeState, rows: tuple[Row, ...]) -> TimeState:
         began, at = clock.perf_counter(), self._pushed(before, rows)
         if rows[-1][0] > before.time:
-            way = max(np.linalg.norm(at.moved), np.linalg.norm(before.moved))
+            way = max(np.linalg.norm(at.load.value), np.linalg.norm(before.load.value))
             at = self._halved(before, rows, at, POSE_TOLERANCE * float(way), MOST_HALVINGS)
-        return replace(at, seconds=before.seconds + clock.perf_counter() - began)
+        seconds = before.figures.seconds + clock.perf_counter() - began
+        return replace(at, figures=replace(at.figures, seconds=seconds))
 
-    def _halved(self, before: Reached, rows: tuple[Row, ...], whole: Reached, allowed: float, left: int) -> Reached:
+    def _halved(
+        self, before: TimeState, rows: tuple[Row, ...], whole: TimeState, allowed: float, left: int
+    ) -> TimeState:
         """The pad at the end of the last row, in as many even movements as it takes; ``whole`` is that by one,
         ``allowed`` in mm, and ``left`` the number of further halvings."""
         (time, force), last = rows[-1], rows[-2][1] if len(rows) > 1 else (0.0, 0.0, 0.0)
@@ -55,9 +59,11 @@ class PushedPath(TimedPath):
         halves = (*rows[:-1], middle), (*rows[:-1], middle, rows[-1])
         first = self._pushed(before, halves[0])
         second = self._pushed(first, halves[1])
-        if np.linalg.norm(second.moved - whole.moved) <= allowed:
-            missed = (second.displacement - whole.displacement) / 3  # that of the halves, if errors go with the square
-            return replace(second, deviation=second.deviation + missed)
+        if np.linalg.norm(second.load.value - whole.load.value) <= allowed:
+            missed = (
+                second.shape.displacement - whole.shape.displacement
+            ) / 3  # that of the halves, if errors go with the square
+            return replace(second, shape=replace(second.shape, deviation=second.shape.deviation + missed))
         if not left:
             raise ComputationError(
                 f"the indenter does not settle between {before.time:.4g} and {time:.4g} s: the load path ends there. "
@@ -66,7 +72,7 @@ class PushedPath(TimedPath):
         first = self._halved(before, halves[0], first, allowed, left - 1)
         return self._halved(first, halves[1], self._pushed(first, halves[1]), allowed, left - 1)
 
-    def _pushed(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
+    def _pushed(self, before: TimeState, rows: tuple[Row, ...]) -> TimeState:
         """The pad at the end of the last row, if the body moves evenly; raises `ComputationError` if it slips."""
         time, force = rows[-1][0], np.array(rows[-1][1])
         duration = time - before.time
@@ -77,15 +83,15 @@ class PushedPath(TimedPath):
         stiffness = 1.5 * abs(force[2] / free[2])
         slope = stiffness * np.diag([1.0, GIVES_WAY, GIVES_WAY][: len(ways)])
         at, left, count, change = before, ways @ force, 0, -free[2:]
-        if before.moved.any():
+        if before.load.value.any():
             left = ways @ (force - self._pressed(rows[:-1], before))
             change = np.linalg.solve(slope, left)
         change = np.append(change, np.zeros(len(ways) - len(change)))
         for tried in range(MOST_POSES):
-            if before.moved.any() and change.any():
+            if before.load.value.any() and change.any():
                 change = change * min(1.0, pad.step / np.linalg.norm(change))
-            pose = at.moved + change @ ways
-            count = max(count, 2 * math.ceil(np.linalg.norm(pose - before.moved) / pad.step))
+            pose = at.load.value + change @ ways
+            count = max(count, 2 * math.ceil(np.linalg.norm(pose - before.load.value) / pad.step))
             at, last = self._moved(before, rows, pose, duration, count), left
             left = ways @ (force - self._pressed(rows, at))
             if np.linalg.norm(left) < FORCE_TOLERANCE * np.linalg.norm(force):
@@ -110,7 +116,7 @@ class PushedPath(TimedPath):
         )
         return free.driven_to(-force[2] * _DOWN, None)
 
-    def _pressed(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
+    def _pressed(self, rows: tuple[Row, ...], at: TimeState) -> np.ndarray:
         """(3,) N, force on the pad."""
         return -self._board_force(rows, at)
 

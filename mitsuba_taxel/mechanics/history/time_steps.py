@@ -20,8 +20,8 @@ from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.natural_step import NATURAL_STRAIN
-from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
-from mitsuba_taxel.mechanics.history.reached import LEFT, Way
+from mitsuba_taxel.mechanics.equilibrium.solution import History, Rejected, Solution
+from mitsuba_taxel.mechanics.history.time_state import QUARTER, StepCubics
 from mitsuba_taxel.mechanics.materials.creep import CreepResponse, Growth, Measures
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 
@@ -45,80 +45,110 @@ SHORTEST = 1e-15
 Touch = Callable[[LoadedPad, np.ndarray], Contact | None]
 
 
-class Ended(Exception):
-    """No further state: the ``reason``, the ``value`` of the load and fraction ``share`` of the way reached, and a
+class PathEnded(Exception):
+    """No further state: the ``reason``, the ``value`` of the load and the ``fraction`` of the way reached, and a
     ``contact`` there."""
 
-    def __init__(self, value: np.ndarray, share: float, reason: str, contact: Contact | None = None) -> None:
+    def __init__(self, value: np.ndarray, fraction: float, reason: str, contact: Contact | None = None) -> None:
         super().__init__(reason)
-        self.value, self.share, self.reason, self.contact = value, share, reason, contact
+        self.value, self.fraction, self.reason, self.contact = value, fraction, reason, contact
 
 
-class TooLong(Exception):
-    """A step that leads beyond rows is not accurate; a ``share`` of it may be."""
+class StepTooLong(Exception):
+    """A step that leads beyond rows is not accurate; one of ``factor`` times its length may be."""
 
-    def __init__(self, share: float) -> None:
-        super().__init__(share)
-        self.share = share
-
-
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """A state between two rows, at a fraction ``share`` of the way.
-
-    ``velocity`` is the rate of the unknowns per s, None if unknown or the load jumps; ``unjudged`` the largest
-    displacement in mm since displacements without the load's symmetry were last checked, ``rubbed`` the history of
-    friction, ``further`` the length in s of a next step that may lead beyond rows, ``recalled`` the memory of
-    the load of :class:`CreepResponse`. ``deviation`` is the estimated error of the unknowns, ``doubt`` the sum of the
-    largest displacements by each step's error, as far as it lasts; ``midway`` is that of the last step.
-    """
-
-    unknowns: np.ndarray
-    relaxing: Relaxing
-    velocity: np.ndarray | None
-    unjudged: float
-    share: float = 0.0
-    min_jacobian: float = 1.0
-    residual: float = 0.0
-    iterations: int = 0
-    stability_checked: bool = True
-    rubbed: Rubbed | None = None
-    further: float = 0.0
-    recalled: np.ndarray | None = None
-    deviation: np.ndarray | None = None
-    doubt: float = 0.0
-    midway: Midway | None = None
+    def __init__(self, factor: float) -> None:
+        super().__init__(factor)
+        self.factor = factor
 
 
 @dataclass(frozen=True, eq=False)
-class Midway:
-    """What is known between the ends of a step over a ``growth``, which ``begun`` with a velocity.
+class StepError:
+    """The estimated error of a state by time steps.
 
-    ``found`` is what Newton's method would subtract from a cubic in the middle, ``left`` what it would then add a
-    quarter of the way from an end, where that is more, ``off`` the relative size of that, and ``bend`` the third power
-    of the stress, of :meth:`Relaxing.missed_on`.
+    Attributes
+    ----------
+    deviation : (unknowns,) ndarray
+        Of the unknowns of the part.
+    uncertainty : float
+        Sum in mm of the largest displacements by each step's error, as far as it lasts.
     """
+
+    deviation: np.ndarray
+    uncertainty: float
+
+
+@dataclass(frozen=True, eq=False)
+class PartMidStep:
+    """A :class:`MidStep` over the unknowns of the solved part, on a ``growth``; ``error`` is the relative size of its
+    remainder, and that is over displacements in one row."""
 
     growth: Growth
-    begun: np.ndarray
-    found: np.ndarray
-    left: np.ndarray
-    off: float
-    bend: np.ndarray
+    start_velocity: np.ndarray
+    correction: np.ndarray
+    remainder: np.ndarray
+    error: float
+    cubic_stress: np.ndarray
 
 
-class Stretch:
-    """The way from one row to the next.
+@dataclass(frozen=True, eq=False)
+class StepState:
+    """A state between two rows, at a ``fraction`` of the way.
+
+    Attributes
+    ----------
+    solution : Solution
+    variables : Relaxing
+        Internal variables of the part.
+    velocity : (unknowns,) ndarray or None
+        Rate of the unknowns per s; None if unknown, or where the load jumps.
+    unchecked : float
+        Largest displacement in mm since displacements without the symmetry of the load were last checked.
+    rubbed : Rubbed or None
+        Friction.
+    load_memory : ndarray or None
+        Of the load, of :class:`CreepResponse`.
+    error : StepError or None
+        None where steps are linear in time.
+    mid_step : PartMidStep or None
+        Of the step that led here.
+    next_length : float
+        In s, of a next step that may lead beyond rows.
+    """
+
+    fraction: float
+    solution: Solution
+    variables: Relaxing
+    velocity: np.ndarray | None
+    unchecked: float
+    rubbed: Rubbed | None = None
+    load_memory: np.ndarray | None = None
+    error: StepError | None = None
+    mid_step: PartMidStep | None = None
+    next_length: float = 0.0
+
+    @property
+    def unknowns(self) -> np.ndarray:
+        """Of the part."""
+        return self.solution.unknowns
+
+
+class RowSteps:
+    """The steps from one row to the next.
 
     Parameters
     ----------
+    pad : LoadedPad
+        The part of the pad between the mirrors of the load.
+    material : Viscoelastic
+    start : StepState
     load : tuple[ndarray, ndarray]
         Its value at the start, and its change.
     duration : float
         In s; 0 for a jump.
-    scale : float
-        MPa, largest stress so far, root mean square over the pad; the attribute includes that of this way.
-    judges : bool
+    stress_scale : float
+        MPa, largest stress so far, root mean square over the pad; the attribute includes that of these steps.
+    judged : bool
         Whether states must be stable against all displacements, not only those with the symmetry of the load.
     coarsening : int
         Length of steps under friction, 1 or 2 times that of the path.
@@ -130,16 +160,16 @@ class Stretch:
         self,
         pad: LoadedPad,
         material: Viscoelastic,
-        start: Moment,
+        start: StepState,
         load: tuple[np.ndarray, np.ndarray],
         duration: float,
-        scale: float,
-        judges: bool,
+        stress_scale: float,
+        judged: bool,
         coarsening: int = 1,
         count: int | None = None,
     ) -> None:
         self._pad, self._material, self._start, self._load = pad, material, start, load
-        self._duration, self.scale, self._tolerance = duration, scale, coarsening**2 * TIME_TOLERANCE
+        self._duration, self.stress_scale, self._tolerance = duration, stress_scale, coarsening**2 * TIME_TOLERANCE
         steps = float(np.linalg.norm(load[1])) / pad.step
         if isinstance(pad, IndentedPad) and pad.friction:
             steps = (2 * math.ceil(steps) if count is None else count) / coarsening
@@ -148,234 +178,276 @@ class Stretch:
         self._furthest = furthest(pad, self._response, load[1] / duration) if self._leaps and duration else 0.0
         self._quickest = min(material.times) / duration if material.prony and duration else math.inf
         self._near: Linearised | None = None
-        self._judges = judges
+        self._judged = judged
 
-    def run(self, touch: Touch) -> Moment:
-        """The state at the end; ``touch`` finds contacts.
+    def run(self, touch: Touch) -> StepState:
+        """The state at the end, in as many steps as their errors ask for.
 
         Where stress is linear in time, after a change of the load's rate the error of the first step is estimated
         together with the second, and both are repeated if it is too large.
 
+        Parameters
+        ----------
+        touch : Callable[[LoadedPad, ndarray], Contact or None]
+            Finds contacts.
+
+        Returns
+        -------
+        StepState
+            At the end.
+
         Raises
         ------
-        Ended
+        PathEnded
             if there is no further state.
         """
         here, before = self._start, None
+
+        def ended(reason: str, contact: Contact | None = None) -> PathEnded:
+            return PathEnded(self._load[0] + here.fraction * self._load[1], here.fraction, reason, contact)
+
         try:
-            here = self._set_out(here)
+            here = self._with_start_velocity(here)
         except Rejected as rejection:
-            raise self._ended(here, f"cannot be loaded further ({rejection})") from rejection
-        length = 0.5 if self._duration and here.relaxing.slope is None else 1.0
-        while here.share < 1:
-            length = min(length, self._longest, 1 - here.share)
-            share = 1.0 if here.share + 1.001 * length > 1 else here.share + length
+            raise ended(f"cannot be loaded further ({rejection})") from rejection
+
+        # A first step whose rate is not known is half of the way, so that a second one tells its error.
+        length = 0.5 if self._duration and here.variables.slope is None else 1.0
+        while here.fraction < 1:
+            # Solve; without an equilibrium, in a shorter step.
+            length = min(length, self._longest, 1 - here.fraction)
+            fraction = 1.0 if here.fraction + 1.001 * length > 1 else here.fraction + length
             try:
-                after = self._step(here, share)
+                after = self._step(here, fraction)
             except Rejected as rejection:
                 length /= 2
-                if length < max(min(self._longest, max(here.share, self._quickest)) / TICKS, SHORTEST):
-                    raise self._ended(here, f"cannot be loaded further ({rejection})") from rejection
+                if length < max(min(self._longest, max(here.fraction, self._quickest)) / TICKS, SHORTEST):
+                    raise ended(f"cannot be loaded further ({rejection})") from rejection
                 continue
-            error, judged = self._judged(before, here, after)
+
+            # Repeat what is not accurate: with the step before, where both were judged together.
+            error, after = self._error_estimate(before, here, after)
             if error > self._tolerance and length > SHORTEST:
                 here, before = (before or here), None
-                length *= min(max(self._growth(error, after), MOST_CUT), LEAST_CUT)
+                length *= min(max(self._length_factor(error, after), MOST_CUT), LEAST_CUT)
                 continue
-            self._refuse_contact(here, after, touch)
-            first = here.relaxing.slope is None and self._duration
-            before = here if first else None
-            here = judged
-            if not first:
-                length *= min(max(self._growth(error, after), LEAST_CUT), MOST_GROWTH)
-        return replace(here, further=min(length * self._duration, self._furthest))
 
-    def leap(self, touch: Touch) -> Moment:
-        """The state at the end by one step.
+            # The pad must touch nothing.
+            contact = touch(self._pad, after.unknowns)
+            if contact:
+                place = ", ".join(f"{number:.4g}" for number in contact.place)
+                raise ended(f"touches {contact.what} near ({place}) mm, which is outside the model", contact)
+
+            # The length of the next step.
+            first = here.variables.slope is None and self._duration
+            before, here = (here if first else None), after
+            if not first:
+                length *= min(max(self._length_factor(error, after), LEAST_CUT), MOST_GROWTH)
+        return replace(here, next_length=min(length * self._duration, self._furthest))
+
+    def single(self, touch: Touch) -> StepState:
+        """The state at the end by one step, between whose ends states may be interpolated.
+
+        Parameters
+        ----------
+        touch : Callable[[LoadedPad, ndarray], Contact or None]
+            Finds contacts.
+
+        Returns
+        -------
+        StepState
+            At the end.
 
         Raises
         ------
-        TooLong
+        StepTooLong
             if states on the way are not to be interpolated.
         """
         try:
-            here = self._set_out(self._start)
+            here = self._with_start_velocity(self._start)
             after = self._step(here, 1.0)
         except Rejected as rejection:
-            raise TooLong(LEAST_CUT) from rejection
-        error, judged = self._judged(None, here, after)
+            raise StepTooLong(LEAST_CUT) from rejection
+        error, judged = self._error_estimate(None, here, after)
         if touch(self._pad, after.unknowns):
-            raise TooLong(LEAST_CUT)
-        growth = min(self._growth(error, after), MOST_GROWTH)
-        if growth < CAUTION:
-            raise TooLong(max(growth, MOST_CUT))
-        return replace(judged, further=min(growth * self._duration, self._furthest))
+            raise StepTooLong(LEAST_CUT)
+        factor = min(self._length_factor(error, after), MOST_GROWTH)
+        if factor < CAUTION:
+            raise StepTooLong(max(factor, MOST_CUT))
+        return replace(judged, next_length=min(factor * self._duration, self._furthest))
 
-    def _growth(self, error: float, after: Moment) -> float:
-        """Factor of the length of a step that had an ``error``, for the next one."""
-        if after.midway is None:
+    def _length_factor(self, error: float, after: StepState) -> float:
+        """Factor of the length of a step that had an ``error``, for the next one: errors go with the square of it, or
+        with its third power, and those of the interpolation with its fourth."""
+        if after.mid_step is None:
             return CAUTION * math.sqrt(self._tolerance / error) if error else MOST_GROWTH
-        ratio = max((error / self._tolerance) ** (1 / 3), (after.midway.off / INTERPOLATION_TOLERANCE) ** 0.25)
+        ratio = max((error / self._tolerance) ** (1 / 3), (after.mid_step.error / INTERPOLATION_TOLERANCE) ** 0.25)
         return CAUTION / ratio if ratio else MOST_GROWTH
 
-    def _set_out(self, here: Moment) -> Moment:
-        """The state at the start with its rates, where these are needed and not known."""
+    def _step(self, here: StepState, fraction: float) -> StepState:
+        """The state at a ``fraction`` of the way, by one step.
+
+        The overstress of a Prony series follows the stress of the law by convolution integrals, which are exact for
+        stress that is linear, or a parabola, over the step (R. L. Taylor, K. S. Pister and G. L. Goudreau, Int. J.
+        Numer. Meth. Eng. 2, 1970; J. C. Simo and T. J. R. Hughes, Computational Inelasticity, 1998, section 10.3). So
+        the stress at its end is a part of that of the law there, and what is known beforehand.
+        """
+        pad, time = self._pad, (fraction - here.fraction) * self._duration
+        value, remembers = self._load[0] + fraction * self._load[1], bool(self._material.prony)
+
+        # The measure over which the stress of the law is a parabola: what the pad does under this load if it is linear.
+        measures = None
+        if self._leaps and time:
+            assert here.load_memory is not None
+            measures = self._response.measures(here.load_memory, self._load[1] / self._duration, time)
+        growth = measures.main if measures else None
+        past = here.variables.past(self._material, time, pad.part, growth) if remembers else None
+        history = History(past, here.rubbed)
+
+        # Predict by the velocity, and solve.
+        guess = here.unknowns
+        if here.velocity is not None:
+            ahead = (1 / growth.rate(0.0) if growth else min(time, here.variables.step)) * here.velocity
+            guess = pad.towards(guess, guess + ahead)
+        solution, self._near = pad.solve_next(guess, value, self._near, history)
+
+        # Check displacements without the symmetry of the load, which takes long, where the pad has moved enough.
+        moved = float(np.abs(solution.unknowns - here.unknowns)[: pad.numbering.displacements].max())
+        unchecked = here.unchecked + moved
+        if self._judged and (unchecked > NATURAL_STRAIN * pad.height or fraction == 1):
+            self._near = pad.judged(solution.unknowns, value, self._near, history)
+            unchecked = 0.0
+        elif growth is not None:
+            self._near = pad.tangent_at(solution.unknowns, value, self._near, history)
+
+        # Internal variables, friction, and the memory of the load at the end.
+        variables = here.variables
+        if remembers:
+            stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(solution.unknowns)[0])
+            variables = variables.after(self._material, time, stress, growth)
+        rubbed = pad.rubbed_at(solution.unknowns, value, history) if isinstance(pad, IndentedPad) else None
+        memory = None
+        if self._leaps:
+            assert here.load_memory is not None
+            memory = self._response.after(here.load_memory, (fraction - here.fraction) * self._load[1], time)
+        velocity = (solution.unknowns - here.unknowns) / time if time and not self._leaps else None
+        after = StepState(fraction, solution, variables, velocity, unchecked, rubbed, memory)
+        if measures is None:
+            return after
+
+        # The velocity at the end, by the tangent there, and the middle of the step, where states may be asked for.
+        rate = self._load[1] / self._duration
+        ageing = here.variables.ageing(self._material, measures.main, variables.stress)
+        after = self._with_velocity(after, pad.rate_in_time(self._near, solution.unknowns, rate, value, ageing))
+        return replace(after, mid_step=self._mid_step(here, after, measures))
+
+    def _with_start_velocity(self, here: StepState) -> StepState:
+        """The state at the start with its velocity, where that is needed and not known."""
         if not (self._leaps and self._duration and here.velocity is None):
             return here
-        pad, relaxing, (value, change) = self._pad, here.relaxing, self._load
-        pad.past = relaxing.past(self._material, 0.0, pad.part)
-        self._near = pad.tangent_at(here.unknowns, value, None)
-        fading = -relaxing.fading(self._material)
+        pad, variables, (value, change) = self._pad, here.variables, self._load
+        history = History(variables.past(self._material, 0.0, pad.part))
+        self._near = pad.tangent_at(here.unknowns, value, None, history)
+        fading = -variables.fading(self._material)
         velocity = pad.rate_in_time(self._near, here.unknowns, change / self._duration, value, fading)
-        return self._with_rates(here, velocity)
+        return self._with_velocity(here, velocity)
 
-    def _with_rates(self, at: Moment, velocity: np.ndarray) -> Moment:
-        """A state that has a ``velocity``."""
-        displaced, moving = (self._pad.numbering.split(field)[0] for field in (at.unknowns, velocity))
-        slope = self._pad.model.assembly.elements.isochoric_rate(displaced, moving)
-        return replace(at, velocity=velocity, relaxing=replace(at.relaxing, slope=slope))
+    def _with_velocity(self, state: StepState, velocity: np.ndarray) -> StepState:
+        """A state that has a ``velocity``, and so a rate of its stress."""
+        displacement, moving = (self._pad.numbering.split(field)[0] for field in (state.unknowns, velocity))
+        slope = self._pad.model.assembly.elements.isochoric_rate(displacement, moving)
+        return replace(state, velocity=velocity, variables=replace(state.variables, slope=slope))
 
-    def _midway(self, here: Moment, after: Moment, measures: Measures) -> Midway:
+    def _mid_step(self, here: StepState, after: StepState, measures: Measures) -> PartMidStep:
         """The middle of a step; raises Rejected if there is none."""
-        pad, growth = self._pad, measures.main
-        assert here.velocity is not None and after.velocity is not None
+        pad, growth, near = self._pad, measures.main, self._near
+        assert here.velocity is not None and after.velocity is not None and near is not None
         size, ends = pad.numbering.displacements, (here.unknowns, after.unknowns)
-        way = Way(measures, size, *ends, here.velocity, after.velocity)
+        cubics = StepCubics(measures, size, *ends, here.velocity, after.velocity)
+
+        def correction(time: float, unknowns: np.ndarray) -> np.ndarray:
+            """What Newton's method would subtract from unknowns within the step, at a time in s since its start."""
+            past = here.variables.past(self._material, time, pad.part, growth.until(time))
+            value = self._load[0] + (here.fraction + time / self._duration) * self._load[1]
+            step = pad.correction(near, unknowns, value, History(past))
+            if step is None:
+                raise Rejected("an element would be inverted on the way")
+            return step
+
+        # In the middle, cubics are corrected; a quarter of the way from each end, it is seen what remains.
         middle = growth.time_at(0.5)
-        found, left, off = self._off(here, growth, middle, way.at(middle)), np.zeros(size), 0.0
-        for share in (LEFT, 1 - LEFT):
-            time = growth.time_at(share)
-            unknowns = way.at(time) - measures.bump(time)[0] * found
-            error = self._off(here, growth, time, unknowns)
-            parts = zip(*(np.split(field, [size]) for field in (error, unknowns)), strict=True)
-            off = max(off, *(math.sqrt(np.square(part).mean()) / (np.abs(of).max() or 1.0) for part, of in parts))
-            left = max(left, -error, key=lambda field: float(np.abs(field[:size]).max()))
-        stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(way.at(middle) - found)[0])
-        bend = 8 * (here.relaxing.middle(after.relaxing.stress, growth) - stress)
-        return Midway(growth, here.velocity, found, left, off, bend)
+        mid_correction, remainder, error = correction(middle, cubics.at(middle)), np.zeros(size), 0.0
+        for fraction in (QUARTER, 1 - QUARTER):
+            time = growth.time_at(fraction)
+            unknowns = cubics.at(time) - measures.bump(time)[0] * mid_correction
+            residual = correction(time, unknowns)
+            for of_field, field in zip(np.split(residual, [size]), np.split(unknowns, [size]), strict=True):
+                error = max(error, math.sqrt(np.square(of_field).mean()) / (np.abs(field).max() or 1.0))
+            remainder = max(remainder, -residual, key=lambda field: float(np.abs(field[:size]).max()))
 
-    def _off(self, here: Moment, growth: Growth, time: float, unknowns: np.ndarray) -> np.ndarray:
-        """What Newton's method would subtract from unknowns within a step, at a time in s since its start."""
-        pad = self._pad
+        # What the stress in the middle lacks to a parabola is 1/8 of its third power.
+        stress = pad.model.assembly.elements.isochoric_stress(
+            pad.numbering.split(cubics.at(middle) - mid_correction)[0]
+        )
+        cubic = 8 * (here.variables.middle(after.variables.stress, growth) - stress)
+        return PartMidStep(growth, here.velocity, mid_correction, remainder, error, cubic)
+
+    def _error_estimate(self, before: StepState | None, here: StepState, after: StepState) -> tuple[float, StepState]:
+        """Relative error of the stress by the last step, or by the first two, and the state with this error added to
+        its variables."""
+        pad, variables = self._pad, after.variables
+        if not self._material.prony:
+            return 0.0, after
+        self.stress_scale = max(self.stress_scale, pad.size_of(variables.stress))
+        if not self.stress_scale:
+            return 0.0, after
+
+        # Steps that are linear in time: by the second derivative over this step and the one before.
+        if not self._leaps:
+            if variables.slope is None or here.variables.slope is None:
+                return 0.0, after
+            bend = variables.bend(here.variables)
+            missed = variables.missed(self._material, bend)
+            error = pad.size_of(missed.sum(axis=0))
+            if before is not None:
+                earlier = here.variables.missed(self._material, bend)
+                error = max(error, pad.size_of(earlier.sum(axis=0)))
+                missed = missed + self._material.over(variables.step).decay[:, None, None, None] * earlier
+            return error / self.stress_scale, replace(after, variables=variables.off_by(missed))
+
+        # Else by the third power of the stress, which the middle of the step tells.
         assert self._near is not None
-        pad.past = here.relaxing.past(self._material, time, pad.part, growth.until(time))
-        value = self._load[0] + (here.share + time / self._duration) * self._load[1]
-        found = pad.correction(self._near, unknowns, value)
-        if found is None:
-            raise Rejected("an element would be inverted on the way")
-        return found
+        growth, error = None, 0.0
+        uncertainty = 0.0 if here.error is None else here.error.uncertainty
+        uncertainty *= math.exp(-variables.step * float(self._response.rates.min()))
+        if after.mid_step is not None:
+            growth = after.mid_step.growth
+            missed = variables.missed_on(self._material, growth, after.mid_step.cubic_stress)
+            own = pad.answer(self._near, after.unknowns, missed.sum(axis=0))
+            error = pad.size_of(missed.sum(axis=0)) / self.stress_scale
+            uncertainty += float(np.abs(own[: pad.numbering.displacements]).max())
+            variables = variables.off_by(missed)
 
-    def deviation(self, end: Moment) -> np.ndarray:
+        # Errors of the terms displace the pad, and what that does to the stress of the law, terms follow.
+        deviation = pad.answer(self._near, after.unknowns, variables.error.sum(axis=0))
+        displacement, displaced = (pad.numbering.split(field)[0] for field in (after.unknowns, deviation))
+        stress_error = pad.model.assembly.elements.isochoric_rate(displacement, displaced)
+        variables = variables.followed(self._material, stress_error, growth)
+        return error, replace(after, variables=variables, error=StepError(deviation, uncertainty))
+
+    def deviation(self, end: StepState) -> np.ndarray:
         """(unknowns,) estimated error due to time steps.
 
         That of each step is known to `DOUBT` of it; what is not known does not cancel as they do.
         """
-        if end.deviation is not None:
-            largest = float(np.abs(end.deviation[: self._pad.numbering.displacements]).max())
-            return end.deviation * (1 + DOUBT * end.doubt / largest) if largest else end.deviation
-        error = end.relaxing.error.sum(axis=0)
+        if end.error is not None:
+            deviation = end.error.deviation
+            largest = float(np.abs(deviation[: self._pad.numbering.displacements]).max())
+            return deviation * (1 + DOUBT * end.error.uncertainty / largest) if largest else deviation
+        error = end.variables.error.sum(axis=0)
         if self._near is None or not error.any():
             return np.zeros(self._pad.unknowns)
         return self._pad.answer(self._near, end.unknowns, error)
-
-    def _step(self, here: Moment, share: float) -> Moment:
-        """The state at a fraction of the way, by one step."""
-        pad, time = self._pad, (share - here.share) * self._duration
-        remembers = bool(self._material.prony)
-        measures = self._measures(here, time) if self._leaps and time else None
-        growth = measures.main if measures else None
-        pad.past = here.relaxing.past(self._material, time, pad.part, growth) if remembers else None
-        if isinstance(pad, IndentedPad):
-            pad.rubbed = here.rubbed
-        guess = here.unknowns
-        if here.velocity is not None:
-            ahead = (1 / growth.rate(0.0) if growth else min(time, here.relaxing.step)) * here.velocity
-            guess = pad.towards(guess, guess + ahead)
-        value = self._load[0] + share * self._load[1]
-        solution, self._near = pad.solve_next(guess, value, self._near)
-        moved = float(np.abs(solution.unknowns - here.unknowns)[: pad.numbering.displacements].max())
-        unjudged = here.unjudged + moved
-        if self._judges and (unjudged > NATURAL_STRAIN * pad.height or share == 1):
-            self._near = pad.judged(solution.unknowns, value, self._near)
-            unjudged = 0.0
-        elif growth is not None:
-            self._near = pad.tangent_at(solution.unknowns, value, self._near)
-        relaxing, rubbed = here.relaxing, None
-        if remembers:
-            stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(solution.unknowns)[0])
-            relaxing = relaxing.after(self._material, time, stress, growth)
-        if isinstance(pad, IndentedPad):
-            rubbed = pad.rubbed_at(solution.unknowns, value)
-        velocity = (solution.unknowns - here.unknowns) / time if time and not self._leaps else None
-        figures = solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked
-        after = Moment(solution.unknowns, relaxing, velocity, unjudged, share, *figures, rubbed)
-        if self._leaps:
-            assert here.recalled is not None
-            change = (share - here.share) * self._load[1]
-            after = replace(after, recalled=self._response.after(here.recalled, change, time))
-        return self._with_rates_and_midway(here, after, value, measures) if measures else after
-
-    def _with_rates_and_midway(self, here: Moment, after: Moment, value: np.ndarray, measures: Measures) -> Moment:
-        """The state after a step, with its rates and the middle of the step."""
-        pad, growth = self._pad, measures.main
-        assert self._near is not None  # the tangent there
-        ageing = here.relaxing.ageing(self._material, growth, after.relaxing.stress)
-        rate = self._load[1] / self._duration
-        after = self._with_rates(after, pad.rate_in_time(self._near, after.unknowns, rate, value, ageing))
-        return replace(after, midway=self._midway(here, after, measures))
-
-    def _measures(self, here: Moment, time: float) -> Measures:
-        """Of a step of a length in s."""
-        assert here.recalled is not None
-        return self._response.measures(here.recalled, self._load[1] / self._duration, time)
-
-    def _judged(self, before: Moment | None, here: Moment, after: Moment) -> tuple[float, Moment]:
-        """Relative error of the last step, or of the first two, and the state with this error added to its
-        variables."""
-        if not self._material.prony:
-            return 0.0, after
-        self.scale = max(self.scale, self._pad.size_of(after.relaxing.stress))
-        if not self.scale:
-            return 0.0, after
-        if self._leaps:
-            return self._with_errors(here, after)
-        if after.relaxing.slope is None or here.relaxing.slope is None:
-            return 0.0, after
-        bend = after.relaxing.bend(here.relaxing)
-        missed = after.relaxing.missed(self._material, bend)
-        error = self._pad.size_of(missed.sum(axis=0))
-        if before is not None:
-            earlier = here.relaxing.missed(self._material, bend)
-            error = max(error, self._pad.size_of(earlier.sum(axis=0)))
-            missed = missed + self._material.over(after.relaxing.step).decay[:, None, None, None] * earlier
-        return error / self.scale, replace(after, relaxing=after.relaxing.off_by(missed))
-
-    def _with_errors(self, here: Moment, after: Moment) -> tuple[float, Moment]:
-        """As :meth:`_judged`, where what follows from errors of the terms is known: the state has that too."""
-        assert self._near is not None
-        pad, relaxing, growth, error = self._pad, after.relaxing, None, 0.0
-        doubt = here.doubt * math.exp(-relaxing.step * float(self._response.rates.min()))
-        if after.midway is not None:
-            growth = after.midway.growth
-            missed = relaxing.missed_on(self._material, growth, after.midway.bend)
-            own = pad.answer(self._near, after.unknowns, missed.sum(axis=0))
-            error = pad.size_of(missed.sum(axis=0)) / self.scale
-            doubt += float(np.abs(own[: pad.numbering.displacements]).max())
-            relaxing = relaxing.off_by(missed)
-        deviation = pad.answer(self._near, after.unknowns, relaxing.error.sum(axis=0))
-        displaced, moved = (pad.numbering.split(field)[0] for field in (after.unknowns, deviation))
-        off = pad.model.assembly.elements.isochoric_rate(displaced, moved)
-        relaxing = relaxing.followed(self._material, off, growth)
-        return error, replace(after, relaxing=relaxing, deviation=deviation, doubt=doubt)
-
-    def _refuse_contact(self, here: Moment, after: Moment, touch: Touch) -> None:
-        contact = touch(self._pad, after.unknowns)
-        if contact:
-            place = ", ".join(f"{number:.4g}" for number in contact.place)
-            raise self._ended(here, f"touches {contact.what} near ({place}) mm, which is outside the model", contact)
-
-    def _ended(self, here: Moment, reason: str, contact: Contact | None = None) -> Ended:
-        return Ended(self._load[0] + here.share * self._load[1], here.share, reason, contact)
 
 
 def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:

@@ -35,17 +35,28 @@ from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import new_pad
-from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
+from mitsuba_taxel.mechanics.equilibrium.solution import History, Rejected, Solution
 from mitsuba_taxel.mechanics.errors.second_meshes import second_meshes, share_of
 from mitsuba_taxel.mechanics.errors.shorter_reach import REMAINDER
-from mitsuba_taxel.mechanics.history.reached import ON_ITS_WAY, Passed, Reached, Way, passed
+from mitsuba_taxel.mechanics.history.time_state import (
+    ON_ITS_WAY,
+    Figures,
+    LoadState,
+    MidStep,
+    Shape,
+    StepControl,
+    StepCubics,
+    TimeState,
+    shape_within,
+)
 from mitsuba_taxel.mechanics.history.time_steps import (
     INTERPOLATION_TOLERANCE,
     TIME_TOLERANCE,
-    Ended,
-    Moment,
-    Stretch,
-    TooLong,
+    PathEnded,
+    RowSteps,
+    StepError,
+    StepState,
+    StepTooLong,
     furthest,
     leaps,
     response,
@@ -68,7 +79,7 @@ class TimedPath:
     path : PadPath
         Path of the same elastic pad, for its mesh and the comparison with another mesh.
     coarsening : int
-        As in :class:`Stretch`.
+        As in :class:`RowSteps`.
     share : float
         Of the reach of contact, as of a :class:`SelfTouchingPad`.
     """
@@ -77,11 +88,11 @@ class TimedPath:
         self._path, self._material, self._coarsening, self._share = path, material, coarsening, share
         self._moving = path.load.driven or path.load
         self._response = response(self._moving, material)
-        self._known: OrderedDict[tuple[Row, ...], Reached] = OrderedDict()
+        self._known: OrderedDict[tuple[Row, ...], TimeState] = OrderedDict()
         self._count: dict[tuple[Row, ...], int] = {(): 0}
         self._pads: dict[tuple[Mirror, ...], LoadedPad] = {}
         self._clear: set[tuple[bytes, tuple[Row, ...]]] = set()
-        self._last: tuple[tuple[Row, ...], tuple[Reached, Way]] | None = None
+        self._last: tuple[tuple[Row, ...], tuple[TimeState, StepCubics]] | None = None
 
     @classmethod
     @kept(4)
@@ -100,86 +111,107 @@ class TimedPath:
         if path.load == self._moving:
             self._refuse_unresolved(None, np.array(value))
         at = self.reached(rows)
-        self._refuse_unresolved(at.displacement, at.moved)
-        figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
+        self._refuse_unresolved(at.shape.displacement, at.load.value)
         memory = None
         if self._material.prony:
-            memory = ViscoelasticMemory(time, partial(self._overstress, rows), at.deviation, at.missed)
+            overstress = partial(self._overstress, rows)
+            memory = ViscoelasticMemory(time, overstress, at.shape.deviation, at.figures.stress_error)
         return State(
-            path.mesh, path.material, path.load, np.array(value), at.displacement, at.pressure, *figures,
-            second_mesh=partial(self._comparison, rows), memory=memory, traction=at.traction,
-            indenter_moved=None if self._moving.indenter is None else at.moved, bodies=path.bodies,
-        )  # fmt: skip
+            mesh=path.mesh,
+            material=path.material,
+            load=path.load,
+            value=np.array(value),
+            displacement=at.shape.displacement,
+            pressure=at.shape.pressure,
+            min_jacobian=at.figures.min_jacobian,
+            residual=at.figures.residual,
+            newton_iterations=at.figures.iterations,
+            stability_checked=at.figures.stability_checked,
+            solved_in=at.figures.seconds,
+            second_mesh=partial(self._comparison, rows),
+            memory=memory,
+            traction=at.traction,
+            indenter_moved=None if self._moving.indenter is None else at.load.value,
+            bodies=path.bodies,
+        )
 
     def _refuse_unresolved(self, displacement: np.ndarray | None, moved: np.ndarray) -> None:
         if self._moving.indenter is not None:
             driven = self._path if self._path.load.driven is None else self._path.driven
             driven.refuse_unresolved(moved, displacement)
 
-    def reached(self, rows: tuple[Row, ...]) -> Reached:
+    def reached(self, rows: tuple[Row, ...]) -> TimeState:
         """The pad at the end of some rows."""
-        at = self._solved(rows)
-        if at.time <= (rows[-1][0] if rows else 0.0):
-            return at
-        count, (time, value), shape = self._count[rows], rows[-1], self._passed(rows)
-        (start, way), pad = self._way(rows[:count]), self._pad_for(rows)
-        before = start.relaxing.spread(self._pad_for(rows[: count - 1]).part, self._path.mesh, pad.part)
-        begun, moving = (v[: at.displacement.size].reshape(-1, 3) for v in (at.begun, shape.velocity))
-        before = replace(before, slope=pad.isochoric_rate(start.displacement, begun))
-        passed, course = time - start.time, way.measures.main
-        t = float(course.at(passed))
-        part, bend = course.until(passed), t**3 * at.bend
-        relaxing = before.after(self._material, passed, pad.isochoric_stress(shape.displacement), part)
-        relaxing = relaxing.off_by(relaxing.missed_on(self._material, part, bend))
-        relaxing = relaxing.followed(self._material, (1 - t) * before.off + t * at.off, part)
-        pad.past = Past(1.0, relaxing.overstress(self._material), pad.part)
-        unknowns = pad.gather(shape.displacement, shape.pressure)
+        end = self._solved(rows)
+        if end.time <= (rows[-1][0] if rows else 0.0):
+            return end
+
+        # Within a step that leads beyond the last row: its shape is that of the cubics between the ends of the step.
+        count, (time, value), shape = self._count[rows], rows[-1], self._shape(rows)
+        (start, cubics), pad = self._cubics(rows[:count]), self._pad_for(rows)
+        assert end.mid_step is not None
+        elapsed, measure = time - start.time, cubics.measures.main
+        t, growth = float(measure.at(elapsed)), measure.until(elapsed)
+
+        # Internal variables follow the stress of the law, which is a parabola to there; its third power is their error.
+        variables = start.variables.spread(self._pad_for(rows[: count - 1]).part, self._path.mesh, pad.part)
+        start_velocity, velocity = (
+            field[: end.shape.displacement.size].reshape(-1, 3)
+            for field in (end.mid_step.start_velocity, shape.velocity)
+        )
+        slope = pad.isochoric_rate(start.shape.displacement, start_velocity)
+        stress_error = (1 - t) * variables.off + t * end.variables.off
+        stress = pad.isochoric_stress(shape.displacement)
+        variables = replace(variables, slope=slope).after(self._material, elapsed, stress, growth)
+        missed = variables.missed_on(self._material, growth, t**3 * end.mid_step.cubic_stress)
+        variables = variables.off_by(missed).followed(self._material, stress_error, growth)
+
+        # How far the interpolated state is from balance.
+        history = History(Past(1.0, variables.overstress(self._material), pad.part))
+        unknowns, checked = pad.gather(shape.displacement, shape.pressure), end.figures.stability_checked
         try:
-            state = pad.near_balance(unknowns, np.array(value), 0, at.stability_checked)
+            solution = pad.near_balance(unknowns, np.array(value), 0, checked, history)
         except Rejected as rejection:
-            ended = Ended(np.array(value), 0.0, f"cannot be loaded further ({rejection})")
+            ended = PathEnded(np.array(value), 0.0, f"cannot be loaded further ({rejection})")
             raise ComputationError(self._end(ended, time, 0.0)) from rejection
-        error = pad.size_of(relaxing.stress_error(self._material))
+        error, scale = pad.size_of(variables.stress_error(self._material)), end.control.stress_scale
+        memory = self._response.after(start.load.memory, elapsed * end.load.rate, elapsed)
         return replace(
-            at,
+            end,
             time=time,
-            moved=np.array(value),
-            displacement=shape.displacement,
-            pressure=shape.pressure,
-            velocity=shape.velocity,
-            deviation=shape.deviation,
-            missed=error / at.scale if at.scale else 0.0,
-            min_jacobian=state.min_jacobian,
-            residual=state.residual,
-            iterations=0,
-            stress=relaxing.stress,
-            held=relaxing.held,
-            error=relaxing.error,
-            off=relaxing.off,
-            doubt=(1 - t) * start.doubt + t * at.doubt,
-            slope=pad.isochoric_rate(shape.displacement, moving),
-            step=relaxing.step,
-            recalled=self._response.after(start.recalled, passed * at.rate, passed),
+            shape=shape,
+            load=LoadState(np.array(value), end.load.rate, memory),
+            variables=replace(variables, slope=pad.isochoric_rate(shape.displacement, velocity)),
+            figures=Figures(
+                min_jacobian=solution.min_jacobian,
+                residual=solution.residual,
+                iterations=0,
+                stability_checked=checked,
+                seconds=end.figures.seconds,
+                uncertainty=(1 - t) * start.figures.uncertainty + t * end.figures.uncertainty,
+                stress_error=error / scale if scale else 0.0,
+            ),
         )
 
-    def _way(self, rows: tuple[Row, ...]) -> tuple[Reached, Way]:
-        """The state before the step to the last row and beyond, and the way from there."""
+    def _cubics(self, rows: tuple[Row, ...]) -> tuple[TimeState, StepCubics]:
+        """The state before the step to the last row and beyond, and the cubics from there."""
         if self._last is None or self._last[0] != rows:
             start, end = self._before(rows), self._kept(rows)
-            measures = self._response.measures(start.recalled, end.rate, end.time - start.time)
-            ends = start.unknowns, end.unknowns, end.begun, end.velocity
-            self._last = rows, (start, Way(measures, end.displacement.size, *ends))
+            assert end.mid_step is not None
+            measures = self._response.measures(start.load.memory, end.load.rate, end.time - start.time)
+            ends = start.shape.unknowns, end.shape.unknowns, end.mid_step.start_velocity, end.shape.velocity
+            self._last = rows, (start, StepCubics(measures, end.shape.displacement.size, *ends))
         return self._last[1]
 
-    def _passed(self, rows: tuple[Row, ...]) -> Passed:
+    def _shape(self, rows: tuple[Row, ...]) -> Shape:
         """The shape of the pad at the end of some rows."""
-        at = self._solved(rows)
-        if at.time <= rows[-1][0]:
-            return Passed(at.displacement, at.pressure, at.velocity, at.deviation)
-        start, way = self._way(rows[: self._count[rows]])
-        return passed(start, at, way, rows[-1][0])
+        end = self._solved(rows)
+        if end.time <= rows[-1][0]:
+            return end.shape
+        start, cubics = self._cubics(rows[: self._count[rows]])
+        return shape_within(start, end, cubics, rows[-1][0])
 
-    def _solved(self, rows: tuple[Row, ...]) -> Reached:
+    def _solved(self, rows: tuple[Row, ...]) -> TimeState:
         """The last state that is solved for some rows: at the end of these, or beyond."""
         done = len(rows)
         while done and rows[:done] not in self._count and not cache.holds(self._name(rows[:done])):
@@ -193,13 +225,13 @@ class TimedPath:
             self._count[rows[:count]] = done
         return at
 
-    def _stored(self, rows: tuple[Row, ...]) -> Reached:
+    def _stored(self, rows: tuple[Row, ...]) -> TimeState:
         """The state of :meth:`_solved` that is solved for the last row."""
         name = self._name(rows)
         with cache.alone(name):
             arrays = cache.load(name)  # another process may have solved it in the meantime
             if arrays is not None:
-                at = Reached(**cache.values_of(arrays))
+                at = TimeState.from_arrays(arrays)
             else:
                 at = self._next(self._before(rows), rows)
                 cache.store(name, cache.arrays_of(at))
@@ -209,141 +241,159 @@ class TimedPath:
             self._known.popitem(last=False)
         return at
 
-    def _before(self, rows: tuple[Row, ...]) -> Reached:
+    def _before(self, rows: tuple[Row, ...]) -> TimeState:
         """The state from which the step to the last row sets out."""
         (time, value), before = rows[-1], self._solved(rows[:-1])
         return before if before.on_its_way(time, np.array(value)) else self.reached(rows[:-1])
 
-    def _kept(self, rows: tuple[Row, ...]) -> Reached:
+    def _kept(self, rows: tuple[Row, ...]) -> TimeState:
         if not rows:
             return self._rest
         return self._known[rows] if rows in self._known else self._stored(rows)
 
-    def _next(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
+    def _next(self, before: TimeState, rows: tuple[Row, ...]) -> TimeState:
         """The pad at the end of the last row or beyond, from its state at the end of the row before or beyond."""
-        (time, row), most = rows[-1], math.inf
+        (time, row), longest = rows[-1], math.inf
         value, last = np.array(row), rows[-2][0] if len(rows) > 1 else 0.0
-        length, least = self._further(before, rows), 2 * time - last - before.time  # to the next row at least
+        length, least = self._length_beyond(before, rows), 2 * time - last - before.time  # to the next row at least
         while length > (1 - ON_ITS_WAY) * least > 0:
-            way = (value - before.moved) / (time - before.time)
+            rate = (value - before.load.value) / (time - before.time)
             try:
-                return self._moved(before, rows, before.moved + length * way, length, leaps=True)
-            except TooLong as too_long:
-                length *= too_long.share
-                most = AGAIN * length
-        at = self._moved(before, rows, value, time - before.time)
-        return replace(at, further=min(at.further, most))
+                return self._moved(before, rows, before.load.value + length * rate, length, beyond=True)
+            except StepTooLong as too_long:
+                length *= too_long.factor
+                longest = AGAIN * length
+        end = self._moved(before, rows, value, time - before.time)
+        return replace(end, control=replace(end.control, next_length=min(end.control.next_length, longest)))
 
-    def _further(self, before: Reached, rows: tuple[Row, ...]) -> float:
+    def _length_beyond(self, before: TimeState, rows: tuple[Row, ...]) -> float:
         """Length in s of a first step beyond the last row; 0 if the load's rate is new and may not last."""
         (time, row), pad = rows[-1], self._pad_for(rows)
         if before.on_its_way(time, np.array(row)):
-            return before.further
+            return before.control.next_length
         duration = time - before.time
         if not (leaps(pad, self._material) and duration > 0) or _turns(rows[:-1]):
             return 0.0
-        return furthest(pad, self._response, (np.array(row) - before.moved) / duration)
+        return furthest(pad, self._response, (np.array(row) - before.load.value) / duration)
 
     def _moved(
         self,
-        before: Reached,
+        before: TimeState,
         rows: tuple[Row, ...],
         value: np.ndarray,
         duration: float,
         steps: int | None = None,
-        leaps: bool = False,
-    ) -> Reached:
+        beyond: bool = False,
+    ) -> TimeState:
         """The pad after the load changed to ``value``; ``steps`` are those under friction.
 
-        If it ``leaps``, it does so in one step, between whose ends states may be interpolated.
+        If it leads ``beyond`` the last row, that is one step, between whose ends states may be interpolated.
         """
         began = clock.perf_counter()
-        start_value = before.moved
+        start_value = before.load.value
         pad, earlier = self._pad_for(rows), self._pad_for(rows[:-1])
         change = value - start_value
         rate = change / duration if duration > 0 else np.full(len(change), np.nan)
-        goes_on = np.allclose(rate, before.rate, rtol=1e-9, atol=0)
-        relaxing = before.relaxing
+
+        # The state before, on the part of the pad between the mirrors of all rows: if the load changes as before, its
+        # velocity is known, and the rate of its stress.
+        variables, velocity = before.variables, None
         if self._material.prony:
-            relaxing = relaxing.spread(earlier.part, self._path.mesh, pad.part)
-        velocity = None
-        if goes_on:
-            moved, pressed = np.split(before.velocity, [before.displacement.size])
-            velocity = pad.gather(moved.reshape(-1, 3), pressed)
+            variables = variables.spread(earlier.part, self._path.mesh, pad.part)
+        if np.allclose(rate, before.load.rate, rtol=1e-9, atol=0):
+            moving, pressing = np.split(before.shape.velocity, [before.shape.displacement.size])
+            velocity = pad.gather(moving.reshape(-1, 3), pressing)
         else:
-            relaxing = replace(relaxing, slope=None)
-        start = Moment(pad.gather(before.displacement, before.pressure), relaxing, velocity, before.unjudged)
-        start = replace(start, recalled=before.recalled, doubt=before.doubt)
-        judged = self._path.judged
+            variables = replace(variables, slope=None)
+        rubbed, judged = None, self._path.judged
         if isinstance(pad, IndentedPad) and pad.friction:
-            start = replace(start, rubbed=self._rubbed(pad, before, start_value))
-            judged = False
-        load = start_value, change
-        stretch = Stretch(pad, self._material, start, load, duration, before.scale, judged, self._coarsening, steps)
+            rubbed, judged = self._rubbed(pad, before, start_value), False
+        unknowns = pad.gather(before.shape.displacement, before.shape.pressure)
+        start = StepState(
+            fraction=0.0,
+            solution=Solution(unknowns, 1.0, 0.0, 0, True),
+            variables=variables,
+            velocity=velocity,
+            unchecked=before.control.unchecked,
+            rubbed=rubbed,
+            load_memory=before.load.memory,
+            error=StepError(np.zeros(pad.unknowns), before.figures.uncertainty),
+        )
+
+        # Solve.
+        scale, load = before.control.stress_scale, (start_value, change)
+        row_steps = RowSteps(pad, self._material, start, load, duration, scale, judged, self._coarsening, steps)
         try:
-            end = stretch.leap(self._touch) if leaps else stretch.run(self._touch)
-        except Ended as ended:
+            end = row_steps.single(self._touch) if beyond else row_steps.run(self._touch)
+        except PathEnded as ended:
             raise ComputationError(self._end(ended, before.time, duration)) from None
+
+        # The state at the end, of the whole pad.
         displacement, pressure = pad.split(end.unknowns)
-        beyond = (np.zeros(0),) * 4
-        if leaps and end.midway:
-            begun, found = (self._stacked(pad, field) for field in (end.midway.begun, end.midway.found))
-            beyond = begun, found, pad.split(end.midway.left)[0], end.midway.bend
-        error = pad.size_of(end.relaxing.stress_error(self._material)) if self._material.prony else 0.0
-        return Reached(
-            before.time + duration if leaps else rows[-1][0],
-            displacement,
-            pressure,
-            rate,
-            self._stacked(pad, end.velocity),
-            *beyond,
-            end.relaxing.stress,
-            end.relaxing.held,
-            end.relaxing.error,
-            end.relaxing.off,
-            np.zeros(0) if end.relaxing.slope is None else end.relaxing.slope,
-            end.relaxing.step,
-            self._response.at_rest(len(value)) if end.recalled is None else end.recalled,
-            end.further,
-            stretch.scale,
-            end.unjudged,
-            pad.split(stretch.deviation(end))[0],
-            end.doubt,
-            error / stretch.scale if stretch.scale else 0.0,
-            self._traction(pad, end),
-            value,
-            end.min_jacobian,
-            end.residual,
-            end.iterations,
-            end.stability_checked,
-            before.seconds + clock.perf_counter() - began,
+        mid_step = None
+        if beyond and end.mid_step:
+            mid_step = MidStep(
+                start_velocity=self._stacked(pad, end.mid_step.start_velocity),
+                correction=self._stacked(pad, end.mid_step.correction),
+                remainder=pad.split(end.mid_step.remainder)[0],
+                cubic_stress=end.mid_step.cubic_stress,
+            )
+        scale = row_steps.stress_scale
+        error = pad.size_of(end.variables.stress_error(self._material)) if self._material.prony else 0.0
+        memory = self._response.at_rest(len(value)) if end.load_memory is None else end.load_memory
+        deviation = pad.split(row_steps.deviation(end))[0]
+        return TimeState(
+            time=before.time + duration if beyond else rows[-1][0],
+            shape=Shape(displacement, pressure, self._stacked(pad, end.velocity), deviation),
+            load=LoadState(value, rate, memory),
+            variables=end.variables,
+            traction=self._traction(pad, end),
+            control=StepControl(next_length=end.next_length, stress_scale=scale, unchecked=end.unchecked),
+            figures=Figures(
+                min_jacobian=end.solution.min_jacobian,
+                residual=end.solution.residual,
+                iterations=end.solution.iterations,
+                stability_checked=end.solution.stability_checked,
+                seconds=before.figures.seconds + clock.perf_counter() - began,
+                uncertainty=0.0 if end.error is None else end.error.uncertainty,
+                stress_error=error / scale if scale else 0.0,
+            ),
+            mid_step=mid_step,
         )
 
     @cached_property
-    def _rest(self) -> Reached:
-        mesh, pad = self._path.mesh, self._pad_for(())
+    def _rest(self) -> TimeState:
+        mesh, pad, components = self._path.mesh, self._pad_for(()), self._path.load.components
         points = pad.model.assembly.elements.weight.shape if self._material.prony else (0, 0)
-        relaxing = Relaxing.at_rest(self._material, *points)
-        recalled = self._response.at_rest(self._path.load.components)
-        nowhere, unknown = np.zeros_like(mesh.points), np.full(self._path.load.components, np.nan)
-        empty = np.zeros(0)
-        none, moved = np.zeros(mesh.corner_count), np.zeros(self._path.load.components)
-        variables = relaxing.stress, relaxing.held, relaxing.error, relaxing.off, empty, 0.0, recalled
-        return Reached(
-            0.0, nowhere, none, unknown, self._stacked(pad, None), empty, empty, empty, empty, *variables, 0.0, 0.0,
-            0.0, nowhere, 0.0, 0.0, np.zeros((0, 3)), moved, 1.0, 0.0, 0, True, 0.0,
-        )  # fmt: skip
+        nowhere, pressure = np.zeros_like(mesh.points), np.zeros(mesh.corner_count)
+        return TimeState(
+            time=0.0,
+            shape=Shape(nowhere, pressure, self._stacked(pad, None), nowhere),
+            load=LoadState(np.zeros(components), np.full(components, np.nan), self._response.at_rest(components)),
+            variables=Relaxing.at_rest(self._material, *points),
+            traction=np.zeros((0, 3)),
+            control=StepControl(next_length=0.0, stress_scale=0.0, unchecked=0.0),
+            figures=Figures(
+                min_jacobian=1.0,
+                residual=0.0,
+                iterations=0,
+                stability_checked=True,
+                seconds=0.0,
+                uncertainty=0.0,
+                stress_error=0.0,
+            ),
+        )
 
-    def _rubbed(self, pad: IndentedPad, before: Reached, moved: np.ndarray) -> Rubbed:
+    def _rubbed(self, pad: IndentedPad, before: TimeState, moved: np.ndarray) -> Rubbed:
         """History of friction at the end of a row, on another part of the pad."""
         assert pad.friction is not None
         nodes, count = pad.part.nodes, len(self._path.mesh.points)
         on_part = before.traction[np.concatenate([nodes, count + nodes])] if len(before.traction) else before.traction
-        place = pad.friction.place(before.displacement[nodes], moved)
+        place = pad.friction.place(before.shape.displacement[nodes], moved)
         return Rubbed(place, pad.model.indentation.at_nodes(on_part))
 
-    def _traction(self, pad: LoadedPad, end: Moment) -> np.ndarray:
-        """Traction of :class:`Reached`, from that of the solved part."""
+    def _traction(self, pad: LoadedPad, end: StepState) -> np.ndarray:
+        """Traction of :class:`TimeState`, from that of the solved part."""
         if end.rubbed is None:
             return np.zeros((0, 3))
         top, outside = np.split(pad.model.indentation.nodal(end.rubbed.traction), 2)
@@ -374,11 +424,11 @@ class TimedPath:
         displacement = pad.split(unknowns)[0]
         return (self._path.contact.find_package if pad.load.self_contact else pad.contact.find)(displacement)
 
-    def _end(self, ended: Ended, start: float, duration: float) -> str:
+    def _end(self, ended: PathEnded, start: float, duration: float) -> str:
         load = self._moving
         value = ", ".join(f"{number:.4g}" for number in ended.value)
         shown = f"({value})" if len(ended.value) == 3 else value
-        time = start + ended.share * duration
+        time = start + ended.fraction * duration
         when = f", {time:.4g} s" if self._material.prony else ""
         said = ended.contact and said_of(ended.contact.what, self._path.mesh, np.array(ended.contact.place))
         return f"the pad {ended.reason}: the load path ends at {load.quantity} = {shown} {load.unit}{when}.{said or ''}"
@@ -390,42 +440,47 @@ class TimedPath:
             if (key, rows[:count]) in self._clear:
                 continue
             test = test or ContactTest(self._path.mesh, obstacles)
-            found = test.find_package(self._passed(rows[:count]).displacement)
+            found = test.find_package(self._shape(rows[:count]).displacement)
             if found:
-                at, time = self.reached(rows[:count]).moved, rows[count - 1][0]
-                raise ComputationError(self._end(Ended(at, 0.0, f"touches {found.what}"), time, 0.0))
+                at, time = self.reached(rows[:count]).load.value, rows[count - 1][0]
+                raise ComputationError(self._end(PathEnded(at, 0.0, f"touches {found.what}"), time, 0.0))
             self._clear.add((key, rows[:count]))
 
     def _comparison(self, rows: tuple[Row, ...]) -> StateComparison:
         """Comparison with the same rows on the first other mesh that reaches them, and in longer steps."""
         with LOCK:
-            at, mesh = self.reached(rows), self._path.mesh
-            if not at.displacement.any():
+            here, mesh = self.reached(rows), self._path.mesh
+            displacement = here.shape.displacement
+            if not displacement.any():
                 return StateComparison(NO_ERROR, partial(np.zeros, (2, *mesh.points.shape)), 0.0, 0.0)
 
-            def told(second: PadPath, comparison: RoofComparison) -> StateComparison:
+            def compare(second: PadPath, comparison: RoofComparison) -> StateComparison:
+                # The same rows on another mesh, in steps of twice the length, and with half the reach of contact.
                 other = self.of(second, self._material)
-                there, longer = other.reached(rows), self._longer.reached(rows)
-                other._refuse_unresolved(there.displacement, there.moved)
+                on_other, longer = other.reached(rows), self._longer.reached(rows)
+                other._refuse_unresolved(on_other.shape.displacement, on_other.load.value)
                 closer = self._closer.reached(rows)
-                deviations, of_force = comparison.deviations, 0.0
+
+                # Each changes the force of a pad whose displacement is given.
+                deviations, force_error = comparison.deviations, 0.0
                 if self._path.load.gives_displacement:
-                    force = self._board_force(rows, at)
+                    force = self._board_force(rows, here)
                     of_steps, of_reach = (
-                        0.0 if reached is at else float(np.linalg.norm(one._board_force(rows, reached) - force))
-                        for one, reached in ((self, longer), (self._closer, closer))
+                        0.0 if state is here else float(np.linalg.norm(path._board_force(rows, state) - force))
+                        for path, state in ((self, longer), (self._closer, closer))
                     )
-                    of_mesh = comparison.force_error(force, other._board_force(rows, there))
-                    of_force = of_mesh + of_steps + REMAINDER * of_reach
+                    of_mesh = comparison.force_error(force, other._board_force(rows, on_other))
+                    force_error = of_mesh + of_steps + REMAINDER * of_reach
                     deviations = partial(deviations, of_force=share_of(of_mesh, force))
                 return StateComparison(
-                    comparison.error(at.displacement, there.displacement),
-                    partial(self._deviations, deviations, at, there, longer, closer),
-                    of_force,
-                    there.seconds + sum(other.seconds for other in (longer, closer) if other is not at),
+                    comparison.error(displacement, on_other.shape.displacement),
+                    partial(self._deviations, deviations, here, on_other, longer, closer),
+                    force_error,
+                    on_other.figures.seconds
+                    + sum(state.figures.seconds for state in (longer, closer) if state is not here),
                 )
 
-            return second_meshes(self._path).first(told) or StateComparison()
+            return second_meshes(self._path).first(compare) or StateComparison()
 
     @cached_property
     def _longer(self) -> TimedPath:
@@ -438,27 +493,33 @@ class TimedPath:
         return type(self)(self._path, self._material, 1, 0.5) if self._path.load.self_contact else self
 
     def _deviations(
-        self, deviations: Callable[..., np.ndarray], at: Reached, there: Reached, longer: Reached, closer: Reached
+        self,
+        deviations: Callable[..., np.ndarray],
+        here: TimeState,
+        on_other: TimeState,
+        longer: TimeState,
+        closer: TimeState,
     ) -> np.ndarray:
         """Deviations of the elements, with those of time steps, of steps under friction, and by the reach of contact
         added to the remainder."""
-        found = deviations(at.displacement, there.displacement)
-        found[1] += (at.deviation + at.displacement - longer.displacement) / ERROR_SHARE
-        found[1] += REMAINDER * (closer.displacement - at.displacement) / ERROR_SHARE
-        return found
+        displacement = here.shape.displacement
+        result = deviations(displacement, on_other.shape.displacement)
+        result[1] += (here.shape.deviation + displacement - longer.shape.displacement) / ERROR_SHARE
+        result[1] += REMAINDER * (closer.shape.displacement - displacement) / ERROR_SHARE
+        return result
 
-    def _overstress(self, rows: tuple[Row, ...], at: Reached | None = None) -> np.ndarray:
+    def _overstress(self, rows: tuple[Row, ...], at: TimeState | None = None) -> np.ndarray:
         """(m, q, 6) MPa, of :class:`ViscoelasticMemory`."""
         at = self.reached(rows) if at is None else at
-        return spread(at.relaxing.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
+        return spread(at.variables.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
 
-    def _board_force(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
+    def _board_force(self, rows: tuple[Row, ...], at: TimeState) -> np.ndarray:
         self_contact = self._path.load.self_contact  # where the board may hold the pad beside the glue, too
         if self_contact and self._moving.indenter is not None:
             body = Indentation(self._path.mesh, self._moving.indenter, self._path.material.youngs_modulus)
-            return -body.pressing(at.displacement, at.moved, traction=body.at_nodes(at.traction)).force
+            return -body.pressing(at.shape.displacement, at.load.value, traction=body.at_nodes(at.traction)).force
         overstress, path = self._overstress(rows, at) if self._material.prony else None, self._path
-        solved = path.mesh, path.material, at.displacement, at.pressure, overstress
+        solved = path.mesh, path.material, at.shape.displacement, at.shape.pressure, overstress
         if not self_contact:
             return glued_force(*solved)
         return -glued_force(*solved, region="top", linear=where_linear(path.mesh, path.load, self._share))

@@ -13,7 +13,7 @@ from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.elements import Elements, quadrature_places
 from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces
-from mitsuba_taxel.mechanics.history.time_steps import Ended
+from mitsuba_taxel.mechanics.history.time_steps import PathEnded
 from mitsuba_taxel.mechanics.history.timed_path import TimedPath
 from mitsuba_taxel.pads import Pad
 
@@ -105,7 +105,7 @@ def test_a_path_that_ends_at_a_foot_says_so(mesh, place, said):
     path, value = pad_path(pad, LAWS[0], SpreadForce(), 2.5), np.array([0.0, 0.0, -3.0])
     (message,) = path._end(value, "touches the board", at, []).args
     assert message.endswith("-3) N. " * (not said) + "With self_contact = true it goes on.")
-    ended = Ended(value, 1.0, "touches the board", Contact("the board", tuple(at)))
+    ended = PathEnded(value, 1.0, "touches the board", Contact("the board", tuple(at)))
     in_time = TimedPath(path, Viscoelastic(LAWS[0], ((0.2, 1.0),)))._end(ended, 0.0, 2.0)
     assert in_time.endswith("-3) N, 2 s.") is not said
     for words in (message, in_time):

@@ -22,7 +22,7 @@ from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.smooth_pressure import smooth_pressure
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
-from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
+from mitsuba_taxel.mechanics.equilibrium.solution import NO_HISTORY, History, Rejected
 
 LAW = NeoHookean(1.0, 0.49)
 MODULUS = 1 / (1 - 0.49**2)
@@ -259,7 +259,7 @@ def test_a_plate_slides_under_its_own_bound(block):
     for value in ((0.1, 0, -0.02), (0.3, 0, -0.02)):
         force = dragged.drag(*value)
     assert -force[0] == pytest.approx(friction * force[2], rel=1e-5)  # its sides bulge a little, across the way
-    size = np.linalg.norm(dragged.pad.rubbed.traction, axis=1)
+    size = np.linalg.norm(dragged.history.rubbed.traction, axis=1)
     np.testing.assert_allclose(size, friction * dragged.pressing.pressure, rtol=1e-6)
     back = dragged.drag(-0.3, 0, -0.02)
     np.testing.assert_allclose(back * [-1, 1, 1], force, atol=2e-2 * pressed)
@@ -268,15 +268,16 @@ def test_a_plate_slides_under_its_own_bound(block):
 class Rubbed(Pressed):
     """A block that a body is pressed and dragged on."""
 
-    factored = 0
+    factored, history = 0, NO_HISTORY
 
     def drag(self, *value):
         """(3,) force on the body from the whole block, after a step to a pose."""
         value, near = np.array(value), getattr(self, "near", None)
-        solution, self.near = self.pad.solve_next(self.unknowns, value, near)
-        self.unknowns, self.pad.rubbed = solution.unknowns, self.pad.rubbed_at(solution.unknowns, value)
+        solution, self.near = self.pad.solve_next(self.unknowns, value, near, self.history)
+        rubbed = self.pad.rubbed_at(solution.unknowns, value, self.history)
+        self.unknowns, self.history = solution.unknowns, History(rubbed=rubbed)
         displacement, body = self.pad.numbering.split(self.unknowns)[0], self.pad.model.indentation
-        self.pressing = body.pressing(displacement, value, traction=self.pad.rubbed.traction)
+        self.pressing = body.pressing(displacement, value, traction=rubbed.traction)
         return -self.pad.part.copies * self.pressing.force
 
 

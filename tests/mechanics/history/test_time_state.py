@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mitsuba_taxel.mechanics.history.reached import Reached, Way, passed
+from mitsuba_taxel.mechanics.history.time_state import MidStep, Shape, StepCubics, TimeState, shape_within
 
 QUARTIC = np.polynomial.Polynomial([0.3, -1.0, 2.0, 0.5, -0.7])
 SHARES = np.array([1.0, 2.0, -1.0, 0.5])
@@ -16,10 +16,11 @@ SHARES = np.array([1.0, 2.0, -1.0, 0.5])
 def solved(time, midway=0.0, left=0.0):
     """A state of one node and one pressure that follow a polynomial."""
     value, rate = QUARTIC(time) * SHARES, QUARTIC.deriv()(time) * SHARES
-    return SimpleNamespace(
-        time=time, displacement=value[None, :3], pressure=value[3:], unknowns=value, velocity=rate,
-        midway=midway * SHARES, left=np.full((1, 3), left), deviation=np.full((1, 3), time),
-    )  # fmt: skip
+    shape = Shape(value[None, :3], value[3:], velocity=rate, deviation=np.full((1, 3), time))
+    mid_step = MidStep(
+        np.zeros(0), correction=midway * SHARES, remainder=np.full((1, 3), left), cubic_stress=np.zeros(0)
+    )
+    return SimpleNamespace(time=time, shape=shape, mid_step=mid_step)
 
 
 class Clock:
@@ -45,7 +46,8 @@ class Measures:
 
 
 def way_between(start, end):
-    return Way(Measures(), 3, start.unknowns, end.unknowns, start.velocity, end.velocity)
+    ends = (start.shape.unknowns, end.shape.unknowns, start.shape.velocity, end.shape.velocity)
+    return StepCubics(Measures(), 3, *ends)
 
 
 def test_a_quartic_is_reproduced_and_what_is_left_is_stated():
@@ -54,17 +56,18 @@ def test_a_quartic_is_reproduced_and_what_is_left_is_stated():
     missed = way.at(1.0)[0] - QUARTIC(2.0)
     end = solved(3.0, missed, left=0.15)
     for time in (1.0, 1.3, 2.0, 2.9, 3.0):
-        found, exact = passed(start, end, way, time), solved(time)
+        found, exact = shape_within(start, end, way, time), solved(time).shape
         np.testing.assert_allclose(found.displacement, exact.displacement, rtol=1e-13)
         np.testing.assert_allclose(found.pressure, exact.pressure, rtol=1e-13)
         np.testing.assert_allclose(found.velocity, exact.velocity, rtol=1e-12)
-    assert passed(start, end, way, 1.5).deviation[0, 0] == pytest.approx(1.5 + 0.15)  # a quarter of the way
-    assert passed(start, end, way, 3.0).deviation[0, 0] == pytest.approx(3.0)
+    assert shape_within(start, end, way, 1.5).deviation[0, 0] == pytest.approx(1.5 + 0.15)  # a quarter of the way
+    assert shape_within(start, end, way, 3.0).deviation[0, 0] == pytest.approx(3.0)
 
 
 def test_a_load_is_on_its_way_while_its_rate_does_not_change():
-    at = SimpleNamespace(time=2.0, moved=np.array([0.0, 0.2, -1.0]), rate=np.array([0.0, 0.1, -0.5]))
-    assert Reached.on_its_way(at, 4.0, np.array([0.0, 0.4, -2.0]))
-    assert not Reached.on_its_way(at, 4.0, np.array([0.0, 0.4, -2.0 - 1e-7]))
-    at.rate = np.full(3, np.nan)  # after a jump
-    assert not Reached.on_its_way(at, 2.0, at.moved)
+    load = SimpleNamespace(value=np.array([0.0, 0.2, -1.0]), rate=np.array([0.0, 0.1, -0.5]))
+    at = SimpleNamespace(time=2.0, load=load)
+    assert TimeState.on_its_way(at, 4.0, np.array([0.0, 0.4, -2.0]))
+    assert not TimeState.on_its_way(at, 4.0, np.array([0.0, 0.4, -2.0 - 1e-7]))
+    load.rate = np.full(3, np.nan)  # after a jump
+    assert not TimeState.on_its_way(at, 2.0, load.value)

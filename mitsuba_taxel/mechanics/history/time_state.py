@@ -1,0 +1,241 @@
+"""A history-dependent pad at a time, and its shape between two such times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.mechanics import cache
+from mitsuba_taxel.mechanics.elements.past import Relaxing
+from mitsuba_taxel.mechanics.materials.creep import Measures
+
+ON_ITS_WAY = 1e-9
+"""Relative deviation of a load from a straight line in time that is not one of its own."""
+QUARTER = 0.25
+"""Fraction of a step, from either end, at which the error of states between its ends is measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Displacements and pressures of the whole pad.
+
+    Attributes
+    ----------
+    displacement : (N, 3) ndarray
+        In mm.
+    pressure : (corners,) ndarray
+        In MPa.
+    velocity : (3 N + corners,) ndarray
+        Rate per s of displacements, then pressures; (1,) NaN after a jump of the load.
+    deviation : (N, 3) ndarray
+        mm, estimated error of the displacement by time steps, and by interpolation between them.
+    """
+
+    displacement: np.ndarray
+    pressure: np.ndarray
+    velocity: np.ndarray
+    deviation: np.ndarray
+
+    @property
+    def unknowns(self) -> np.ndarray:
+        """Displacements, then pressures, in one row."""
+        return np.concatenate([self.displacement.ravel(), self.pressure])
+
+
+@dataclass(frozen=True, eq=False)
+class LoadState:
+    """The load at a time.
+
+    Attributes
+    ----------
+    value : (c,) ndarray
+        The load, or where its force has moved an indenter.
+    rate : (c,) ndarray
+        Per s, on the way there; NaN after a jump.
+    memory : ndarray
+        Of :class:`~mitsuba_taxel.mechanics.materials.creep.CreepResponse`.
+    """
+
+    value: np.ndarray
+    rate: np.ndarray
+    memory: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class MidStep:
+    """What is known between the ends of a step, of the whole pad.
+
+    Attributes
+    ----------
+    start_velocity : (3 N + corners,) ndarray
+        Per s, of the unknowns at its start.
+    correction : (3 N + corners,) ndarray
+        What Newton's method would subtract, in the middle, from a cubic between the ends.
+    remainder : (N, 3) ndarray
+        mm, what it would then add to the displacements a quarter of the way from an end, where that is more.
+    cubic_stress : (m, q, 6) ndarray
+        MPa, third power of the stress, of :meth:`Relaxing.missed_on`.
+    """
+
+    start_velocity: np.ndarray
+    correction: np.ndarray
+    remainder: np.ndarray
+    cubic_stress: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class StepControl:
+    """What the next step starts from.
+
+    Attributes
+    ----------
+    next_length : float
+        In s, as far as errors allow; 0 where a step must not lead beyond a row.
+    stress_scale : float
+        MPa, largest stress so far, root mean square over the pad.
+    unchecked : float
+        Largest displacement in mm since displacements without the symmetry of the load were last checked.
+    """
+
+    next_length: float
+    stress_scale: float
+    unchecked: float
+
+
+@dataclass(frozen=True, eq=False)
+class Figures:
+    """Of the solution of a state, as in :class:`~mitsuba_taxel.mechanics.continuation.state.State`; ``uncertainty`` is
+    the sum in mm of what each step's error moves most, as far as it lasts, ``stress_error`` the relative error of the
+    stress by time steps."""
+
+    min_jacobian: float
+    residual: float
+    iterations: int
+    stability_checked: bool
+    seconds: float
+    uncertainty: float
+    stress_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class TimeState:
+    """The pad at a ``time`` in s; ``variables`` are those of its solved part.
+
+    ``traction`` (2 N, 3) in MPa is that of friction at nodes of the top, then of the outside. ``mid_step`` is None if
+    the last step leads to a row.
+    """
+
+    time: float
+    shape: Shape
+    load: LoadState
+    variables: Relaxing
+    traction: np.ndarray
+    control: StepControl
+    figures: Figures
+    mid_step: MidStep | None = None
+
+    def on_its_way(self, time: float, value: np.ndarray) -> bool:
+        """Whether a load whose rate does not change has a ``value`` at another time."""
+        if not np.all(np.isfinite(self.load.rate)):
+            return False
+        then = self.load.value + (time - self.time) * self.load.rate
+        scale = max(float(np.abs(self.load.value).max()), float(np.abs(value).max()))
+        return bool(np.abs(then - value).max() <= ON_ITS_WAY * scale)
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, np.ndarray]) -> TimeState:
+        """The inverse of :func:`~mitsuba_taxel.mechanics.cache.arrays_of`."""
+        values: dict[str, Any] = cache.values_of(arrays)
+        return cls(
+            time=values["time"],
+            shape=Shape(**values["shape"]),
+            load=LoadState(**values["load"]),
+            variables=Relaxing(**values["variables"]),
+            traction=values["traction"],
+            control=StepControl(**values["control"]),
+            figures=Figures(**values["figures"]),
+            mid_step=MidStep(**values["mid_step"]) if "mid_step" in values else None,
+        )
+
+
+def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: float) -> Shape:
+    """The shape at a time within the step from ``start`` to ``end``, beyond whose end no row is.
+
+    It is that of the cubics between both with, in the middle, the value after one step of Newton's method. What such a
+    step would then add a quarter of the way from an end is stated as its error.
+    """
+    assert end.mid_step is not None  # it leads beyond a row
+    elapsed = time - start.time
+    bump, bump_rate = cubics.measures.bump(elapsed)
+    unknowns = cubics.at(elapsed) - bump * end.mid_step.correction
+    displacement, pressure = np.split(unknowns, [end.shape.displacement.size])
+    velocity = cubics.rate(elapsed) - bump_rate * end.mid_step.correction
+
+    # Errors at both ends, and that of the interpolation, a parabola that is the remainder at a quarter.
+    t = float(cubics.measures.main.at(elapsed))
+    deviation = without_cancelling((1 - t) * start.shape.deviation, t * end.shape.deviation)
+    parabola = t * (1 - t) / (QUARTER * (1 - QUARTER))
+    deviation = without_cancelling(deviation, parabola * end.mid_step.remainder)
+    return Shape(displacement.reshape(-1, 3), pressure, velocity, deviation)
+
+
+def without_cancelling(error: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """The sum of two estimated errors, of which the second may have either sign, so that they do not cancel."""
+    return error + (other if np.vdot(error, other) >= 0 else -other)
+
+
+class StepCubics:
+    """Cubic polynomials in the main measure of a step, with the values of the unknowns at both ends and their rates per
+    s. Where rates by that measure are not resolved at the end, they are parabolas.
+
+    Pressures are such polynomials in addition to a straight line in the other measure, if there is one.
+
+    Parameters
+    ----------
+    measures : Measures
+        Of the step.
+    displacements : int
+        Number of displacements among the unknowns; they come first.
+    start, end : (n,) ndarray
+        Unknowns.
+    start_rate, end_rate : (n,) ndarray
+        Their rates per s.
+    """
+
+    def __init__(
+        self,
+        measures: Measures,
+        displacements: int,
+        start: np.ndarray,
+        end: np.ndarray,
+        start_rate: np.ndarray,
+        end_rate: np.ndarray,
+    ) -> None:
+        self.measures, self._start, main, other = measures, start, measures.main, measures.other
+        change = end - start
+        self._other = change * float(other is not None)
+        self._other[:displacements] = 0.0
+        self._main = change - self._other
+        if other is not None:
+            start_rate = start_rate - other.rate(0.0) * self._other
+            end_rate = end_rate - other.rate(main.duration) * self._other
+        self._first = start_rate / main.rate(0.0)
+        self._last = 2 * self._main - self._first if main.ends else end_rate / main.rate(main.duration)
+
+    def at(self, elapsed: float) -> np.ndarray:
+        """The unknowns at a time in s since the start."""
+        main, other = self.measures.main, self.measures.other
+        t = float(main.at(elapsed))
+        bent = t * (1 - t) * ((1 - t) * self._first - t * self._last)
+        straight = 0.0 if other is None else other.at(elapsed) * self._other
+        return self._start + t**2 * (3 - 2 * t) * self._main + bent + straight
+
+    def rate(self, elapsed: float) -> np.ndarray:
+        """Their rate per s."""
+        main, other = self.measures.main, self.measures.other
+        t = float(main.at(elapsed))
+        bent = (1 - t) * (1 - 3 * t) * self._first + t * (3 * t - 2) * self._last
+        straight = 0.0 if other is None else other.rate(elapsed) * self._other
+        return float(main.rate(elapsed)) * (6 * t * (1 - t) * self._main + bent) + straight
