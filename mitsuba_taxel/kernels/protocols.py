@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from mitsuba_taxel.specification.specification import Specification
     from mitsuba_taxel.specification.wall import Wall
 
+AWAITED_PACKAGE = "awaited_package"
+"""Property of a `deformable_pad` whose packages are built after it: with `self_contact` it stays undeformed until
+``heed`` is called. Its value is a `mi.Properties`, which no scene file can hold."""
+
 
 class TaxelEnd(Protocol):
     """Common interface of `annular_led` and `phototransistor`, with the refractive index of the resin in the windows

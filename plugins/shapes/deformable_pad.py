@@ -24,9 +24,8 @@ from mitsuba_taxel.kernels.mesh_adapter import (
     initialize_mesh,
     move_vertices,
 )
-from mitsuba_taxel.kernels.packages_to_come import are_to_come
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
-from mitsuba_taxel.kernels.protocols import is_region
+from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE, is_region
 from mitsuba_taxel.kernels.regions import CONTACT
 from mitsuba_taxel.pads import REGIONS, Pad, PadFile
 
@@ -83,6 +82,9 @@ class DeformablePad(mi.Mesh):
         from mitsuba_taxel.mechanics.materials.viscoelastic import prony_of
         from mitsuba_taxel.specification.deformable_pad import DeformablePad as Parameters  # imports the mechanics
 
+        packages_follow = AWAITED_PACKAGE in props and isinstance(props[AWAITED_PACKAGE], mi.Properties)
+        if packages_follow:
+            del props[AWAITED_PACKAGE]
         self.specification = stated = Parameters.read(props)
         self.pad = stated.build_pad(found)
         self.material = stated.build_material()
@@ -108,7 +110,7 @@ class DeformablePad(mi.Mesh):
                 self.judged_on = self.pad.default_mesh_size
                 self.subdivision = fewer_triangles(self.subdivision, self.mesh_size / self.judged_on)
 
-        self.surface = self._solve()
+        self.surface = self._solve(waits=packages_follow and self.load.self_contact)
         triangles = self.surface.triangles
         places = self._places(self.surface, self.surface.facing)
         if places.normals is not None:
@@ -116,7 +118,8 @@ class DeformablePad(mi.Mesh):
         initialize_mesh(self, props, places, triangles)
         self._add_attributes(self)
 
-    def _solve(self) -> Surface:
+    def _solve(self, waits: bool) -> Surface:
+        """The surface of the pad under its load, or undeformed if it ``waits`` for packages."""
         from mitsuba_taxel.mechanics import check_finish
 
         with stages.stage("mechanics"):
@@ -130,7 +133,6 @@ class DeformablePad(mi.Mesh):
             check_triangles(subdivision, int(np.count_nonzero(read)))
             if self.finish is not None and isinstance(self.pad, Pad):
                 check_finish(self.finish, self.pad, mesh, subdivision)
-            waits = self.load.self_contact and are_to_come()
             self.state = self.at_rest() if waits else self.state_under(self.value)
             return self._tessellated(self.state, self.pad)
 

@@ -7,6 +7,7 @@ import ctypes
 import gc
 import os
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -220,3 +221,39 @@ def test_a_decimal_comma_is_refused_with_the_parameter(tmp_path):
     with pytest.raises(InputError, match=r"fz = '-1,5' is not allowed: a decimal point is needed, as in -1\.5"):
         Scene.from_file("pad.xml", fz="-1,5")
     assert Scene.from_file("pad.xml", history="0 0 0 0; 1,5").parameters["history"] == "0 0 0 0; 1,5"
+
+
+@pytest.mark.parametrize("packages", [True, False])
+def test_a_pad_waits_for_its_packages_on_whatever_thread_it_is_built(llvm_mono, tmp_path, monkeypatch, packages):
+    """It is solved once, against the packages if the scene has any, by a parser that builds parts on threads."""
+    import mitsuba_taxel.mechanics as mechanics
+
+    text = one_cell(fz=-0.1, mesh_size=1.0)
+    text = text.replace('<vector name="force"', '<boolean name="self_contact" value="true"/> <vector name="force"')
+    assert "self_contact" in text
+    if not packages:
+        text = text[: text.index('<shape type="photo_reflector">')] + "</scene>"
+    (tmp_path / "cell.xml").write_text(text)
+    instantiate, load_path, against = llvm_mono.parser.instantiate, mechanics.load_path, []
+
+    def on_a_thread(*arguments):
+        with ThreadPoolExecutor(1) as pool:
+            return pool.submit(instantiate, *arguments).result()
+
+    def noted(*arguments, **how):
+        against.append(how.get("obstacles") is not None)
+        return load_path(*arguments, **how)
+
+    monkeypatch.setattr(llvm_mono.parser, "instantiate", on_a_thread)
+    monkeypatch.setattr(mechanics, "load_path", noted)
+    (pad,) = deformed_pads(Scene(tmp_path / "cell.xml").load())
+    assert against == [packages]
+    assert np.abs(pad.state.displacement).max() > 0
+
+
+def test_a_scene_file_cannot_have_a_pad_wait(llvm_mono, tmp_path):
+    flag = '<boolean name="awaited_package" value="true"/> <vector name="force"'
+    text = one_cell(fz=-0.1).replace('<vector name="force"', flag)
+    (tmp_path / "cell.xml").write_text(text)
+    with pytest.raises(InputError, match="awaited_package is no parameter of deformable_pad"):
+        Scene(tmp_path / "cell.xml").load()

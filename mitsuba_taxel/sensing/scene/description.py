@@ -187,7 +187,6 @@ class Scene(Displayed):
         """
         import mitsuba as mi
 
-        from mitsuba_taxel.kernels.packages_to_come import announced
         from mitsuba_taxel.sensing.scene.clearance import heed_packages
 
         with stages.stage("load"), self.files_beside_it():
@@ -198,8 +197,8 @@ class Scene(Displayed):
                 self._refuse_far_transforms(state)
                 mi.parser.transform_all(config, state)
                 _build_pads_last(state)
-                with announced(any(node.props.plugin_name() == "photo_reflector" for node in state.nodes)):
-                    live = mi.parser.instantiate(config, state)
+                _announce_packages(state)
+                live = mi.parser.instantiate(config, state)
             except RuntimeError as error:
                 if END_OF_PATH in str(error):
                     self._refuse_contact(config)
@@ -386,6 +385,17 @@ def _build_pads_last(state: mi.parser.ParserState) -> None:
         if state.nodes[part.index()].props.plugin_name() == "deformable_pad":
             del root[name]
             root[name] = part
+
+
+def _announce_packages(state: mi.parser.ParserState) -> None:
+    """Tell the pads of a scene with packages that `heed_packages` will follow."""
+    import mitsuba as mi
+
+    from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE
+
+    if any(node.props.plugin_name() == "photo_reflector" for node in state.nodes):
+        for pad in [pad for pad in _pads(state) if AWAITED_PACKAGE not in pad]:  # if it is, the pad refuses it
+            pad[AWAITED_PACKAGE] = mi.Properties("photo_reflector")
 
 
 def _pads(state: mi.parser.ParserState) -> list[mi.Properties]:
