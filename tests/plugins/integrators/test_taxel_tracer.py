@@ -159,7 +159,7 @@ def test_angular_response(llvm_mono, agree, tmp_path, response):
 
 
 def test_narrow_response(llvm_mono, agree):
-    """A phototransistor that sees a small part of a Lambertian plate: a ray of its own finds it, points on walls do not."""
+    """A phototransistor that sees a small part of a Lambertian plate: its own rays find it, points on walls do not."""
     detector = {"response": "cosine_power", "exponent": 300.0}
     shapes = plate(llvm_mono, 0.7, {"type": "wall"}, detector=detector)
     points = {"all": 1 << 6, "connections": 1 << 15, "sensor_subpath_connections": 1 << 6, "taxel_path": 1 << 7}
