@@ -10,10 +10,10 @@ from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Parts, ScenePart
-from mitsuba_taxel.kernels.emission import UniformPolarAngle
+from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.protocols import is_region
-from mitsuba_taxel.kernels.regions import BODY_REGIONS
-from mitsuba_taxel.kernels.taxel_integrators import traces_taxels
+from mitsuba_taxel.kernels.surfaces.regions import BODY_REGIONS
+from mitsuba_taxel.kernels.taxels.emission import UniformPolarAngle
 from mitsuba_taxel.kernels.walls import absorbs, is_bounded_from_detector, wall_at
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.sensing.reading.runs import prepare

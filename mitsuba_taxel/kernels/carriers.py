@@ -6,9 +6,9 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.faces import FaceGrid
 from mitsuba_taxel.kernels.protocols import is_package
-from mitsuba_taxel.kernels.windows import NoWindow, Window
+from mitsuba_taxel.kernels.taxels.faces import FaceGrid
+from mitsuba_taxel.kernels.taxels.windows import NoWindow, Window
 
 PLUGINS = {"led": "annular_led", "phototransistor": "phototransistor"}
 """The plugin of each kind of face, for messages."""

@@ -13,12 +13,12 @@ import mitsuba as mi
 if TYPE_CHECKING:
     import numpy as np
 
-    from mitsuba_taxel.kernels.cell_surface import CellSurface
-    from mitsuba_taxel.kernels.faces import FaceGrid
-    from mitsuba_taxel.kernels.mesh_adapter import Places
-    from mitsuba_taxel.kernels.reflectance import ReflectanceTable
-    from mitsuba_taxel.kernels.scattering import Scattering
-    from mitsuba_taxel.kernels.windows import Window
+    from mitsuba_taxel.kernels.surfaces.cell_surface import CellSurface
+    from mitsuba_taxel.kernels.surfaces.mesh_adapter import Places
+    from mitsuba_taxel.kernels.surfaces.reflectance import ReflectanceTable
+    from mitsuba_taxel.kernels.surfaces.scattering import Scattering
+    from mitsuba_taxel.kernels.taxels.faces import FaceGrid
+    from mitsuba_taxel.kernels.taxels.windows import Window
     from mitsuba_taxel.mechanics.continuation.state import State
     from mitsuba_taxel.mechanics.elements.loads import Load
     from mitsuba_taxel.mechanics.errors.second_state import SecondState

@@ -17,13 +17,13 @@ from mitsuba_taxel.base.arguments import check_progress, check_seed, check_whole
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.base.text_table import text_table
+from mitsuba_taxel.kernels.paths.ray_offsets import clearance_of
+from mitsuba_taxel.kernels.paths.wavefronts import LARGEST_WAVEFRONT
 from mitsuba_taxel.kernels.protocols import is_package
-from mitsuba_taxel.kernels.ray_offsets import clearance_of
-from mitsuba_taxel.kernels.regions import ALL_REGIONS, CONTACT
+from mitsuba_taxel.kernels.surfaces.regions import ALL_REGIONS, CONTACT
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+from mitsuba_taxel.kernels.taxels.windows import transmittance
 from mitsuba_taxel.kernels.walls import reflectance_of, scatters, set_wavelength, wall_at
-from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT
-from mitsuba_taxel.kernels.windows import transmittance
 from mitsuba_taxel.sensing.reading.runs import MOST_POINTS, REPLICATES, AnyScene, prepare
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.sensing.validity.ray_paths import PathStep, emit, follow, landed

@@ -21,9 +21,9 @@ from mitsuba_taxel.base.arguments import (
     require,
 )
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.kernels.taxel_integrators import traces_taxels
+from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
+from mitsuba_taxel.kernels.paths.wavefronts import trace
 from mitsuba_taxel.kernels.walls import set_wavelength
-from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.reading.darkness import dark_errors
 from mitsuba_taxel.sensing.reading.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.reading.pad_results import pad_results

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.kernels.paths.taxel_integrators import guides_emission, traces_taxels
 from mitsuba_taxel.kernels.protocols import PadShape
-from mitsuba_taxel.kernels.regions import ALL_REGIONS
-from mitsuba_taxel.kernels.taxel_integrators import guides_emission, traces_taxels
+from mitsuba_taxel.kernels.surfaces.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import absorbs, has_mirrors, wall_at
 from mitsuba_taxel.sensing.reading.runs import Prepared

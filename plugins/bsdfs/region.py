@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.regions import ALL_REGIONS
+from mitsuba_taxel.kernels.surfaces.regions import ALL_REGIONS
 from mitsuba_taxel.specification.region import Region as Parameters
 
 

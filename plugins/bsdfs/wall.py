@@ -6,8 +6,8 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.reflectance import ReflectanceTable
-from mitsuba_taxel.kernels.scattering import (
+from mitsuba_taxel.kernels.surfaces.reflectance import ReflectanceTable
+from mitsuba_taxel.kernels.surfaces.scattering import (
     Absorbing,
     Isotropic,
     Lambertian,

@@ -8,9 +8,9 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.kernels.carriers import faces_on, window_on
-from mitsuba_taxel.kernels.emission import Tabulated, law_of
-from mitsuba_taxel.kernels.faces import FaceGrid
-from mitsuba_taxel.kernels.windows import Window, transmittance
+from mitsuba_taxel.kernels.taxels.emission import Tabulated, law_of
+from mitsuba_taxel.kernels.taxels.faces import FaceGrid
+from mitsuba_taxel.kernels.taxels.windows import Window, transmittance
 from mitsuba_taxel.specification.annular_led import AnnularLed as Parameters
 
 

@@ -7,8 +7,8 @@ import math
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
-from mitsuba_taxel.kernels.wavefronts import splat
+from mitsuba_taxel.kernels.paths.ray_offsets import clearance_of, leave, release
+from mitsuba_taxel.kernels.paths.wavefronts import splat
 from mitsuba_taxel.sensing.reading import rendering
 from mitsuba_taxel.specification.analog_tracer import AnalogTracer as Parameters
 from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS

@@ -6,10 +6,10 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.emission import UniformPolarAngle
-from mitsuba_taxel.kernels.ray_offsets import between, clearance_of, leave, release
+from mitsuba_taxel.kernels.paths.ray_offsets import between, clearance_of, leave, release
+from mitsuba_taxel.kernels.paths.wavefronts import splat
+from mitsuba_taxel.kernels.taxels.emission import UniformPolarAngle
 from mitsuba_taxel.kernels.walls import is_bounded_from_detector, walls_of
-from mitsuba_taxel.kernels.wavefronts import splat
 from mitsuba_taxel.sensing.reading import rendering
 from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 from mitsuba_taxel.specification.taxel_path import TaxelPath as Parameters

@@ -8,11 +8,11 @@ from functools import partial
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.kernels.emission_guiding import guided_emission
-from mitsuba_taxel.kernels.guide import guide_for
-from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
-from mitsuba_taxel.kernels.techniques import Techniques, Vertex
-from mitsuba_taxel.kernels.wavefronts import splat
+from mitsuba_taxel.kernels.paths.emission_guiding import guided_emission
+from mitsuba_taxel.kernels.paths.guide import guide_for
+from mitsuba_taxel.kernels.paths.ray_offsets import clearance_of, leave, release
+from mitsuba_taxel.kernels.paths.techniques import Techniques, Vertex
+from mitsuba_taxel.kernels.paths.wavefronts import splat
 from mitsuba_taxel.sensing.reading import rendering
 from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 from mitsuba_taxel.specification.taxel_tracer import TaxelTracer as Parameters

@@ -9,7 +9,7 @@ import numpy as np
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.sobol import DIMENSIONS, sobol_points
+from mitsuba_taxel.kernels.paths.sobol import DIMENSIONS, sobol_points
 from mitsuba_taxel.specification.owen_sobol import MOST_POINTS
 from mitsuba_taxel.specification.owen_sobol import OwenSobol as Parameters
 

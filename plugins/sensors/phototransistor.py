@@ -11,17 +11,17 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels import emission
 from mitsuba_taxel.kernels.carriers import faces_on, window_on
-from mitsuba_taxel.kernels.faces import FaceGrid
-from mitsuba_taxel.kernels.recorded_paths import RecordedPaths
+from mitsuba_taxel.kernels.paths.recorded_paths import RecordedPaths
 from mitsuba_taxel.kernels.tables import Interpolant, read_angular_table, refine
-from mitsuba_taxel.kernels.windows import Window, transmittance
+from mitsuba_taxel.kernels.taxels import emission
+from mitsuba_taxel.kernels.taxels.faces import FaceGrid
+from mitsuba_taxel.kernels.taxels.windows import Window, transmittance
 from mitsuba_taxel.specification.phototransistor import Phototransistor as Parameters
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.kernels.emission_guiding import GuidedEmission
-    from mitsuba_taxel.kernels.guide import Guide
+    from mitsuba_taxel.kernels.paths.emission_guiding import GuidedEmission
+    from mitsuba_taxel.kernels.paths.guide import Guide
     from mitsuba_taxel.kernels.scene_state import KnownScene
 
 MOST_PIXELS = 1 << 24

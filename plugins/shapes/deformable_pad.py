@@ -14,9 +14,11 @@ from mitsuba_taxel.backend.plugin_objects import found, make_plugin
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.cell_surface import CellSurface
 from mitsuba_taxel.kernels.dome_elements import fewer_triangles, size_for_light
-from mitsuba_taxel.kernels.mesh_adapter import (
+from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
+from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE, is_region
+from mitsuba_taxel.kernels.surfaces.cell_surface import CellSurface
+from mitsuba_taxel.kernels.surfaces.mesh_adapter import (
     Places,
     add_face_attribute,
     add_vertex_attribute,
@@ -24,9 +26,7 @@ from mitsuba_taxel.kernels.mesh_adapter import (
     initialize_mesh,
     move_vertices,
 )
-from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
-from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE, is_region
-from mitsuba_taxel.kernels.regions import CONTACT
+from mitsuba_taxel.kernels.surfaces.regions import CONTACT
 from mitsuba_taxel.pads import REGIONS, Pad, PadFile
 
 if TYPE_CHECKING:

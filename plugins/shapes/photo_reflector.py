@@ -10,11 +10,11 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import find_file, kind_of, make_plugin
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.faces import FaceGrid
-from mitsuba_taxel.kernels.mesh_adapter import Places, add_face_attribute, initialize_mesh
 from mitsuba_taxel.kernels.protocols import is_region
-from mitsuba_taxel.kernels.regions import BODY_REGIONS
-from mitsuba_taxel.kernels.windows import ResinWindow
+from mitsuba_taxel.kernels.surfaces.mesh_adapter import Places, add_face_attribute, initialize_mesh
+from mitsuba_taxel.kernels.surfaces.regions import BODY_REGIONS
+from mitsuba_taxel.kernels.taxels.faces import FaceGrid
+from mitsuba_taxel.kernels.taxels.windows import ResinWindow
 from mitsuba_taxel.parts.part import SUFFIX
 from mitsuba_taxel.specification.photo_reflector import Opening
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector as Parameters

@@ -26,7 +26,7 @@ from mitsuba_taxel import AnnularLed
 def test_emission_law(llvm_mono, tmp_path, law, parameters):
     from mitsuba.chi2 import SphericalDomain
 
-    from mitsuba_taxel.kernels.emission import law_of
+    from mitsuba_taxel.kernels.taxels.emission import law_of
 
     given = dict(parameters)
     if "table" in given:
@@ -42,7 +42,7 @@ def test_uniform_polar_angle(llvm_mono, cone_angle):
     mi = llvm_mono
     from scipy import stats
 
-    from mitsuba_taxel.kernels.emission import UniformPolarAngle
+    from mitsuba_taxel.kernels.taxels.emission import UniformPolarAngle
 
     law = UniformPolarAngle(cone_angle)
     sample = mi.PCG32(size=100_000)
@@ -60,7 +60,7 @@ def test_uniform_polar_angle(llvm_mono, cone_angle):
 @pytest.mark.parametrize("law", ["uniform_solid_angle", "uniform_polar_angle", "lambertian"])
 def test_emission_laws_integrate_to_one(llvm_mono, law):
     mi = llvm_mono
-    from mitsuba_taxel.kernels.emission import law_of
+    from mitsuba_taxel.kernels.taxels.emission import law_of
 
     nodes, weights = np.polynomial.legendre.leggauss(400)
     limit = np.pi / 2 if law == "lambertian" else np.radians(88)

@@ -8,9 +8,9 @@ from plain_meshes import domed_cell, mesh_of
 from plate_scenes import plate
 
 from mitsuba_taxel import Pad, PadSensor, Scene, Wall, measure
-from mitsuba_taxel.kernels import guide
-from mitsuba_taxel.kernels.guide import guide_for
-from mitsuba_taxel.kernels.mesh_adapter import move_vertices, places_of
+from mitsuba_taxel.kernels.paths import guide
+from mitsuba_taxel.kernels.paths.guide import guide_for
+from mitsuba_taxel.kernels.surfaces.mesh_adapter import move_vertices, places_of
 from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
 

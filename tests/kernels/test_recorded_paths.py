@@ -9,8 +9,8 @@ import pytest
 from plate_scenes import plate
 
 from mitsuba_taxel import Pad, PadSensor, Scene, Wall, measure
-from mitsuba_taxel.kernels.mesh_adapter import move_vertices, places_of
-from mitsuba_taxel.kernels.recorded_paths import MOST_SIZES, RecordedPaths, _Recording
+from mitsuba_taxel.kernels.paths.recorded_paths import MOST_SIZES, RecordedPaths, _Recording
+from mitsuba_taxel.kernels.surfaces.mesh_adapter import move_vertices, places_of
 from mitsuba_taxel.sensing.reading.runs import prepare
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")

@@ -13,7 +13,7 @@ def test_a_grid_is_drawn_as_its_density_says(llvm_mono):
     """Counts per cell against the density (chi-square, chance 1e-5), for three densities at once."""
     from scipy import stats
 
-    from mitsuba_taxel.kernels.emission_guiding import GuidedEmission
+    from mitsuba_taxel.kernels.paths.emission_guiding import GuidedEmission
 
     mi, rng = llvm_mono, np.random.default_rng(1)
     density = 0.1 + rng.random((3, 32, 32)) ** 4
@@ -33,7 +33,7 @@ def test_a_grid_is_drawn_as_its_density_says(llvm_mono):
 @pytest.mark.parametrize("sizes", [(100, 37), (1, 64)])
 def test_members_are_drawn_by_weight_and_their_places_are_known(llvm_mono, sizes):
     """Each part of the unit square is as large as its member's share, and leads there; without weight none does."""
-    from mitsuba_taxel.kernels.sample_warping import MemberTrees, descend
+    from mitsuba_taxel.kernels.paths.sample_warping import MemberTrees, descend
 
     mi, rng = llvm_mono, np.random.default_rng(2)
     tree = np.repeat([0, 1], sizes)

@@ -235,8 +235,8 @@ def test_the_mesh(llvm_mono):
 @pytest.mark.parametrize("distance", [0.0, 0.3, 4.0])
 @pytest.mark.parametrize(("height", "depth", "index"), [(0.7, 0.1, 1.5), (0.01, 0.4, 1.3), (2.0, 0.5, 4.0), (1, 1, 1)])
 def test_a_point_below_a_window_is_seen_where_snells_law_says(llvm_mono, distance, height, depth, index):
-    from mitsuba_taxel.kernels.faces import FaceGrid
-    from mitsuba_taxel.kernels.windows import ResinWindow
+    from mitsuba_taxel.kernels.taxels.faces import FaceGrid
+    from mitsuba_taxel.kernels.taxels.windows import ResinWindow
 
     mi = llvm_mono
     here = mi.ScalarTransform4f()

@@ -208,7 +208,7 @@ def test_kept_solutions_are_said_once_nothing_is_computed(llvm_mono, tmp_path, m
 
 @pytest.mark.parametrize("scattering", ["mirror", "rough_mirror", "mixed", "lambertian", "isotropic", "absorbing"])
 def test_pilot_runs_are_those_that_the_tracer_makes(llvm_mono, monkeypatch, scattering):
-    from mitsuba_taxel.kernels import emission_guiding
+    from mitsuba_taxel.kernels.paths import emission_guiding
     from mitsuba_taxel.sensing.scene.taxels import taxels_of
 
     monkeypatch.setattr(emission_guiding, "_learn", lambda *_: np.ones((1, 32, 32)))

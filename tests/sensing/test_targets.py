@@ -10,7 +10,7 @@ import pytest
 from mitsuba_taxel import Pad, PadSensor, Readings, Scene, Wall, measure
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
-from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices
+from mitsuba_taxel.kernels.surfaces.mesh_adapter import Places, move_vertices
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.state import StateComparison
 from mitsuba_taxel.sensing import measurement, targets

@@ -121,7 +121,7 @@ def is_bounded(scene: Scene) -> bool:
 def offset_share(scene: Scene) -> float:
     """Approximate relative error of readings by Mitsuba's integrators due to the offset of ray origins.
 
-    The offset is 9e-5 (1 + max |p|) from a surface at p (:func:`mitsuba_taxel.kernels.ray_offsets.leave`), here
+    The offset is 9e-5 (1 + max |p|) from a surface at p (:func:`mitsuba_taxel.kernels.paths.ray_offsets.leave`), here
     relative to the median distance from a phototransistor to the first wall.
     """
     import mitsuba as mi

@@ -23,7 +23,7 @@ from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.base.caches import clear_caches
 from mitsuba_taxel.evidence.accuracy.ramp import ROWS, ramp
 from mitsuba_taxel.evidence.peers.cases import CASES
-from mitsuba_taxel.kernels.wavefronts import trace
+from mitsuba_taxel.kernels.paths.wavefronts import trace
 from mitsuba_taxel.pads import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing.diffuse.diffuse_cells import kept_cell
 from mitsuba_taxel.sensing.reading.runs import MOST_POINTS, REPLICATES

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from trimesh import Trimesh
 
-    from mitsuba_taxel.kernels.faces import FaceGrid
+    from mitsuba_taxel.kernels.taxels.faces import FaceGrid
 
 PICTURES = (".png", ".svg", ".pdf")
 REACHED, OTHER, OUTLINE, LED, PHOTOTRANSISTOR = "#0072B2", "#9A9A9A", "#000000", "#D55E00", "#009E73"

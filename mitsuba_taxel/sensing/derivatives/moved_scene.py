@@ -13,7 +13,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.mesh_adapter import Places
+from mitsuba_taxel.kernels.surfaces.mesh_adapter import Places
 from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.derivatives.scene_rates import Rates

@@ -11,9 +11,9 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.faces import FaceGrid
 from mitsuba_taxel.kernels.protocols import LedEmitter, PhototransistorSensor, is_package, is_wall
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+from mitsuba_taxel.kernels.taxels.faces import FaceGrid
 from mitsuba_taxel.kernels.walls import walls_by_region
 from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.box_faces import BoxFaces, faces_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.kernels.emission_guiding import LARGEST_WEIGHT
-from mitsuba_taxel.kernels.taxel_integrators import guides_emission, traces_taxels
+from mitsuba_taxel.kernels.paths.emission_guiding import LARGEST_WEIGHT
+from mitsuba_taxel.kernels.paths.taxel_integrators import guides_emission, traces_taxels
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import absorbs, has_mirrors, walls_of
 from mitsuba_taxel.sensing.scene.taxels import taxels_of

@@ -9,7 +9,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.wavefronts import trace
+from mitsuba_taxel.kernels.paths.wavefronts import trace
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.sensing.validity.modelled import refuse_unmodelled
 from mitsuba_taxel.sensing.validity.probes import refuse_unreadable

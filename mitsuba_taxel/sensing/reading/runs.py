@@ -13,10 +13,10 @@ import numpy as np
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.arguments import require
+from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
+from mitsuba_taxel.kernels.paths.wavefronts import trace
 from mitsuba_taxel.kernels.protocols import has_faces, is_led
-from mitsuba_taxel.kernels.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
-from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.reading.readings import Readings
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.scene_pads import contact_notes, deformed_pads, loaded_pads

@@ -8,8 +8,8 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.kernels.paths.ray_offsets import clearance_of, release
 from mitsuba_taxel.kernels.protocols import has_faces, is_led
-from mitsuba_taxel.kernels.ray_offsets import clearance_of, release
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import reflectance_of, scatters, set_wavelength, wall_at
 from mitsuba_taxel.sensing.scene.taxels import taxels_of

@@ -15,7 +15,7 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.arguments import check_whole
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
+from mitsuba_taxel.kernels.paths.ray_offsets import clearance_of, leave, release
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.sensing.scene.taxels import taxels_of

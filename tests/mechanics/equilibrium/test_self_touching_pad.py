@@ -14,7 +14,7 @@ from mitsuba_taxel import PadSensor, PhotoReflector, Scene, measure
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import ACROSS_X
-from mitsuba_taxel.kernels.mesh_adapter import places_of
+from mitsuba_taxel.kernels.surfaces.mesh_adapter import places_of
 from mitsuba_taxel.mechanics import (
     Indenter,
     IndenterDisplacement,

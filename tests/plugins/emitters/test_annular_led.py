@@ -25,7 +25,7 @@ def write_table(path, rows):
 
 
 def law_of(mi, **parameters):
-    from mitsuba_taxel.kernels import emission
+    from mitsuba_taxel.kernels.taxels import emission
 
     return emission.law_of(AnnularLed(**parameters))
 

@@ -13,7 +13,7 @@ import pytest
 from edited_pad import TWO_CELLS, edited
 
 from mitsuba_taxel import Scene, measure
-from mitsuba_taxel.kernels.guide import guide_for
+from mitsuba_taxel.kernels.paths.guide import guide_for
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
 
 TRACERS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.kernels.sobol import DIMENSIONS, sobol_points
+from mitsuba_taxel.kernels.paths.sobol import DIMENSIONS, sobol_points
 
 
 def test_points_are_those_of_scipy():

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from mitsuba_taxel import ComputationError, InputError, Pad, PadSensor, Scene, measure
-from mitsuba_taxel.kernels.mesh_adapter import places_of
+from mitsuba_taxel.kernels.surfaces.mesh_adapter import places_of
 from mitsuba_taxel.mechanics import (
     Indenter,
     IndenterDisplacement,

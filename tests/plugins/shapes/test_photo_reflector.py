@@ -10,7 +10,7 @@ import pytest
 from kernel_arrays import floats
 
 from mitsuba_taxel import InputError, measure
-from mitsuba_taxel.kernels.regions import ALL_REGIONS, BODY_REGIONS
+from mitsuba_taxel.kernels.surfaces.regions import ALL_REGIONS, BODY_REGIONS
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.parts import read_part
 from mitsuba_taxel.sensing import Scene

@@ -23,7 +23,7 @@ from typing import NamedTuple, Protocol
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.kernels.faces import FaceGrid
+from mitsuba_taxel.kernels.taxels.faces import FaceGrid
 
 NEWTON_STEPS = 7
 """They leave an error of 5e-5 degrees for dies that are a thousand times as deep as the point is high."""

@@ -12,8 +12,8 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.backend.packets import in_packets
-from mitsuba_taxel.kernels.guide import guide_for
-from mitsuba_taxel.kernels.sample_warping import descend, shares_of_grid
+from mitsuba_taxel.kernels.paths.guide import guide_for
+from mitsuba_taxel.kernels.paths.sample_warping import descend, shares_of_grid
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import has_mirrors
 

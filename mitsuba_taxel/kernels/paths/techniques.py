@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.kernels.guide import Guide
-from mitsuba_taxel.kernels.ray_offsets import between, release
-from mitsuba_taxel.kernels.windows import Sight, straight
+from mitsuba_taxel.kernels.paths.guide import Guide
+from mitsuba_taxel.kernels.paths.ray_offsets import between, release
+from mitsuba_taxel.kernels.taxels.windows import Sight, straight
 
 Scattering = Callable[[mi.Vector3f], tuple[mi.Float, mi.Float]]
 """World direction -> scattered share per solid angle [1/sr, cosine included], and its density [1/sr]."""
@@ -66,7 +66,7 @@ class Techniques:
     strategy : str
         ``all``, or a single technique: ``connections``, ``sensor_subpath_connections`` or ``unidirectional_hits``.
     clearance : mi.Float
-        See :func:`mitsuba_taxel.kernels.ray_offsets.leave`.
+        See :func:`mitsuba_taxel.kernels.paths.ray_offsets.leave`.
     """
 
     def __init__(

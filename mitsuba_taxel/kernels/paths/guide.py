@@ -18,11 +18,11 @@ import numpy as np
 
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.base.caches import kept
-from mitsuba_taxel.kernels.cell_surface import CellSurface
+from mitsuba_taxel.kernels.paths.ray_offsets import clearance_of, leave
+from mitsuba_taxel.kernels.paths.sample_warping import MemberTrees, descend
 from mitsuba_taxel.kernels.protocols import is_pad, is_region
-from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave
-from mitsuba_taxel.kernels.regions import ALL_REGIONS
-from mitsuba_taxel.kernels.sample_warping import MemberTrees, descend
+from mitsuba_taxel.kernels.surfaces.cell_surface import CellSurface
+from mitsuba_taxel.kernels.surfaces.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import scatters
 

@@ -1,0 +1,1 @@
+"""LEDs and phototransistors: their faces, windows and directional laws."""
