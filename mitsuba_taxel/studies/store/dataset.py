@@ -57,6 +57,7 @@ def assemble(
             f"the study holds scenes of {' and '.join(map(str, counts))} taxels: the same number in each is needed."
         )
     shape, dims, curve = tuple(axis.size for axis in axes), [axis.dim for axis in axes], curve_dimension(axes)
+    abscissa = _abscissa(axes[dims.index(curve)])
     first = next(iter(results.values())).readings
     stages = sorted({stage for result in results.values() for stage in result.seconds})
     replicates = np.full(shape + first.replicates.shape, math.nan)
@@ -66,16 +67,17 @@ def assemble(
         replicates[place], error[place] = result.readings.replicates, result.readings.standard_error
         seconds[place] = [result.seconds.get(stage, 0.0) for stage in stages]
     power = replicates.mean(axis=-2)
-    deviation = _deviation(results, power, dims.index(curve))
+    deviation = _deviation(results, power, dims.index(curve), abscissa)
     mechanics = power * _shares(deviation, power, mechanics_share)
-    geometry = power * _shares(_facets(results, power, dims.index(curve)), power, geometry_share)
+    facets = _facets(results, power, dims.index(curve), abscissa)
+    geometry = power * _shares(facets, power, geometry_share)
     total = np.hypot(np.hypot(error, mechanics), geometry)
     along = {"power": power, "standard_error": error, "total_error": total}
     if any(result.readings.roof_errors for result in results.values()):
         along |= {"mechanics_error": mechanics, "deviation": deviation}
     if np.nan_to_num(geometry).any():
         along["geometry_error"] = geometry
-    variables = _variables([*dims], shape, results, along, curve)
+    variables = _variables([*dims], shape, results, along, curve, abscissa)
     notes = _notes(results)
     if missing := math.prod(shape) - len(results) - len(failures):
         notes.insert(0, f"{missing} of {math.prod(shape)} scenes have no reading yet: the same command computes them")
@@ -171,23 +173,42 @@ def _responsivity(readings: Readings) -> dict[str, tuple]:
     return {"responsivity": ("taxel", readings.responsivity, about)}
 
 
-def _deviation(results: Mapping[Place, Kept], power: np.ndarray, curve: int) -> np.ndarray:
+def _abscissa(axis: Axis) -> np.ndarray:
+    """(size,) place along a dimension, by which results between two scenes are interpolated: the length of the way
+    through the space of its numeric parameters, each over its range; the number of the scene if none changes.
+
+    Errors of the mechanics grow with the load, and loads need not be evenly spaced.
+    """
+    numbers = [np.array(values) for values in map(as_numbers, axis.values.values()) if values]
+    ranges = [(values, np.ptp(values)) for values in numbers]
+    scaled = [values / width for values, width in ranges if width > 0]
+    if not scaled:
+        return np.arange(axis.size, dtype=float)
+    steps = np.linalg.norm(np.diff(scaled, axis=1), axis=0)
+    # Scenes of equal parameters are told apart, as interpolation needs places that grow.
+    return np.concatenate([[0.0], np.cumsum(np.maximum(steps, 1e-9))])
+
+
+def _deviation(results: Mapping[Place, Kept], power: np.ndarray, curve: int, abscissa: np.ndarray) -> np.ndarray:
     """(..., T) W, effect of the mechanics' error on each reading."""
 
     def found(readings: Readings) -> np.ndarray | None:
         unloaded = readings.deviation is None and not readings.roof_errors
         return np.zeros(len(readings.taxel)) if unloaded else readings.deviation
 
-    return _along_curves({place: found(result.readings) for place, result in results.items()}, power, curve)
+    return _along_curves({place: found(result.readings) for place, result in results.items()}, power, curve, abscissa)
 
 
-def _facets(results: Mapping[Place, Kept], power: np.ndarray, curve: int) -> np.ndarray:
+def _facets(results: Mapping[Place, Kept], power: np.ndarray, curve: int, abscissa: np.ndarray) -> np.ndarray:
     """(..., T) W, effect of the facets of curved walls on each reading, from that of chords."""
-    facets = _along_curves({place: result.readings.facets for place, result in results.items()}, power, curve)
+    known = {place: result.readings.facets for place, result in results.items()}
+    facets = _along_curves(known, power, curve, abscissa)
     return np.where(np.isfinite(power), np.nan_to_num(facets), math.nan)
 
 
-def _along_curves(changes: Mapping[Place, np.ndarray | None], power: np.ndarray, curve: int) -> np.ndarray:
+def _along_curves(
+    changes: Mapping[Place, np.ndarray | None], power: np.ndarray, curve: int, abscissa: np.ndarray
+) -> np.ndarray:
     """(..., T) W, changes of readings; along the curve, between scenes where they are known, the share of the power is
     interpolated linearly."""
     share = np.full(power.shape, math.nan)
@@ -200,7 +221,7 @@ def _along_curves(changes: Mapping[Place, np.ndarray | None], power: np.ndarray,
     for line, is_open in zip(_lines_along(share, curve), _lines_along(open_places[..., None], curve), strict=True):
         known, wanted = np.isfinite(line).all(axis=1), is_open[:, 0]
         if known.any() and wanted.any():
-            columns = [np.interp(np.flatnonzero(wanted), np.flatnonzero(known), column[known]) for column in line.T]
+            columns = [np.interp(abscissa[wanted], abscissa[known], column[known]) for column in line.T]
             line[wanted] = np.column_stack(columns)
     return share * power
 
@@ -224,6 +245,7 @@ def _variables(
     results: Mapping[Place, Kept],
     along: Mapping[str, np.ndarray],
     curve: str,
+    abscissa: np.ndarray,
 ) -> dict[str, xr.DataArray]:
     """The listed results of all readings; those ``along`` the curves are given, and others are absent without a
     value."""
@@ -238,11 +260,14 @@ def _variables(
         about = {"long_name": result.meaning} | ({"units": result.unit} if result.unit else {})
         array = xr.DataArray(values, dims=[*dims, *result.per], attrs=about)
         if result.along_curve:
-            array = array.interpolate_na(curve, use_coordinate=False)
+            array = array.assign_coords({_ALONG_CURVE: (curve, abscissa)})
+            array = array.interpolate_na(curve, use_coordinate=_ALONG_CURVE).drop_vars(_ALONG_CURVE)
         variables[result.name] = array
     return variables
 
 
+_ALONG_CURVE = "along_curve"
+"""Name of the coordinate by which results are interpolated; it is not kept."""
 _ALONG = ("power", "standard_error", "mechanics_error", "geometry_error", "total_error", "deviation")
 """Results whose errors are the same share of all readings of a scene, known at some scenes of a curve only."""
 

@@ -1,0 +1,47 @@
+"""Studies as arrays: what is known at some scenes of a curve only."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel.studies.plan.vary import Axis
+from mitsuba_taxel.studies.run.dataset import assemble
+from mitsuba_taxel.studies.store.folder import Kept
+
+ABOUT = {
+    "scene": "made up", "seed": 0, "target_error": None, "target_slope": None, "points": 0, "mesh_size": None,
+    "parameters": {}, "versions": {}, "pilot_seconds": {},
+}  # fmt: skip
+SHARE = 0.01
+"""Deviation of a reading over its power, per N."""
+
+
+def study_of(axis, loads, known):
+    """Readings at the loads, whose deviation is proportional to these, and known at some of them."""
+    results = {}
+    for place, load in enumerate(loads):
+        deviation = np.array([SHARE * load]) if place in known else None
+        facets = np.array([0.1 * SHARE * load]) if place in known else None
+        read = Readings(np.ones((2, 1)), 0, 0, deviation=deviation, facets=facets, roof_errors=[None])
+        results[place,] = Kept(read, {}, [])
+    return assemble((axis,), results, {}, ABOUT)
+
+
+@pytest.mark.parametrize("together", [False, True], ids=["of a force", "in steps"])
+def test_deviations_between_scenes_follow_the_load(together):
+    """Loads need not be evenly spaced: near the ends of a curve they may lie close together."""
+    loads = 1 - np.cos(np.linspace(0, np.pi, 8))
+    words = [str(-load) for load in loads]
+    axis = Axis("step", {"time": words, "fz": words}) if together else Axis("fz", {"fz": words}, is_force=True)
+    study = study_of(axis, loads, known=(0, 3, 5, 7))
+    assert study.deviation.values[:, 0] == pytest.approx(SHARE * loads)
+    assert study.geometry_error.values[:, 0] == pytest.approx(0.2 * 0.1 * SHARE * loads)
+
+
+def test_deviations_between_scenes_of_equal_or_unordered_parameters_are_known():
+    names = study_of(Axis("mesh", {"mesh": list("abcde")}), np.arange(5.0), known=(0, 2, 4))
+    assert names.deviation.values[:, 0] == pytest.approx(SHARE * np.arange(5.0))
+    equal = study_of(Axis("step", {"fz": ["0", "-1", "-1", "-1"]}), np.array([0.0, 1.0, 1.0, 1.0]), known=(0, 1, 3))
+    assert equal.deviation.values[:, 0] == pytest.approx(SHARE * np.array([0.0, 1.0, 1.0, 1.0]))
