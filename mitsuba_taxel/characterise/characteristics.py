@@ -46,7 +46,8 @@ def characteristics(experiments: Iterable[Experiment], off: Changed | None = Non
 
     rows = _figures(experiments)
     changed = {mode: [_column(_figures(one), "value") for one in both] for mode, both in (off or {}).items()}
-    errors = with_shape(_column(rows, "error"), _column(rows, "value"), changed)
+    derived = np.array([row.pop("derived") for row in rows], dtype=bool)
+    errors = with_shape(_column(rows, "error"), _column(rows, "value"), changed, derived)
     for row, error in zip(rows, errors.tolist(), strict=True):
         row["error"] = error
         size = row["value"] if row["figure"] in DEVIATIONS else abs(row["value"])
@@ -118,4 +119,5 @@ def _rows(
             "loading": loading,
             **{"value": value, "error": error, "unit": unit, "at_N": at, "from_N": ends[0], "to_N": ends[1]},
             "remark": remark,
+            "derived": part.tangents is not None and figure.endswith("slope"),
         }

@@ -14,7 +14,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES, characteristics
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
-from mitsuba_taxel.characterise.shape_error import VARIANTS, Mode, off_by_shape, shape_shift
+from mitsuba_taxel.characterise.shape_error import VARIANTS, Mode, besides_shape, off_by_shape, shape_shift
 from mitsuba_taxel.characterise.summary import common_channel
 from mitsuba_taxel.characterise.volts import volts_table
 from mitsuba_taxel.electronics import Circuit, in_volts, saturation_force
@@ -305,13 +305,18 @@ def _found(readings: Sequence[Experiment], names: Sequence[str], column: str = "
 def _figures(
     variants: Sequence[_Variant], names: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray], dict[str, str]]:
-    """Values, errors of the light, changes by each mode of the errors of the shape (figures, variants), and units."""
+    """Values, errors of the light, changes by each mode of the errors of the shape (figures, variants), and units.
+
+    Errors of derivatives beside those of the shape are counted as of the light.
+    """
     readings = [variant.reading for variant in variants]
     value, light = _found(readings, names), _found(readings, names, "error")
     shifts = []
     for mode in dict.fromkeys(mode for variant in variants for mode in variant.off):
         both = [[variant.off.get(mode, [variant.reading] * 2)[n] for variant in variants] for n in range(2)]
         shifts.append(shape_shift(value, [_found(changed, names) for changed in both]))
+    derived = [[name.endswith("slope") and one.runs[0].tangents is not None for one in readings] for name in names]
+    light = np.where(derived, besides_shape(light, shifts), light)
     table = characteristics(readings[:1])
     return value, light, shifts, dict(zip(table.figure, table.unit, strict=True))
 

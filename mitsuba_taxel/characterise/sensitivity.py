@@ -88,7 +88,8 @@ def _slopes_along(study: xr.Dataset, line: LoadLine) -> xr.Dataset:
     others = [dim for dim in study.replicate_power.dims if dim not in (line.dim, "replicate", "taxel")]
     shape = tuple(study.sizes[dim] for dim in (*others, "taxel"))
     names = (*Slopes._fields, "relative_slope", "relative_slope_error")
-    found = np.array([_found(run) for _, run in runs(study, line)])
+    lines = [run for _, run in runs(study, line)]
+    found, derived = np.array([_found(run) for run in lines]), np.array([run.tangents is not None for run in lines])
     off = {
         mode: [np.array([_found(run) for _, run in runs(other, line)]) for other in both]
         for mode, both in off_by_shape(study).items()
@@ -96,7 +97,7 @@ def _slopes_along(study: xr.Dataset, line: LoadLine) -> xr.Dataset:
     for name in ("max_slope", "mean_slope", "zero_slope", "relative_slope"):
         value, error = names.index(name), names.index(f"{name}_error")
         changed = {mode: [each[:, value] for each in both] for mode, both in off.items()}
-        found[:, error] = with_shape(found[:, error], found[:, value], changed)
+        found[:, error] = with_shape(found[:, error], found[:, value], changed, derived[:, None])
     coordinates = {dim: study[dim] for dim in (*others, "taxel") if dim in study.coords}
     return xr.Dataset(
         {

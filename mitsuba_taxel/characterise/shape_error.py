@@ -1,23 +1,31 @@
 """Errors of figures of merit by those of a pad's shape: the figures of readings changed by these errors.
 
-The finite elements' error of a reading has a known size s(F), but its course along a load path is not known: the
-difference of two meshes may have a course of its own, and passes through zero by chance. So the course is taken as
-random: s(F) g(F), with a Gaussian process g of unit variance and correlation exp(-|F - F'|^2 / (2 L^2)), where L is the
-largest load of the study. That kernel is a sum of products of
+Small displacements and their errors are linear in the load, so that a coarse mesh changes all readings of a path by
+nearly the same share of their change from rest: that of the deviation of a second mesh. At finite strains the share
+changes along the path: from the first load to the last by `COURSE` of its size, in the root mean square over scenes of
+strains up to 0.11 (docs/theory/errors.md). The course of that change is not known, so it is taken as random. With the
+stated size s(F) of a reading's error, the error is
+
+    s(F) (sqrt(1 - w) z + sqrt(COURSE^2 + w) g(F)),
+
+where z is a normal number of the whole path, and g a Gaussian process of unit variance and of the correlation
+exp(-|F - F'|^2 / (2 L^2)), L being the largest load of the study. Where the deviation changes its sign along the path,
+two meshes do not tell a common share: 1 - w is the square of its sum over the path relative to that of its magnitudes.
+The kernel of g is a sum of products of
 
     phi_m(F) = exp(-|x|^2 / 2) x_1^m_1 x_2^m_2 x_3^m_3 / sqrt(m_1! m_2! m_3!),    x = (F - F_middle) / L
 
 (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, 2006, section 4.3.1), few of which matter.
 The squares of the changes that each of them makes to a figure add. No change of one sign makes that sum small.
 
-Facets of curved walls change all readings of a path, and so the slope, by nearly the same share.
+Facets of curved walls change all readings of a path by nearly the same share too, up to as random a course.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import product
 
 import numpy as np
@@ -27,22 +35,30 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.roles import with_forces_named
 
+COURSE = 0.1
+"""Standard deviation of the random course of an error along a path, relative to the size of the error."""
 DEGREE = 2
 """Largest sum of the exponents m: on a path from rest, what is left out has 0.2 % of the variance at its ends."""
 VARIANTS = math.exp(-1 / 8)
 """Correlation of the errors of variants that differ in dimensions: that of two loads half of the largest load apart."""
 SIGNS = (1.0, -1.0)
+KINDS = ("deviation", "geometry_error")
+"""Errors that are common to a path; the word `RANDOM` begins the modes of their random course."""
+RANDOM = "course"
 
 Mode = tuple[str, ...]
-"""Kind of the error, and the forces whose product is the power of x."""
+"""A kind of error, or `RANDOM` and the forces whose product is the power of x."""
 Changed = dict[Mode, list]
 """By mode: something computed from readings changed by it, and by its negative."""
 
 
 def off_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
-    """The study with readings changed by each mode of the errors of the pads' shape, up and down."""
-    size = _size(with_forces_named(study)) if {"deviation", "replicate_power"} <= set(study) else None
-    return {mode: [_changed(study, mode, sign, size) for sign in SIGNS] for mode in _modes([study])}
+    """The study with readings, and their derivatives by forces, changed by each mode of the errors of the pads' shape.
+
+    Each twice: up and down.
+    """
+    sizes = _sizes(with_forces_named(study)) if "replicate_power" in study else {}
+    return {mode: [_changed(study, mode, sign, sizes) for sign in SIGNS] for mode in _modes([study])}
 
 
 def scenes_off_by_shape(study: xr.DataTree) -> dict[Mode, list[xr.DataTree]]:
@@ -60,53 +76,121 @@ def shape_shift(value: np.ndarray, changed: list[np.ndarray]) -> np.ndarray:
     return np.where(np.abs(up) >= np.abs(down), up, -down)
 
 
-def with_shape(error: np.ndarray, value: np.ndarray, off: Mapping[Mode, list[np.ndarray]]) -> np.ndarray:
-    """Errors of the light combined with the changes of the values by each mode of the errors of the shape."""
-    return np.sqrt(error**2 + sum(shape_shift(value, changed) ** 2 for changed in off.values()))
+def with_shape(
+    error: np.ndarray, value: np.ndarray, off: Mapping[Mode, list[np.ndarray]], derived: np.ndarray | bool = False
+) -> np.ndarray:
+    """Errors of figures by light and shape.
+
+    Parameters
+    ----------
+    error, value : ndarray
+        Figures, and their errors without those of the shape.
+    off : Mapping[Mode, list of ndarray]
+        The figures by each mode, up and down, whose changes add in squares.
+    derived : ndarray of bool or bool
+        Where the error is that of derivatives, which holds finite elements and patches already: of two estimates of one
+        error the larger counts. Meshes may agree by chance in one of the two.
+
+    Returns
+    -------
+    ndarray
+    """
+    shape = np.sqrt(sum((shape_shift(value, changed) ** 2 for changed in off.values()), np.zeros_like(value)))
+    return np.where(derived & ~(np.isnan(error) | np.isnan(shape)), np.maximum(error, shape), np.hypot(error, shape))
+
+
+def besides_shape(error: np.ndarray, shifts: Iterable[np.ndarray]) -> np.ndarray:
+    """Errors of derivatives beyond what modes of the shape change, so that both in squares are as in :func:`with_shape`."""
+    return np.sqrt(np.maximum(error**2 - sum(shift**2 for shift in shifts), 0.0))
 
 
 def _modes(scenes: list[xr.Dataset]) -> list[Mode]:
     """Those that change any reading."""
+    known = [(kind,) for kind in KINDS if any(kind in scene for scene in scenes)]
     forces = {name for scene in scenes for name in _varied(with_forces_named(scene))}
     powers = [
         tuple(name for name, power in zip(FORCES, each, strict=True) for _ in range(power))
         for each in product(*(range(DEGREE + 1 if name in forces else 1) for name in FORCES))
         if sum(each) <= DEGREE
     ]
-    known = {name for name in ("deviation", "geometry_error") if any(name in scene for scene in scenes)}
-    modes = [("deviation", *power) for power in powers] if "deviation" in known else []
-    return [*modes, *([("geometry_error",)] if "geometry_error" in known else [])]
+    return [*known, *((RANDOM, *power) for power in powers if known)]
 
 
 def _varied(study: xr.Dataset) -> list[str]:
     return [name for name in FORCES if name in study.coords and study[name].ndim]
 
 
-def _changed(study: xr.Dataset, mode: Mode, sign: float, size: xr.DataArray | None = None) -> xr.Dataset:
-    """The study with all readings changed by a mode of one kind of error; ``size`` is that of :func:`_size`."""
-    kind, *powers = mode
-    if kind not in study or "replicate_power" not in study:
+def _changed(
+    study: xr.Dataset, mode: Mode, sign: float, sizes: Mapping[str, tuple[xr.DataArray, xr.DataArray]] | None = None
+) -> xr.Dataset:
+    """The study with all readings changed by a mode; ``sizes`` is that of :func:`_sizes`."""
+    if "replicate_power" not in study or not any(kind in study for kind in KINDS):
         return study
-    if kind == "geometry_error":
-        return _faceted(study, sign)
     named = with_forces_named(study)
-    size = _size(named) if size is None else size
-    change = size * sign * _course(named, powers)
-    changed = (named.replicate_power + change).transpose(*named.replicate_power.dims)
-    return study.assign(replicate_power=changed.variable)
+    sizes = _sizes(named) if sizes is None else sizes
+    kind, *powers = mode
+    if kind == RANDOM:
+        square = sum((COURSE**2 + 1 - common**2) * size**2 for size, common in sizes.values())
+        change = np.sqrt(square) * _course(named, powers)
+    elif kind in sizes:
+        size, common = sizes[kind]
+        change = size * common
+    else:
+        return study
+    return _with_change(study, named, sign * change)
 
 
-def _size(study: xr.Dataset) -> xr.DataArray:
-    """Stated error of each reading by the mechanics, as in `Readings.mechanics_error`, with one sign along a path.
+def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
+    """By kind of error: the stated error of each reading, with one sign along a path, and the share of it, as a factor
+    of its size, that is common to the path.
 
-    The sign is that of most of the deviation. Readings of unknown error have none; the study's notes say so.
+    That by the mechanics is as in `Readings.mechanics_error`; its sign is that of most of the deviation. That of the
+    facets is the same share of the power along a curve. Readings of unknown error have none; the study's notes say so.
     """
     power = study.replicate_power.mean("replicate")
-    deviation = study.deviation.fillna(0.0)
-    share = np.sqrt(((deviation / power.where(power > 0)) ** 2).mean("taxel")).fillna(0.0)
-    along = {dim for name in _varied(study) for dim in study[name].dims} & set(deviation.dims)
-    sign = xr.where(deviation.sum(sorted(along, key=str)) < 0, -1.0, 1.0)
-    return ERROR_SHARE * sign * xr.where(power > 0, power * share, np.abs(deviation))
+    lit = power.where(power > 0)
+    sizes = {}
+    if "deviation" in study:
+        deviation = study.deviation.fillna(0.0)
+        share = np.sqrt(((deviation / lit) ** 2).mean("taxel")).fillna(0.0)
+        along = sorted({dim for name in _varied(study) for dim in study[name].dims} & set(deviation.dims), key=str)
+        total, most = deviation.sum(along), np.abs(deviation).sum(along)
+        sign = xr.where(total < 0, -1.0, 1.0)
+        size = ERROR_SHARE * sign * xr.where(power > 0, power * share, np.abs(deviation))
+        square = (most**2).sum("taxel")
+        common = np.sqrt((total**2).sum("taxel") / square.where(square > 0)).fillna(1.0)
+        sizes["deviation"] = (size, common)
+    if "geometry_error" in study:
+        share = study.geometry_error / lit
+        alike = [dim for dim in (study.attrs["curve"], "taxel") if dim in share.dims]
+        sizes["geometry_error"] = (power * share.mean(alike).fillna(0.0), xr.DataArray(1.0))
+    return sizes
+
+
+def _with_change(study: xr.Dataset, named: xr.Dataset, change: xr.DataArray) -> xr.Dataset:
+    """The study with readings and their derivatives by forces changed; ``named`` is the same with forces by name."""
+    changed = {"replicate_power": named.replicate_power + change}
+    if "derivative" in named:
+        changed |= {"smooth_power": named.smooth_power + change, "derivative": named.derivative}
+        for dim in {dim for name in _varied(named) for dim in named[name].dims}:
+            names = [name for name in _varied(named) if dim in named[name].dims and name in named.parameter.values]
+            if named.sizes[dim] < 2 or not names:
+                continue
+            # Along a path in which several forces change, the slope is that in the direction of the step.
+            steps = {name: _steps(named[name], dim) for name in names}
+            square = sum(step**2 for step in steps.values())
+            slope = _steps(change, dim) / square.where(square > 0)
+            for name, step in steps.items():
+                which = named.parameter == name
+                changed["derivative"] = changed["derivative"] + (slope * step).fillna(0.0) * which
+    return study.assign({name: array.transpose(*named[name].dims).variable for name, array in changed.items()})
+
+
+def _steps(values: xr.DataArray, dim: str) -> xr.DataArray:
+    """Differences from the point before along a dimension; at the first point, as at the second."""
+    after = np.maximum(np.arange(values.sizes[dim]), 1)
+    first, last = (values.isel({dim: places}).drop_vars(dim, errors="ignore") for places in (after - 1, after))
+    return last - first
 
 
 def _course(study: xr.Dataset, powers: list[str]) -> xr.DataArray:
@@ -121,11 +205,3 @@ def _course(study: xr.Dataset, powers: list[str]) -> xr.DataArray:
         power = powers.count(name)
         course = course * np.exp(-(place**2) / 2) * place**power / math.sqrt(math.factorial(power))
     return course if set(powers) <= set(varied) else 0.0 * course
-
-
-def _faceted(study: xr.Dataset, sign: float) -> xr.Dataset:
-    """The study with all readings along a curve changed by the same share, the mean of their ``geometry_error``."""
-    power = study.replicate_power.mean("replicate")
-    share = study.geometry_error / power.where(power > 0)
-    alike = [dim for dim in (study.attrs["curve"], "taxel") if dim in share.dims]
-    return study.assign(replicate_power=study.replicate_power * (1 + sign * share.mean(alike).fillna(0.0)))

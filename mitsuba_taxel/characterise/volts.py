@@ -83,10 +83,11 @@ def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[st
             within = np.abs(power.force) <= up_to
             if within.sum() < 2:
                 continue
+            derived = shown[0][1].tangents is not None
             slope, *changed = (slopes(voltage.part(within)) for _, voltage in shown)
             means = [one.mean_slope for one in changed]
             pairs = {mode: means[2 * number : 2 * number + 2] for number, mode in enumerate(off)}
-            error = with_shape(slope.mean_slope_error, slope.mean_slope, pairs)
+            error = with_shape(slope.mean_slope_error, slope.mean_slope, pairs, derived)
             found = _figures(circuit, power.part(within), slope.mean_slope, error)
             for number, taxel in enumerate(study.taxel.values.tolist()):
                 figures = {name: values[number].item() for name, values in found.items()}

@@ -11,7 +11,7 @@ import xarray as xr
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.characterise import characteristics, compare
 from mitsuba_taxel.characterise.load_lines import experiments
-from mitsuba_taxel.characterise.shape_error import VARIANTS
+from mitsuba_taxel.characterise.shape_error import COURSE, VARIANTS
 
 LOADS = np.linspace(0.0, -2.0, 6)
 VARIANT_COUNT, REPLICATES = 3, 32
@@ -19,8 +19,7 @@ CHANGE, BEND = 0.25, 0.03
 """Change of the reading over the loads, relative to that at rest, and nonlinearity, relative to the change."""
 ERROR = 0.01
 """Standard deviation of errors at the last load, relative to the change."""
-SIZES = {"relative_slope": 100 * CHANGE * ERROR / 2, "nonlinearity": 13 * ERROR}
-"""Errors of the figures in %/N and %, about."""
+FIGURES = ("relative_slope", "nonlinearity")
 SPREAD = 4.0
 """Range of the variants' true figures to either side, and of limits, in these errors. If it were small, a variant that
 seems the best would be so by its error more often than a probability that knows of no such range states."""
@@ -43,7 +42,12 @@ def probability_cases() -> dict[str, Callable[[int], dict[str, Truth]]]:
 
 
 def _kinds() -> list[tuple[str, str, str]]:
-    return [(f"compare: {by}, errors of {errors}", by, errors) for by in SIZES for errors in ERRORS]
+    return [(f"compare: {by}, errors of {errors}", by, errors) for by in FIGURES for errors in ERRORS]
+
+
+def _sizes(errors: str) -> dict[str, float]:
+    """Errors of the figures in %/N and %, about; of those of elements, a nonlinearity has the random course alone."""
+    return {"relative_slope": 100 * CHANGE * ERROR / 2, "nonlinearity": 13 * ERROR * (1 if "light" in errors else COURSE)}
 
 
 def _behind(by: str, errors: str, seed: int) -> dict[str, float]:
@@ -58,10 +62,10 @@ def _probabilities(by: str, errors: str, seed: int) -> dict[str, Truth]:
     """The limit is one of the other figure, beside that of a random variant."""
     read, true = _made_up(errors, seed)
     random = np.random.default_rng([seed, 1])
-    (other,) = SIZES.keys() - {by}
+    (other,) = {*FIGURES} - {by}
     right = _figures(true)
     limited, ranked = np.abs(right[other]), right[by]
-    limit = float(random.choice(limited) + SPREAD * SIZES[other] * random.uniform(-1, 1))
+    limit = float(random.choice(limited) + SPREAD * _sizes(errors)[other] * random.uniform(-1, 1))
     table = compare({"made up": read}, by, {other: limit}).table.sort_values("case")
     within = limited <= limit
     score = np.where(within, -ranked if by == "nonlinearity" else np.abs(ranked), -np.inf)
@@ -72,19 +76,23 @@ def _probabilities(by: str, errors: str, seed: int) -> dict[str, Truth]:
 def _made_up(errors: str, seed: int) -> tuple[xr.Dataset, xr.Dataset]:
     """Readings of variants in error, with stated errors, and true ones.
 
-    The error of the elements is as large as stated, times a smooth random course that variants have in common but for
-    a twelfth of its variance; the noise of each replicate is as smooth.
+    The error of the elements is as large as stated, times a normal number of the whole path and a random course of a
+    tenth of its size, which variants have in common but for an eighth of the variance; the noise of each replicate is a
+    smooth random course.
     """
     random, x = np.random.default_rng(seed), LOADS / LOADS[-1]
     case = (VARIANT_COUNT, 1)
     change = CHANGE * (1 + SPREAD * ERROR * random.uniform(-1, 1, case))
-    bend = BEND + SPREAD * SIZES["nonlinearity"] / 100 * random.uniform(-1, 1, case)
+    bend = BEND + SPREAD * _sizes(errors)["nonlinearity"] / 100 * random.uniform(-1, 1, case)
     true = 1e-3 * (1 + change * (x + 4 * bend * x * (1 - x)))
     size = 1e-3 * ERROR * CHANGE * x * np.ones(case)
     read, deviation = np.repeat(true[:, :, None], REPLICATES, axis=2), 0 * true
     if "elements" in errors:
         deviation = size / ERROR_SHARE
-        read += (size * _courses(random, VARIANTS, VARIANT_COUNT))[:, :, None]
+        course = COURSE * _courses(random, VARIANTS, VARIANT_COUNT)
+        common, own = (random.normal(size=(count, 1)) for count in (1, VARIANT_COUNT))
+        course += np.sqrt(VARIANTS) * common + np.sqrt(1 - VARIANTS) * own
+        read += (size * course)[:, :, None]
     if "light" in errors:
         courses = [_courses(random, SHARED_NOISE, VARIANT_COUNT) for _ in range(REPLICATES)]
         read += np.sqrt(REPLICATES) * size[:, :, None] * np.stack(courses, axis=2)
@@ -112,4 +120,4 @@ def _study(power: np.ndarray, deviation: np.ndarray) -> xr.Dataset:
 def _figures(study: xr.Dataset) -> dict[str, np.ndarray]:
     """(variants,) of each figure of readings without errors."""
     table = characteristics(experiments(study)).sort_values("case")
-    return {name: table[table.figure == name].value.to_numpy() for name in SIZES}
+    return {name: table[table.figure == name].value.to_numpy() for name in FIGURES}
