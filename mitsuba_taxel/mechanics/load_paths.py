@@ -19,7 +19,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE
-from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, PadPath, pad_path
+from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
+from mitsuba_taxel.mechanics.continuation.path_problem import lock_of
 from mitsuba_taxel.mechanics.continuation.placed_paths import path_along, placed_path, solved_on
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
@@ -107,7 +108,7 @@ def load_path(
     history = timed_rows(material, load, rows, times)
     earlier = len(history) - len(rows)
     states = []
-    with LOCK:
+    with lock_of(pad):
         size = chosen_size(pad, law, load, mesh_size, mesh_tolerance)
         bodies = None
         if load.self_contact and obstacles is not None:
@@ -140,7 +141,7 @@ def state_after(
     """The last state of :func:`load_path`, if states depend on earlier ones, without keeping these in memory."""
     rows = _checked(values, load)
     history, law = timed_rows(material, load, rows, times), remembering(material).law
-    with LOCK:
+    with lock_of(pad):
         path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
         with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
             return _state_in_time(path, material, history, obstacles)
@@ -159,7 +160,7 @@ def state_at_rest(
     """The unloaded state on the elements that the last state of :func:`load_path` has."""
     rows = _checked(values, load)
     history, law = timed_rows(material, load, rows, times), remembering(material).law
-    with LOCK:
+    with lock_of(pad):
         path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
         with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
             path = path_along(path, [row for _, row in history]) if history else placed_path(path, rows[-1])[0]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, load_path
+from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, Viscoelastic, load_path
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
@@ -217,3 +218,29 @@ def test_a_mesh_tolerance_out_of_reach_is_refused_before_memory_ends(monkeypatch
     monkeypatch.setattr("mitsuba_taxel.mechanics.errors.mesh_sizes.MOST_ELEMENTS_TRIED", most)
     with pytest.raises(InputError, match=f"mesh_tolerance = 1e-09 is not allowed: .*{words}"):
         mesh_size_for(PAD, NeoHookean(), SpreadForce(), 1e-9)
+
+
+@pytest.mark.parametrize("material", [NeoHookean(), Viscoelastic(NeoHookean(1.0), ((0.3, 1.0),))])
+def test_two_threads_solve_two_pads_at_once(material, fresh, monkeypatch, tmp_path):
+    """Each waits in its first solve until the other is in one, too, and finds the bits that it finds alone."""
+    times = [1.0] if isinstance(material, Viscoelastic) else None
+    balanced, met, meeting = LoadedPad._balanced, threading.local(), threading.Barrier(2)
+
+    def solved(wall):
+        pad = dataclasses.replace(PAD, wall=wall)
+        (state,) = load_path(pad, material, [(0, 0, -0.5)], times=times, mesh_size=3.0)
+        return state.displacement
+
+    def together(pad, *start):
+        if not hasattr(met, "turn"):
+            met.turn = meeting.wait(timeout=60)
+        return balanced(pad, *start)
+
+    alone = [solved(wall) for wall in (1.0, 1.2)]
+    fresh()
+    monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "another"))
+    monkeypatch.setattr(LoadedPad, "_balanced", together)
+    with ThreadPoolExecutor(2) as pool:
+        at_once = list(pool.map(solved, (1.0, 1.2)))
+    for displacement, expected in zip(at_once, alone, strict=True):
+        np.testing.assert_array_equal(displacement, expected)

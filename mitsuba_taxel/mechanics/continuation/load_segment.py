@@ -156,20 +156,61 @@ class LoadSegment:
         contact: ContactTest,
         far_enough: Callable[[], bool],
     ) -> None:
-        """Solve nodes up to the first at or beyond distance ``s``; ``start`` finds the unknowns at the origin.
+        """Solve nodes up to the first at or beyond a distance, by a predictor and Newton's method as the corrector.
 
-        Between intervals, ``far_enough`` tells whether further nodes are unnecessary.
+        The continuation of a segment depends on its nodes alone, so that they are the same whichever states are asked
+        for (E. L. Allgower and K. Georg, Introduction to Numerical Continuation Methods, 2003, chapters 2 and 6). It
+        ends at its `limit`: where no stable state is found beyond, or the pad touches itself or the board.
 
-        The next node is tried at the end of the longest interval of step / 2^k that begins at the last one and is
-        aligned to its own length, `TICKS` ticks at first, or as far away as the last, if one of twice its length would
-        not have been accurate; an interval is halved if Newton's method finds no acceptable state. Further nodes are
-        inserted midway where the interpolation would not be accurate. The continuation of a segment thus depends on its
-        nodes alone. It ends at its `limit`: where no stable state is found beyond, or the pad touches itself or the
-        board.
+        Parameters
+        ----------
+        pad : Followed
+        s : float
+            Distance.
+        start : Callable[[], ndarray]
+            Finds the unknowns at the origin.
+        contact : ContactTest
+        far_enough : Callable[[], bool]
+            Tells between intervals whether further nodes are unnecessary.
         """
         self.begin(pad, start)
+        solve = pad.solve_symmetric if self.judged else pad.solve_linearised
         while not self.reaches(s) and math.isinf(self.limit) and not far_enough():
-            for node in self._next(pad):
+            # The step size: the longest of step / 2^k that begins at the last node and is aligned to its own length,
+            # or that of the last interval, if one of twice its length would not have been interpolated accurately.
+            last, tick = self.nodes[-1], self.tick
+            position = round(last.s / tick)
+            length = min(position & -position, self.ticks) or TICKS
+            if self._needed_middle(pad):
+                length = min(length, round((last.s - self.nodes[-2].s) / tick))
+
+            nodes: list[Node] = []
+            while not nodes:
+                target, shortest = (position + length) * tick, length == 1
+                try:
+                    # Predict and correct; then see whether a cubic between both nodes is accurate.
+                    end, linearised = self._node(pad, solve, target, self._guess(pad, target))
+                    fits = shortest or self._interpolates(pad, last, end, linearised)
+                    entries = linearised.entries
+                    del linearised  # frees much memory
+
+                    # The state must be stable against displacements without the symmetry of the load, too.
+                    if self.judged:
+                        began = time.perf_counter()
+                        pad.refuse_unstable(end.unknowns, entries, self.value(target))
+                        end = replace(end, seconds=end.seconds + time.perf_counter() - began)
+
+                    # Where the cubic is not accurate, further nodes are solved midway.
+                    nodes = self._between(pad, last, end, fits)
+                except Rejected as rejection:
+                    # A step without an acceptable state is halved; the segment ends where the shortest has none.
+                    if shortest:
+                        self.limit, self.reason = last.s, f"cannot be loaded further ({rejection})"
+                        return
+                    length //= 2
+
+            # The first contact ends the segment.
+            for node in nodes:
                 self.nodes.append(node)
                 self._look_for_contact(pad, contact)
                 if math.isfinite(self.limit):
@@ -191,35 +232,6 @@ class LoadSegment:
     def tick(self) -> float:
         """Length of the shortest interval."""
         return self.step / self.ticks
-
-    def _next(self, pad: Followed) -> list[Node]:
-        """The nodes of the next interval; none, and a `limit`, where the segment ends."""
-        last, tick = self.nodes[-1], self.tick
-        position = round(last.s / tick)
-        length = min(position & -position, self.ticks) or TICKS
-        if self._needed_middle(pad):
-            length = min(length, round((last.s - self.nodes[-2].s) / tick))
-        while True:
-            try:
-                return self._interval(pad, last, (position + length) * tick, shortest=length == 1)
-            except Rejected as rejection:
-                if length == 1:
-                    self.limit, self.reason = last.s, f"cannot be loaded further ({rejection})"
-                    return []
-            length //= 2
-
-    def _interval(self, pad: Followed, start: Node, s: float, shortest: bool) -> list[Node]:
-        """The nodes beyond ``start`` up to distance ``s``; raises Rejected if no acceptable state is found there."""
-        solve = pad.solve_symmetric if self.judged else pad.solve_linearised
-        end, linearised = self._node(pad, solve, s, self._guess(pad, s))
-        fits = shortest or self._interpolates(pad, start, end, linearised)
-        entries = linearised.entries
-        del linearised  # frees much memory
-        if self.judged:
-            began = time.perf_counter()
-            pad.refuse_unstable(end.unknowns, entries, self.value(s))
-            end = replace(end, seconds=end.seconds + time.perf_counter() - began)
-        return self._between(pad, start, end, fits)
 
     def _between(self, pad: Followed, start: Node, end: Node, fits: bool) -> list[Node]:
         """The nodes beyond ``start`` up to ``end``; further ones are inserted unless the interpolation ``fits``."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -43,8 +42,6 @@ from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad
-
-LOCK = threading.RLock()
 
 
 class PadPath(PathProblem):
@@ -214,7 +211,7 @@ class PadPath(PathProblem):
             return None
         if self.load.driven is not None:
             return self._rate_of_force(value)
-        with LOCK:
+        with self.lock:
             segment, s = self.segments.to(value)[-1]
             direction = segment.direction
             part, along, pad = self.segments.part_to(segment, s)
@@ -234,7 +231,7 @@ class PadPath(PathProblem):
         return PathRate(direction, displacement)
 
     def _rate_of_force(self, value: np.ndarray) -> PathRate:
-        with LOCK:
+        with self.lock:
             rate, stiffness = self.rate_by_depth(value)
         return PathRate(value / np.linalg.norm(value), rate / stiffness)
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import threading
 from dataclasses import asdict
 from functools import cached_property
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -22,6 +25,27 @@ from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad
+
+_LOCKS: WeakValueDictionary[str, Any] = WeakValueDictionary()
+_OF_LOCKS = threading.Lock()
+
+
+def lock_of(pad: Pad | PadFile) -> Any:
+    """The lock of a pad: its paths share meshes, factors and states, which one thread at a time adds to.
+
+    Paths of different pads share nothing that changes, so that threads solve them at once.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+
+    Returns
+    -------
+    threading.RLock
+        The same as long as one is in use.
+    """
+    with _OF_LOCKS:
+        return _LOCKS.setdefault(json.dumps(pad.identity, sort_keys=True), threading.RLock())
 
 
 class PathProblem:
@@ -58,6 +82,7 @@ class PathProblem:
     ) -> None:
         self.pad, self.material, self.load, self.mesh_size, self.bodies = pad, material, load, mesh_size, bodies
         self.judged, self.step_tolerance, self._refinement = judged, step_tolerance, refinement
+        self.lock = lock_of(pad)
 
     @cached_property
     def _identity(self) -> list[Any]:

@@ -8,7 +8,8 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import is_number, refusal
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, pad_path
+from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
+from mitsuba_taxel.mechanics.continuation.path_problem import lock_of
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.errors.second_meshes import second_meshes
 from mitsuba_taxel.mechanics.materials.laws import Material
@@ -39,7 +40,7 @@ def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance:
     if not 0 < tolerance < 1:
         raise InputError(f"mesh_tolerance = {tolerance:g} is not allowed: above 0 and below 1 is needed.")
     error = math.inf
-    with LOCK:
+    with lock_of(pad):
         size = COARSEST * _height(pad)
         for _ in range(SIZES):
             path = pad_path(pad, material, load, size)

@@ -19,7 +19,7 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.continuation.load_segment import Interpolated
-from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, PadPath
+from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.state import State, StateComparison
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE
@@ -145,7 +145,7 @@ def compared(path: PadPath, state: State) -> State:
 
 def _comparison(path: PadPath, state: State) -> StateComparison:
     """What a second mesh tells of a state; the canonical one is compared, and mirrored back."""
-    with LOCK:
+    with path.lock:
         path = path.bearing(state.value)
         value, mirrors = path.turned(state.value)
         canonical = path.mirrored(state.displacement, state.pressure, mirrors)

@@ -9,7 +9,8 @@ import numpy as np
 
 from mitsuba_taxel.base.convergence import SLOPE_ORDER, TYPICAL_SLOPE_ERROR
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, PadPath, pad_path
+from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
+from mitsuba_taxel.mechanics.continuation.path_problem import lock_of
 from mitsuba_taxel.mechanics.continuation.placed_paths import solved_on
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
@@ -53,7 +54,7 @@ def second_state(
     bodies: RigidBodies | None = None,
 ) -> SecondState | None:
     """The state of :func:`load_path` under ``value`` on the second mesh that tells its error; None if no mesh does."""
-    with LOCK:
+    with lock_of(pad):
         size = chosen_size(pad, material, load, mesh_size, mesh_tolerance)
         path = pad_path(pad, material, load, size, judged_on=judged_on, bodies=bodies)
         path, there, _ = solved_on(path, np.array(value, dtype=float))

@@ -27,7 +27,7 @@ from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.continuation.load_path_ends import refuse_at_rest
-from mitsuba_taxel.mechanics.continuation.pad_path import LOCK, PadPath
+from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.state import State, StateComparison, ViscoelasticMemory
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.past import Past, Relaxing, spread
@@ -448,7 +448,7 @@ class TimedPath:
 
     def _comparison(self, rows: tuple[Row, ...]) -> StateComparison:
         """Comparison with the same rows on the first other mesh that reaches them, and in longer steps."""
-        with LOCK:
+        with self._path.lock:
             here, mesh = self.reached(rows), self._path.mesh
             displacement = here.shape.displacement
             if not displacement.any():
