@@ -29,7 +29,7 @@ from mitsuba_taxel.mechanics.errors.mesh_sizes import chosen_size
 from mitsuba_taxel.mechanics.errors.second_meshes import compared
 from mitsuba_taxel.mechanics.history.pushed_path import PushedPath
 from mitsuba_taxel.mechanics.history.timed_path import TimedPath
-from mitsuba_taxel.mechanics.history.timed_rows import Row, timed_rows
+from mitsuba_taxel.mechanics.history.timed_rows import LoadHistory, timed_rows
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
 from mitsuba_taxel.pads.pad_file import PadFile
@@ -187,7 +187,7 @@ def _elastic_state(path: PadPath, value: np.ndarray, obstacles: np.ndarray | Non
 
 
 def _state_in_time(
-    path: PadPath, material: Material | Viscoelastic, history: tuple[Row, ...], obstacles: np.ndarray | None
+    path: PadPath, material: Material | Viscoelastic, history: LoadHistory, obstacles: np.ndarray | None
 ) -> State:
     """The last state of a pad whose states depend on earlier ones."""
     kind = PushedPath if path.load.driven is not None else TimedPath

@@ -13,6 +13,7 @@ from mitsuba_taxel.mechanics import NeoHookean, Viscoelastic, load_path
 from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE
 from mitsuba_taxel.mechanics.history.timed_path import TimedPath
+from mitsuba_taxel.mechanics.history.timed_rows import LoadHistory
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic
 from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.pads import Pad
@@ -36,7 +37,7 @@ def ramp(pad: Pad) -> Ramp:
     law, size = NeoHookean(), pad.default_mesh_size
     values = FORCE * np.arange(1, ROWS + 1)[:, None] / ROWS * [0.0, 0.0, 1.0]
     times = DURATION * np.arange(1, ROWS + 1) / ROWS
-    rows = tuple((float(at), tuple(value.tolist())) for at, value in zip(times, values, strict=True))
+    rows = LoadHistory((float(at), tuple(value.tolist())) for at, value in zip(times, values, strict=True))
 
     def each() -> None:
         path = TimedPath(pad_path(pad, law, SPREAD_FORCE, size), Elastic(law))

@@ -20,7 +20,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
 from mitsuba_taxel.mechanics.history.time_state import TimeState
 from mitsuba_taxel.mechanics.history.timed_path import TimedPath
-from mitsuba_taxel.mechanics.history.timed_rows import Row
+from mitsuba_taxel.mechanics.history.timed_rows import LoadHistory
 
 FORCE_TOLERANCE = 1e-6
 """Of the force, relative."""
@@ -41,7 +41,7 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 class PushedPath(TimedPath):
     """As :class:`TimedPath`; values of rows are forces."""
 
-    def _next(self, before: TimeState, rows: tuple[Row, ...]) -> TimeState:
+    def _next(self, before: TimeState, rows: LoadHistory) -> TimeState:
         began, at = clock.perf_counter(), self._pushed(before, rows)
         if rows[-1][0] > before.time:
             way = max(np.linalg.norm(at.load.value), np.linalg.norm(before.load.value))
@@ -50,13 +50,14 @@ class PushedPath(TimedPath):
         return replace(at, figures=replace(at.figures, seconds=seconds))
 
     def _halved(
-        self, before: TimeState, rows: tuple[Row, ...], whole: TimeState, allowed: float, left: int
+        self, before: TimeState, rows: LoadHistory, whole: TimeState, allowed: float, left: int
     ) -> TimeState:
         """The pad at the end of the last row, in as many even movements as it takes; ``whole`` is that by one,
         ``allowed`` in mm, and ``left`` the number of further halvings."""
         (time, force), last = rows[-1], rows[-2][1] if len(rows) > 1 else (0.0, 0.0, 0.0)
         middle = 0.5 * (before.time + time), tuple(0.5 * (a + b) for a, b in zip(last, force, strict=True))
-        halves = (*rows[:-1], middle), (*rows[:-1], middle, rows[-1])
+        before_last = tuple(rows[:-1])
+        halves = LoadHistory((*before_last, middle)), LoadHistory((*before_last, middle, rows[-1]))
         first = self._pushed(before, halves[0])
         second = self._pushed(first, halves[1])
         if np.linalg.norm(second.load.value - whole.load.value) <= allowed:
@@ -72,7 +73,7 @@ class PushedPath(TimedPath):
         first = self._halved(before, halves[0], first, allowed, left - 1)
         return self._halved(first, halves[1], self._pushed(first, halves[1]), allowed, left - 1)
 
-    def _pushed(self, before: TimeState, rows: tuple[Row, ...]) -> TimeState:
+    def _pushed(self, before: TimeState, rows: LoadHistory) -> TimeState:
         """The pad at the end of the last row, if the body moves evenly; raises `ComputationError` if it slips."""
         time, force = rows[-1][0], np.array(rows[-1][1])
         duration = time - before.time
@@ -116,7 +117,7 @@ class PushedPath(TimedPath):
         )
         return free.driven_to(-force[2] * _DOWN, None)
 
-    def _pressed(self, rows: tuple[Row, ...], at: TimeState) -> np.ndarray:
+    def _pressed(self, rows: LoadHistory, at: TimeState) -> np.ndarray:
         """(3,) N, force on the pad."""
         return -self._board_force(rows, at)
 

@@ -8,6 +8,7 @@ While a load goes on at the same rate, steps may lead beyond the rows, between w
 
 from __future__ import annotations
 
+import hashlib
 import math
 import time as clock
 from collections import OrderedDict
@@ -61,7 +62,7 @@ from mitsuba_taxel.mechanics.history.time_steps import (
     leaps,
     response,
 )
-from mitsuba_taxel.mechanics.history.timed_rows import Row, rubs
+from mitsuba_taxel.mechanics.history.timed_rows import LoadHistory, rubs
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison
 
@@ -88,11 +89,12 @@ class TimedPath:
         self._path, self._material, self._coarsening, self._share = path, material, coarsening, share
         self._moving = path.load.driven or path.load
         self._response = response(self._moving, material)
-        self._known: OrderedDict[tuple[Row, ...], TimeState] = OrderedDict()
-        self._count: dict[tuple[Row, ...], int] = {(): 0}
+        self._known: OrderedDict[LoadHistory, TimeState] = OrderedDict()
+        self._count: dict[LoadHistory, int] = {LoadHistory(): 0}
+        self._mirrors: dict[LoadHistory, tuple[Mirror, ...]] = {}
         self._pads: dict[tuple[Mirror, ...], LoadedPad] = {}
-        self._clear: set[tuple[bytes, tuple[Row, ...]]] = set()
-        self._last: tuple[tuple[Row, ...], tuple[TimeState, StepCubics]] | None = None
+        self._clear: set[tuple[bytes, LoadHistory]] = set()
+        self._last: tuple[LoadHistory, tuple[TimeState, StepCubics]] | None = None
 
     @classmethod
     @kept(4)
@@ -100,7 +102,7 @@ class TimedPath:
         """The shared path of a pad and material."""
         return cls(path, material)
 
-    def state(self, rows: tuple[Row, ...], obstacles: np.ndarray | None = None) -> State:
+    def state(self, rows: LoadHistory, obstacles: np.ndarray | None = None) -> State:
         """The deformed pad at the end of some rows, in which it must not touch ``obstacles``."""
         if obstacles is not None:
             self._refuse_contact(rows, obstacles)
@@ -140,7 +142,7 @@ class TimedPath:
             driven = self._path if self._path.load.driven is None else self._path.driven
             driven.refuse_unresolved(moved, displacement)
 
-    def reached(self, rows: tuple[Row, ...]) -> TimeState:
+    def reached(self, rows: LoadHistory) -> TimeState:
         """The pad at the end of some rows."""
         end = self._solved(rows)
         if end.time <= (rows[-1][0] if rows else 0.0):
@@ -193,7 +195,7 @@ class TimedPath:
             ),
         )
 
-    def _cubics(self, rows: tuple[Row, ...]) -> tuple[TimeState, StepCubics]:
+    def _cubics(self, rows: LoadHistory) -> tuple[TimeState, StepCubics]:
         """The state before the step to the last row and beyond, and the cubics from there."""
         if self._last is None or self._last[0] != rows:
             start, end = self._before(rows), self._kept(rows)
@@ -203,7 +205,7 @@ class TimedPath:
             self._last = rows, (start, StepCubics(measures, end.shape.displacement.size, *ends))
         return self._last[1]
 
-    def _shape(self, rows: tuple[Row, ...]) -> Shape:
+    def _shape(self, rows: LoadHistory) -> Shape:
         """The shape of the pad at the end of some rows."""
         end = self._solved(rows)
         if end.time <= rows[-1][0]:
@@ -211,7 +213,7 @@ class TimedPath:
         start, cubics = self._cubics(rows[: self._count[rows]])
         return shape_within(start, end, cubics, rows[-1][0])
 
-    def _solved(self, rows: tuple[Row, ...]) -> TimeState:
+    def _solved(self, rows: LoadHistory) -> TimeState:
         """The last state that is solved for some rows: at the end of these, or beyond."""
         done = len(rows)
         while done and rows[:done] not in self._count and not cache.holds(self._name(rows[:done])):
@@ -225,7 +227,7 @@ class TimedPath:
             self._count[rows[:count]] = done
         return at
 
-    def _stored(self, rows: tuple[Row, ...]) -> TimeState:
+    def _stored(self, rows: LoadHistory) -> TimeState:
         """The state of :meth:`_solved` that is solved for the last row."""
         name = self._name(rows)
         with cache.alone(name):
@@ -241,17 +243,17 @@ class TimedPath:
             self._known.popitem(last=False)
         return at
 
-    def _before(self, rows: tuple[Row, ...]) -> TimeState:
+    def _before(self, rows: LoadHistory) -> TimeState:
         """The state from which the step to the last row sets out."""
         (time, value), before = rows[-1], self._solved(rows[:-1])
         return before if before.on_its_way(time, np.array(value)) else self.reached(rows[:-1])
 
-    def _kept(self, rows: tuple[Row, ...]) -> TimeState:
+    def _kept(self, rows: LoadHistory) -> TimeState:
         if not rows:
             return self._rest
         return self._known[rows] if rows in self._known else self._stored(rows)
 
-    def _next(self, before: TimeState, rows: tuple[Row, ...]) -> TimeState:
+    def _next(self, before: TimeState, rows: LoadHistory) -> TimeState:
         """The pad at the end of the last row or beyond, from its state at the end of the row before or beyond."""
         (time, row), longest = rows[-1], math.inf
         value, last = np.array(row), rows[-2][0] if len(rows) > 1 else 0.0
@@ -266,7 +268,7 @@ class TimedPath:
         end = self._moved(before, rows, value, time - before.time)
         return replace(end, control=replace(end.control, next_length=min(end.control.next_length, longest)))
 
-    def _length_beyond(self, before: TimeState, rows: tuple[Row, ...]) -> float:
+    def _length_beyond(self, before: TimeState, rows: LoadHistory) -> float:
         """Length in s of a first step beyond the last row; 0 if the load's rate is new and may not last."""
         (time, row), pad = rows[-1], self._pad_for(rows)
         if before.on_its_way(time, np.array(row)):
@@ -279,7 +281,7 @@ class TimedPath:
     def _moved(
         self,
         before: TimeState,
-        rows: tuple[Row, ...],
+        rows: LoadHistory,
         value: np.ndarray,
         duration: float,
         steps: int | None = None,
@@ -363,7 +365,7 @@ class TimedPath:
 
     @cached_property
     def _rest(self) -> TimeState:
-        mesh, pad, components = self._path.mesh, self._pad_for(()), self._path.load.components
+        mesh, pad, components = self._path.mesh, self._pad_for(LoadHistory()), self._path.load.components
         points = pad.model.assembly.elements.weight.shape if self._material.prony else (0, 0)
         nowhere, pressure = np.zeros_like(mesh.points), np.zeros(mesh.corner_count)
         return TimeState(
@@ -407,13 +409,17 @@ class TimedPath:
         displacement, pressure = pad.split(unknowns)
         return np.concatenate([displacement.ravel(), pressure])
 
-    def _pad_for(self, rows: tuple[Row, ...]) -> LoadedPad:
+    def _pad_for(self, rows: LoadHistory) -> LoadedPad:
         """The part of the pad between the common mirrors of the loads of all rows."""
-        values = [np.array(value) for _, value in rows]
-        images = self._path.images
-        mirrors = tuple(
-            mirror for mirror in images if all(len(v) == 1 or np.array_equal(mirror.image(v), v) for v in values)
-        )
+        images, known = self._path.images, len(rows)
+        while known and rows[:known] not in self._mirrors:
+            known -= 1
+        mirrors = self._mirrors[rows[:known]] if known else tuple(images)
+        for count in range(known + 1, len(rows) + 1):
+            value = np.array(rows[count - 1][1])
+            if len(value) > 1:
+                mirrors = tuple(mirror for mirror in mirrors if np.array_equal(mirror.image(value), value))
+            self._mirrors[rows[:count]] = mirrors
         if mirrors not in self._pads:
             # A shared one must not have a history.
             parts = self._path.mesh, self._path.material, self._moving, mirrors, images
@@ -433,12 +439,13 @@ class TimedPath:
         said = ended.contact and said_of(ended.contact.what, self._path.mesh, np.array(ended.contact.place))
         return f"the pad {ended.reason}: the load path ends at {load.quantity} = {shown} {load.unit}{when}.{said or ''}"
 
-    def _refuse_contact(self, rows: tuple[Row, ...], obstacles: np.ndarray) -> None:
+    def _refuse_contact(self, rows: LoadHistory, obstacles: np.ndarray) -> None:
         """Raise if a pad touches obstacles at the end of one of the rows; rows without contact are checked once."""
-        key, test = obstacles.tobytes(), None
-        for count in range(1, len(rows) + 1):
-            if (key, rows[:count]) in self._clear:
-                continue
+        key, clear = hashlib.sha256(obstacles.tobytes()).digest(), len(rows)
+        while clear and (key, rows[:clear]) not in self._clear:
+            clear -= 1
+        test = None
+        for count in range(clear + 1, len(rows) + 1):
             test = test or ContactTest(self._path.mesh, obstacles)
             found = test.find_package(self._shape(rows[:count]).displacement)
             if found:
@@ -446,7 +453,7 @@ class TimedPath:
                 raise ComputationError(self._end(PathEnded(at, 0.0, f"touches {found.what}"), time, 0.0))
             self._clear.add((key, rows[:count]))
 
-    def _comparison(self, rows: tuple[Row, ...]) -> StateComparison:
+    def _comparison(self, rows: LoadHistory) -> StateComparison:
         """Comparison with the same rows on the first other mesh that reaches them, and in longer steps."""
         with self._path.lock:
             here, mesh = self.reached(rows), self._path.mesh
@@ -508,12 +515,12 @@ class TimedPath:
         result[1] += REMAINDER * (closer.shape.displacement - displacement) / ERROR_SHARE
         return result
 
-    def _overstress(self, rows: tuple[Row, ...], at: TimeState | None = None) -> np.ndarray:
+    def _overstress(self, rows: LoadHistory, at: TimeState | None = None) -> np.ndarray:
         """(m, q, 6) MPa, of :class:`ViscoelasticMemory`."""
         at = self.reached(rows) if at is None else at
         return spread(at.variables.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
 
-    def _board_force(self, rows: tuple[Row, ...], at: TimeState) -> np.ndarray:
+    def _board_force(self, rows: LoadHistory, at: TimeState) -> np.ndarray:
         self_contact = self._path.load.self_contact  # where the board may hold the pad beside the glue, too
         if self_contact and self._moving.indenter is not None:
             body = Indentation(self._path.mesh, self._moving.indenter, self._path.material.youngs_modulus)
@@ -524,7 +531,7 @@ class TimedPath:
             return glued_force(*solved)
         return -glued_force(*solved, region="top", linear=where_linear(path.mesh, path.load, self._share))
 
-    def _name(self, rows: tuple[Row, ...]) -> str:
+    def _name(self, rows: LoadHistory) -> str:
         path = self._path
         numerics = [
             path.judged,
@@ -535,14 +542,14 @@ class TimedPath:
             self._coarsening,
             self._share,
         ]
-        return cache.key("timed", path.key_parts, self._material.prony, numerics, rows)
+        return cache.key("timed", path.key_parts, self._material.prony, numerics, rows.digest.hex())
 
 
-def _turns(rows: tuple[Row, ...]) -> bool:
+def _turns(rows: LoadHistory) -> bool:
     """Whether the last rate of the load lasted for one of these rows only, so that the next may too."""
     if not rows or rows[-1][0] == (rows[-2][0] if len(rows) > 1 else 0.0):
         return False  # there is none yet, or it jumped
-    points = [(0.0, np.zeros(len(rows[0][1]))), *rows][-3:]
+    points = [(0.0, np.zeros(len(rows[0][1]))), *(rows[k] for k in range(max(len(rows) - 3, 0), len(rows)))][-3:]
     if len(points) < 3:
         return True
     times, values = np.array([time for time, _ in points]), np.array([value for _, value in points])

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from typing import overload
+
 import numpy as np
 
 from mitsuba_taxel.base.arguments import array_of, refusal
@@ -9,6 +14,9 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
+
+DIGEST_SIZE = 32
+"""Bytes of a history's digest."""
 
 
 def rubs(load: Load) -> bool:
@@ -20,20 +28,96 @@ Row = tuple[float, tuple[float, ...]]
 """Time in s, and value of the load."""
 
 
-def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray, times: object) -> tuple[Row, ...]:
-    """The rows of a load, none if states depend on its value alone; raises `InputError`.
+class LoadHistory:
+    """Rows of a load, and a digest of each that depends on all rows before it.
 
-    For friction on an elastic material, all are at 0 s, and the indenter first moves down, then sideways.
+    A start of it, ``history[:count]``, shares its rows: the histories of all states of a path take time and memory in
+    proportion to their number. Histories are equal if their rows are.
+
+    Parameters
+    ----------
+    rows : Iterable[Row]
+        In the order of their times.
+    """
+
+    __slots__ = ("_count", "_digests", "_rows")
+
+    def __init__(self, rows: Iterable[Row] = ()) -> None:
+        self._rows, self._digests = tuple(rows), [bytes(DIGEST_SIZE)]
+        self._count = len(self._rows)
+        for row in self._rows:
+            chained = hashlib.blake2b(self._digests[-1], digest_size=DIGEST_SIZE)
+            chained.update(np.array([row[0], *row[1]]).tobytes())
+            self._digests.append(chained.digest())
+
+    @property
+    def digest(self) -> bytes:
+        """Of all rows, exactly as they are."""
+        return self._digests[self._count]
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, key: int) -> Row: ...
+    @overload
+    def __getitem__(self, key: slice) -> LoadHistory: ...
+
+    def __getitem__(self, key: int | slice) -> Row | LoadHistory:
+        if not isinstance(key, slice):
+            return self._rows[range(self._count)[key]]
+        start, stop, step = key.indices(self._count)
+        if (start, step) != (0, 1):
+            raise IndexError("a part of a history is its start")
+        part = object.__new__(LoadHistory)
+        part._rows, part._digests, part._count = self._rows, self._digests, stop
+        return part
+
+    def __iter__(self) -> Iterator[Row]:
+        return islice(self._rows, self._count)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LoadHistory) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+
+def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray, times: object) -> LoadHistory:
+    """The history of a load, empty if states depend on its value alone.
+
+    For friction on an elastic material, all rows are at 0 s, and the indenter first moves down, then sideways.
+
+    Parameters
+    ----------
+    material : Material or Viscoelastic
+        Of the pad.
+    load : Load
+        Of which ``values`` are those.
+    values : (n, components) ndarray
+        In N, mm or MPa.
+    times : array_like or None
+        (n,) in s, which do not decrease; None if the material is elastic.
+
+    Returns
+    -------
+    LoadHistory
+        A row for each value, and under friction one more to start with.
+
+    Raises
+    ------
+    InputError
+        if times are missing, not needed or not allowed, or a value is not.
     """
     if not isinstance(material, Viscoelastic):
         if times is not None:
             raise refusal("times", times, f"{material} is elastic, and only a Viscoelastic has times; none are needed")
         if not rubs(load):
-            return ()
+            return LoadHistory()
         for value in values:
             load.check(value)
         first = [(0.0, 0.0, values[0][2])] if values[0][:2].any() else []
-        return tuple((0.0, tuple(map(float, value))) for value in [*first, *values])
+        return LoadHistory((0.0, tuple(map(float, value))) for value in [*first, *values])
     if times is None:
         raise InputError("times are missing: a viscoelastic silicone needs the time of each value of its load.")
     for value in values:
@@ -46,4 +130,4 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
         raise InputError(
             f"times[{number}] = {when[number]:g} s is not allowed: at least {before[number]:g} s is needed."
         )
-    return tuple((float(time), tuple(map(float, value))) for time, value in zip(when, values, strict=True))
+    return LoadHistory((float(time), tuple(map(float, value))) for time, value in zip(when, values, strict=True))
