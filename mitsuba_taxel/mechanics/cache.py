@@ -65,7 +65,18 @@ def holds(name: str) -> bool:
 
 @contextmanager
 def alone(name: str) -> Iterator[None]:
-    """Lock ``name`` against other processes, so that its arrays are computed once."""
+    """Lock ``name`` against other processes, so that its arrays are computed once.
+
+    Parameters
+    ----------
+    name : str
+        Of the entry; see :func:`key`.
+
+    Yields
+    ------
+    None
+        Once no other process computes them. A folder that cannot be written is not locked.
+    """
     from filelock import FileLock
 
     lock = FileLock(folder() / "locks" / name)
@@ -77,6 +88,11 @@ def alone(name: str) -> Iterator[None]:
     try:
         yield
     finally:
+        if lock.is_locked:
+            # Who waits for the removed file gets its lock and finds the arrays; only if there are none, as after an
+            # error, may another process compute them beside it, which does no harm.
+            with suppress(OSError):
+                os.unlink(lock.lock_file)
         lock.release()
 
 
@@ -99,13 +115,28 @@ cache_limit = _Limit()
 def remove_least_recently_used(largest: int, spared: float = SPARED) -> tuple[int, int]:
     """Remove entries, those used longest ago first, until the others have at most ``largest`` bytes together.
 
-    Entries that a process computes now, or that one has used in the last ``spared`` seconds, stay.
+    Entries that a process computes now, or that one has used in the last ``spared`` seconds, stay. So do their locks;
+    those that ended processes have left are removed.
+
+    Parameters
+    ----------
+    largest : int
+        Bytes.
+    spared : float
+        Seconds.
 
     Returns
     -------
-    Number of entries removed, and their bytes.
+    count : int
+        Number of entries removed.
+    size : int
+        Their bytes.
     """
     now, removed = time.time(), [0, 0]
+    for lock in (folder() / "locks").glob("*"):
+        with suppress(OSError):
+            if now - lock.stat().st_mtime >= spared and not is_locked(lock.name):
+                lock.unlink()
     files = [(file.stat(), file) for file in entries()]
     total = sum(about.st_size for about, _ in files)
     for about, file in sorted(files, key=lambda each: max(each[0].st_atime, each[0].st_mtime)):

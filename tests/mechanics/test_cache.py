@@ -118,8 +118,32 @@ def test_it_is_said_once_wherever_it_is_found(monkeypatch, tmp_path):
 
 
 def test_no_temporary_files_are_left(fresh):
+    """No locks either: there was one for each entry."""
     displacement()
     assert [file.suffix for file in cache.folder().iterdir() if file.is_file()] == [".npz"] * FILES
+    assert list((cache.folder() / "locks").iterdir()) == []
+
+
+def test_locks_of_ended_processes_are_removed(filled):
+    """Not those that are held, nor new ones."""
+    folder, names, _ = filled
+    ended, new = folder / "locks" / names[3], folder / "locks" / names[4]
+    with cache.alone(names[1]):
+        held = folder / "locks" / names[1]
+        for lock in (ended, new):
+            lock.touch()
+        for lock in (held, ended):
+            os.utime(lock, (1e9, 1e9))
+        cache.remove_least_recently_used(10**9)
+        assert held.exists() and new.exists() and not ended.exists()
+    assert not held.exists()
+
+
+def test_an_error_while_an_entry_is_computed_frees_its_lock(filled):
+    folder, names, _ = filled
+    with pytest.raises(ZeroDivisionError), cache.alone(names[0]):
+        raise ZeroDivisionError
+    assert not cache.is_locked(names[0]) and list((folder / "locks").iterdir()) == []
 
 
 def test_where_the_cache_lies(monkeypatch):
