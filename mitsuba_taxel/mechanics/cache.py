@@ -34,6 +34,7 @@ ROOMS = ("parameters", "base", "geometry", "pads", "mechanics")
 
 def folder() -> Path:
     """``MITSUBA_TAXEL_CACHE``, or ``mitsuba_taxel`` in the user's cache folder."""
+    # `platformdirs` gives the same folder on Linux, which is all that is supported, for one dependency more.
     chosen = os.environ.get("MITSUBA_TAXEL_CACHE")
     if chosen:
         return Path(chosen)

@@ -253,8 +253,8 @@ def view_angle(seen: Seen) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Kind:
-    """A kind of figure.
+class FigureOfMerit:
+    """A figure of merit that may be asked for.
 
     Attributes
     ----------
@@ -275,25 +275,25 @@ class Kind:
     lines: int = 1
 
 
-KINDS: dict[str, Kind] = {
-    "sensitivity": Kind(sensitivity, "{u}/{f}"),
-    "relative_sensitivity": Kind(relative_sensitivity, "1/{f}"),
-    "nonlinearity": Kind(nonlinearity, "1", steps=3),
-    "cross_talk": Kind(cross_talk, "1", ("taxel",)),
-    "cross_sensitivity": Kind(cross_sensitivity, "1", ("by",)),
-    "rest": Kind(rest, "{u}", steps=1),
-    "largest_reading": Kind(largest_reading, "{u}", steps=1),
-    SATURATION: Kind(saturation, "1", steps=1),
-    RANGE: Kind(measuring_range, "{f}"),
-    "noise_equivalent_force": Kind(noise_equivalent_force, "{f}", ("noise",)),
-    "resolution": Kind(resolution, "{f}", ("noise", "of"), lines=2),
-    "largest_strain": Kind(largest_strain, "1", steps=1),
-    FIRST_CONTACT: Kind(first_contact, "{f}"),
-    "clearance": Kind(clearance, "mm", steps=1),
-    "least_wall": Kind(least_wall, "mm", steps=0, lines=0),
-    "draft_angle": Kind(draft_angle, "degrees", steps=0, lines=0),
-    "least_radius": Kind(least_radius, "mm", steps=0, lines=0),
-    "view_angle": Kind(view_angle, "degrees", steps=0, lines=0),
+FIGURES_OF_MERIT: dict[str, FigureOfMerit] = {
+    "sensitivity": FigureOfMerit(sensitivity, "{u}/{f}"),
+    "relative_sensitivity": FigureOfMerit(relative_sensitivity, "1/{f}"),
+    "nonlinearity": FigureOfMerit(nonlinearity, "1", steps=3),
+    "cross_talk": FigureOfMerit(cross_talk, "1", ("taxel",)),
+    "cross_sensitivity": FigureOfMerit(cross_sensitivity, "1", ("by",)),
+    "rest": FigureOfMerit(rest, "{u}", steps=1),
+    "largest_reading": FigureOfMerit(largest_reading, "{u}", steps=1),
+    SATURATION: FigureOfMerit(saturation, "1", steps=1),
+    RANGE: FigureOfMerit(measuring_range, "{f}"),
+    "noise_equivalent_force": FigureOfMerit(noise_equivalent_force, "{f}", ("noise",)),
+    "resolution": FigureOfMerit(resolution, "{f}", ("noise", "of"), lines=2),
+    "largest_strain": FigureOfMerit(largest_strain, "1", steps=1),
+    FIRST_CONTACT: FigureOfMerit(first_contact, "{f}"),
+    "clearance": FigureOfMerit(clearance, "mm", steps=1),
+    "least_wall": FigureOfMerit(least_wall, "mm", steps=0, lines=0),
+    "draft_angle": FigureOfMerit(draft_angle, "degrees", steps=0, lines=0),
+    "least_radius": FigureOfMerit(least_radius, "mm", steps=0, lines=0),
+    "view_angle": FigureOfMerit(view_angle, "degrees", steps=0, lines=0),
 }
 
 
@@ -316,7 +316,7 @@ class Figure:
     def components(self, seen: Seen) -> np.ndarray:
         """(N,) complex."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            return KINDS[self.kind].components(seen, **self.told)
+            return FIGURES_OF_MERIT[self.kind].components(seen, **self.told)
 
 
 def end_of(figure: Figure, seen: Seen) -> str:

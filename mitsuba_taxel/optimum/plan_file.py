@@ -12,7 +12,7 @@ import numpy as np
 from mitsuba_taxel.base.arguments import check_whole, is_number, is_row, is_whole
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
-from mitsuba_taxel.optimum.figures import FURTHEST, KINDS, TO_THE_END, Figure
+from mitsuba_taxel.optimum.figures import FIGURES_OF_MERIT, FURTHEST, TO_THE_END, Figure
 from mitsuba_taxel.optimum.plan import TRIED, Goal, Limit, Plan, Variable
 from mitsuba_taxel.sensing.scene.parameter_units import units_of_parameters
 from mitsuba_taxel.studies.plan.batch import make_batch, read_study_of
@@ -212,10 +212,10 @@ class _Asked:
 
     def figure(self, given: Any) -> Figure:
         table = {"figure": given} if isinstance(given, str) else given
-        kind = KINDS.get(table.get("figure", "")) if isinstance(table, dict) else None
+        kind = FIGURES_OF_MERIT.get(table.get("figure", "")) if isinstance(table, dict) else None
         if kind is None:
             named = table.get("figure", given) if isinstance(table, dict) else given
-            raise InputError(f"figure {named!r} is not known: one of {', '.join(KINDS)} is needed.")
+            raise InputError(f"figure {named!r} is not known: one of {', '.join(FIGURES_OF_MERIT)} is needed.")
         told = {name: value for name, value in table.items() if name != "figure"}
         name = table["figure"]
         allowed = (*kind.takes, *(("along",) if kind.lines else ()))
@@ -244,23 +244,25 @@ class _Asked:
         return units[0] if units else "1"
 
     def _along(self, name: str, given: Any) -> str | tuple[str, ...]:
-        several = KINDS[name].lines > 1
+        several = FIGURES_OF_MERIT[name].lines > 1
         names = (list(self.lines) if several else list(self.lines)[:1]) if given is None else given
         names = [names] if isinstance(names, str) else names
-        if not is_row(names, lambda one: isinstance(one, str) and one in self.lines) or len(names) < KINDS[name].lines:
+        needed_lines = FIGURES_OF_MERIT[name].lines
+        if not is_row(names, lambda line: isinstance(line, str) and line in self.lines) or len(names) < needed_lines:
             some = "two or more lines of loads" if several else "one line of loads"
             needed = f"of {', '.join(self.lines)} {'are' if several else 'is'} needed"
             raise InputError(f"{name}: along = {names!r} is not allowed: {some} {needed}.")
         for line in names:
-            if len(self.lines[line][1]) < KINDS[name].steps:
+            steps = FIGURES_OF_MERIT[name].steps
+            if len(self.lines[line][1]) < steps:
                 along = f" along {line}" if line else ""
-                raise InputError(f"{name}{along} cannot be told: {KINDS[name].steps} loads or more are needed.")
+                raise InputError(f"{name}{along} cannot be told: {steps} loads or more are needed.")
         if several and len({self.lines[line][0] for line in names}) < len(names):
             raise InputError(f"{name}: along = {names} is not allowed: each must have a load of its own that changes.")
         return tuple(names) if several else names[0]
 
     def _check(self, name: str, told: Mapping[str, Any]) -> None:
-        takes = KINDS[name].takes
+        takes = FIGURES_OF_MERIT[name].takes
         if name == "saturation" and self.circuit is None:
             raise InputError(f"{name} cannot be told without a table [circuit].")
         if "noise" in takes:

@@ -11,7 +11,7 @@ from one_cell import one_cell
 from mitsuba_taxel import ComputationError
 from mitsuba_taxel.optimum.course import with_rates
 from mitsuba_taxel.optimum.designs import Designs
-from mitsuba_taxel.optimum.figures import KINDS, TINY, end_of
+from mitsuba_taxel.optimum.figures import FIGURES_OF_MERIT, TINY, end_of
 from mitsuba_taxel.optimum.plan_file import read_plan
 from mitsuba_taxel.sensing.reading.contact_value import FirstContact
 from mitsuba_taxel.studies.run.pool import open_pool
@@ -36,7 +36,7 @@ deep = { fz = [-0.4, -0.8] }
 TOLD = {"cross_talk": "taxel = 1", "cross_sensitivity": 'by = "deep"', "resolution": 'along = ["normal", "side"]'}
 STEP = 0.02
 """Relative to the bounds' width."""
-OF_READINGS = [name for name, kind in KINDS.items() if kind.lines]
+OF_READINGS = [name for name, kind in FIGURES_OF_MERIT.items() if kind.lines]
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import Circuit
-from mitsuba_taxel.optimum.figures import KINDS, TINY, Figure, Line, Seen, end_of
+from mitsuba_taxel.optimum.figures import FIGURES_OF_MERIT, TINY, Figure, Line, Seen, end_of
 from mitsuba_taxel.optimum.result import circuit_notes
 from mitsuba_taxel.pads.mould import SHAPE
 
@@ -37,12 +37,12 @@ def seen(shift, circuit=CIRCUIT, imaginary=0.0):
 
 @pytest.mark.parametrize(
     ("kind", "circuit"),
-    [(kind, circuit) for kind in KINDS for circuit in (None, CIRCUIT) if circuit or kind not in OF_CIRCUITS],
+    [(kind, circuit) for kind in FIGURES_OF_MERIT for circuit in (None, CIRCUIT) if circuit or kind not in OF_CIRCUITS],
     ids=lambda one: one if isinstance(one, str) else "volts" if one else "watts",
 )
 def test_gradients_are_those_of_differences(kind, circuit):
     told = TOLD.get(kind, {"along": "normal"})
-    if circuit is None and "noise" in KINDS[kind].takes:
+    if circuit is None and "noise" in FIGURES_OF_MERIT[kind].takes:
         told = {**told, "noise": 1e-6}
     figure = Figure(kind, told, "")
     step = 1e-5

@@ -1,5 +1,9 @@
 """Worker processes of this one: they share its cores, leave interrupts to it, and do not outlive it."""
 
+# Why not `loky` or `joblib`: their executors fail as a whole when one process dies, and give no choice of the process
+# for a job. What is here, executors of one process each, cores that are shared, ignored signals and the end with the
+# parent, would be needed on top of them as well.
+
 from __future__ import annotations
 
 import multiprocessing
