@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import Scene
-from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import diffuse_derivatives as derivatives
+from mitsuba_taxel.sensing.derivatives import diffuse_derivatives as derivatives
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 from mitsuba_taxel.sensing.diffuse.deterministic_light import FINE
 from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells

@@ -9,7 +9,7 @@ from mitsuba_taxel import Pad, PadSensor, PhotoReflector
 from mitsuba_taxel.mechanics.errors.second_state import SecondState
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates
-from mitsuba_taxel.sensing.derivatives.slope_error import Against, mechanics_errors, unknown
+from mitsuba_taxel.sensing.derivatives.slope_error import Comparison, mechanics_errors, unknown
 
 SHEARED_BOX = -37e-6
 """W/N by fx at 1.2222 N: with elements of 0.1 mm along the edges of the roof, the layer at them 0.02 mm thick, and
@@ -25,7 +25,7 @@ def compared(smooth, kinks, ratio):
     """A derivative that is off by ``smooth`` and ``kinks`` on one mesh, and by ``ratio`` squared as much on another."""
     total = np.array([smooth + kinks])
     change = (ratio**2 - 1) * total
-    return Against(np.append(0.0, change), np.zeros(1), np.array([(ratio**2 + 1) * kinks]), np.zeros(1))
+    return Comparison(np.append(0.0, change), np.zeros(1), np.array([(ratio**2 + 1) * kinks]), np.zeros(1))
 
 
 @pytest.mark.parametrize("ratio", [0.6, 1.3, 2.0])

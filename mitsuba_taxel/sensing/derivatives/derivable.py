@@ -13,7 +13,20 @@ WITHOUT_PAD = "the scene holds no pad: its derivatives are differences of random
 
 @in_turn
 def without_derivative(scene: Scene, names: Iterable[str]) -> dict[str, str]:
-    """Those of ``names`` for which ``scene`` has no derivative that studies take, with the reasons in words."""
+    """Parameters by which a study has no derivatives of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of the study.
+    names : Iterable[str]
+        Parameters by which derivatives are wanted.
+
+    Returns
+    -------
+    dict[str, str]
+        The reason for each name that has none; empty if all have.
+    """
     from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 
     refused = {}

@@ -20,7 +20,7 @@ from mitsuba_taxel.base.threads import side_by_side
 from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.derivatives.package_clearance import clearances
 from mitsuba_taxel.sensing.derivatives.scene_rates import Rates
-from mitsuba_taxel.sensing.derivatives.slope_error import Against, mechanics_errors, unknown
+from mitsuba_taxel.sensing.derivatives.slope_error import Comparison, mechanics_errors, unknown
 from mitsuba_taxel.sensing.diffuse.deterministic_light import COARSE, FINE, MOST_HIDDEN, MOST_OFF, reading_error
 from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells, NotFollowed
 from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
@@ -96,34 +96,38 @@ class _Linearised:
         nodal = [self.linear.nodal(change) for change in changes]
         scenes = [change.scenes() for change in changes]
         size = self.cells.patch_size
-        others = [[(weight, DiffuseCells(live, patch_size=size)) for weight, live in each] for each in scenes]
+        changed = [[(weight, DiffuseCells(live, patch_size=size)) for weight, live in stencil] for stencil in scenes]
         displaced = self.cells.pad.is_loaded or any(change.load.any() for change in changes)
         second = self._second(changes) if with_errors and displaced else None
-        first = self._equal(nodal, others, second)
-        alone = sorted(set(first))
+        # Equal cells are solved once. Many small matrix products: each would start and wait for its own threads.
+        representative = self._equal(nodal, changed, second)
+        distinct = sorted(set(representative))
 
-        def found(number: int) -> _Found:
-            return _OfCell(self, number, nodal, others).found(with_errors, second)
+        def solve(number: int) -> _CellDerivatives:
+            return _CellRates(self, number, nodal, changed).derivatives(with_errors, second)
 
-        # Many small matrix products: each would start and wait for its own threads.
         with threadpool_limits(1, "blas"):
-            by_number = dict(zip(alone, side_by_side(found, alone), strict=True))
-        solved = [by_number[number] for number in first]
+            by_number = dict(zip(distinct, side_by_side(solve, distinct), strict=True))
+        solved = [by_number[number] for number in representative]
         power = np.array([taxel.power for taxel in self.cells.taxels])[:, None]
-        shares = {number: self.cells.hidden_share(*each.flows) for number, each in by_number.items()}
-        hidden = np.array([shares[number] for number in first])[:, None]
-        reading = np.array([each.reading for each in solved])[:, None]
+        reading = np.array([cell.reading for cell in solved])[:, None]
+
+        # Light between patches that walls occlude is not followed: its share of a reading is an error, if it is small.
+        hidden_share = {number: self.cells.hidden_share(*cell.flows) for number, cell in by_number.items()}
+        hidden = np.array([hidden_share[number] for number in representative])[:, None]
         if hidden.max() > MOST_HIDDEN:
             raise NotFollowed(
                 f"derivatives are not available: {hidden.max():.1%} of a reading comes by ways that walls stand in."
             )
         scale = np.array([_scale(change, self.cells.pad.value) for change in changes])
         blocked = 2 * hidden * reading / np.where(scale > 0, scale, np.inf)
-        light = np.array([each.light_errors for each in solved])
+
+        # Errors by the light, by the finite elements, and by occluded light are independent.
+        light = np.array([cell.light_errors for cell in solved])
         mechanics, of_reading = np.zeros_like(light[:, 1:]), np.zeros_like(reading)
         if displaced:
             mechanics, of_reading = mechanics_errors(
-                [each.against for each in solved], reading, None if second is None else second.told
+                [cell.comparison for cell in solved], reading, None if second is None else second.state
             )
         errors = np.sqrt(light[:, 1:] ** 2 + mechanics**2 + blocked**2)
         reading_errors = np.sqrt(light[:, :1] ** 2 + of_reading**2 + (hidden * reading) ** 2)
@@ -134,7 +138,7 @@ class _Linearised:
         return Derivatives(
             tuple(change.name for change in changes),
             tuple(unit_of(change.unit) for change in changes),
-            power * np.array([each.values for each in solved]),
+            power * np.array([cell.values for cell in solved]),
             power * errors,
             (power * reading)[:, 0],
             (power * reading_errors)[:, 0],
@@ -143,93 +147,92 @@ class _Linearised:
         )
 
     def _second(self, changes: list[Rates]) -> _Second | None:
-        """The same on a second mesh; None if no mesh tells the error."""
-        found = self.cells.pad.second_state()
-        if found is None:
+        """The scene linearised about its state on a second mesh; None if there is no such mesh."""
+        state = self.cells.pad.second_state()
+        if state is None:
             return None
-        whole = _Linearised(self.cells, COARSE, found.state)
-        return _Second(whole, [whole.linear.nodal(change) for change in changes], found)
+        scene = _Linearised(self.cells, COARSE, state.state)
+        return _Second(scene, [scene.linear.nodal(change) for change in changes], state)
 
-    def _equal(self, nodal: list[Nodal], others: list, second: _Second | None) -> list[int]:
-        """The representative cell of each cell."""
-        if any(others):
+    def _equal(self, nodal: list[Nodal], changed: list, second: _Second | None) -> list[int]:
+        """For each cell, the number of the first cell that is equal to it on both meshes."""
+        if any(changed):
             return list(range(len(self.patches)))
-        sides = [(self, nodal)] if second is None else [(self, nodal), (second.whole, second.nodal)]
-        first = [
-            equal_cells(self.cells, whole.state, [whole.state.displacement, *(each.displacement for each in rates)])
-            for whole, rates in sides
+        meshes = [(self, nodal)] if second is None else [(self, nodal), (second.scene, second.nodal)]
+        by_mesh = [
+            equal_cells(self.cells, scene.state, [scene.state.displacement, *(rate.displacement for rate in rates)])
+            for scene, rates in meshes
         ]
-        both = list(zip(*first, strict=True))
-        return [both.index(each) for each in both]
+        classes = list(zip(*by_mesh, strict=True))
+        return [classes.index(representatives) for representatives in classes]
 
 
 @dataclass(frozen=True, eq=False)
 class _Second:
-    """A second mesh, and what a difference from it tells."""
+    """The scene linearised on a second mesh, the rates of its nodes, and the state there."""
 
-    whole: _Linearised
+    scene: _Linearised
     nodal: list[Nodal]
-    told: SecondState
+    state: SecondState
 
 
-class _Found(NamedTuple):
-    """Results of a cell: its reading per W of its LED, the derivatives by each change, errors (1 + P) of both by the
-    light, the comparison with a second mesh, and its light paths."""
+class _CellDerivatives(NamedTuple):
+    """Results of a cell: reading per W of its LED, derivatives (P,) by each parameter, errors (1 + P,) of both by the
+    light, comparison with a second mesh, and flows of light between patches."""
 
     reading: float
     values: np.ndarray
     light_errors: np.ndarray
-    against: Against
+    comparison: Comparison
     flows: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-class _OfCell:
-    """One cell, and the rates of its walls."""
+class _CellRates:
+    """One cell, and the velocities of its walls with each parameter."""
 
-    def __init__(self, whole: _Linearised, number: int, nodal: list[Nodal], others: list) -> None:
-        self._whole, self._number = whole, number
-        self._patches: CellPatches = whole.patches[number]
+    def __init__(self, scene: _Linearised, number: int, nodal: list[Nodal], changed: list) -> None:
+        self._scene, self._number = scene, number
+        self._patches: CellPatches = scene.patches[number]
         self._rest = self._patches.rest
-        self._at = self._rest + self._patches.carried(whole.state.displacement)
-        self._displaced = [self._patches.carried(each.displacement) for each in nodal]
-        self._velocities = [self._velocity(*each) for each in zip(nodal, self._displaced, strict=True)]
-        self._sides = [each.side for each in nodal]
-        self._others = others
+        self._at = self._rest + self._patches.carried(scene.state.displacement)
+        self._displaced = [self._patches.carried(rate.displacement) for rate in nodal]
+        self._velocities = [self._velocity(*rates) for rates in zip(nodal, self._displaced, strict=True)]
+        self._sides = [rate.side for rate in nodal]
+        self._changed = changed
 
-    def found(self, with_errors: bool, second: _Second | None) -> _Found:
+    def derivatives(self, with_errors: bool, second: _Second | None) -> _CellDerivatives:
         """Results of the cell, without its pairs of points, which take much memory."""
-        fine = self._solved(self._whole.degree)
-        values = self._by_patch(fine, fine.gradient(self._whole.wider)).sum(axis=1)
-        light, against = np.full(1 + len(values), np.nan), unknown(len(values))
+        fine = self._solved(self._scene.degree)
+        values = self._by_patch(fine, fine.gradient(self._scene.wider)).sum(axis=1)
+        light, comparison = np.full(1 + len(values), np.nan), unknown(len(values))
         if with_errors:
+            # The difference from a coarser solution stands for the error of the finer one.
             coarse = self._solved(COARSE)
             gradient = coarse.gradient()
             by_patch = self._by_patch(coarse, gradient)
-            there = by_patch.sum(axis=1)
-            spread = self._of_wider_horizon(coarse, gradient)
-            share = self._whole.cells.light_share(self._number)
-            conservation = self._of_conservation(fine, values)
-            changes = [
-                share * LIGHT_SHARE * (values - there),
-                HORIZON_SHARE * spread,
-                self._of_sides(coarse),
-                conservation,
+            fraction = self._scene.cells.light_share(self._number) * LIGHT_SHARE
+            errors = [
+                fraction * (values - by_patch.sum(axis=1)),
+                HORIZON_SHARE * self._change_by_wider_horizon(coarse, gradient),
+                self._difference_of_sides(coarse),
+                self._conservation_error(fine, values),
             ]
-            of_derivatives = np.linalg.norm(changes, axis=0)
-            of_reading = reading_error(fine, coarse.reading, self._whole.cells, self._number)
-            light = np.array([of_reading, *of_derivatives])
-            if second is not None:
-                against = self._against(second, coarse.reading, by_patch, gradient)
-        return _Found(fine.reading, values, light, against, fine.flows())
+            of_reading = reading_error(fine, coarse.reading, self._scene.cells, self._number)
+            light = np.array([of_reading, *np.linalg.norm(errors, axis=0)])
 
-    def _of_wider_horizon(self, coarse: Cell, gradient: np.ndarray) -> np.ndarray:
+            # The same coarser solution on a second mesh shows the error of the finite elements.
+            if second is not None:
+                comparison = self._compared(second, coarse.reading, by_patch, gradient)
+        return _CellDerivatives(fine.reading, values, light, comparison, fine.flows())
+
+    def _change_by_wider_horizon(self, coarse: Cell, gradient: np.ndarray) -> np.ndarray:
         """(P,) changes of the derivatives with a horizon of twice the width, which only isotropic light has."""
-        if not self._whole.cells.cells[self._number].isotropic.any():
+        if not self._scene.cells.cells[self._number].isotropic.any():
             return np.zeros(len(self._velocities))
         change = coarse.gradient(wider=2) - gradient
         return np.array([(change * velocity).sum() for velocity in self._velocities])
 
-    def _of_conservation(self, cell: Cell, values: np.ndarray) -> np.ndarray:
+    def _conservation_error(self, cell: Cell, values: np.ndarray) -> np.ndarray:
         """(P,) errors of the derivatives by the light between the walls and LED and phototransistor, and by quadrature.
 
         Raises
@@ -241,41 +244,45 @@ class _OfCell:
         if error > MOST_OFF * cell.reading:
             raise NotFollowed("derivatives are not available: patches are too coarse for a narrow beam or response.")
         moving = np.array([cell.conservation_slope_error(velocity) for velocity in self._velocities])
-        quadrature = self._whole.cells.quadrature_share(self._number)
+        quadrature = self._scene.cells.quadrature_share(self._number)
         relative = np.hypot(quadrature, error / cell.reading if cell.reading else 0.0)
         return np.hypot(moving, relative * values)
 
-    def _of_sides(self, cell: Cell) -> np.ndarray:
-        """(P,) how far derivatives that are the mean of those on two sides are from either."""
-        each = zip(self._velocities, self._sides, strict=True)
-        return np.array([0.0 if side else np.ptp(self._bent(cell, rate, side).sum(axis=1)) / 2 for rate, side in each])
+    def _difference_of_sides(self, cell: Cell) -> np.ndarray:
+        """(P,) half the difference of the derivatives on the two sides of a kink, where their mean is stated."""
+        return np.array(
+            [
+                0.0 if side else np.ptp(self._bent(cell, velocity, side).sum(axis=1)) / 2
+                for velocity, side in zip(self._velocities, self._sides, strict=True)
+            ]
+        )
 
     def _bent(self, cell: Cell, velocity: np.ndarray, side: int) -> np.ndarray:
         """(S, F) derivatives of the light between points of one plane, which walls at rest have: on the side on which
         the pad is pressed, or on both."""
-        if self._whole.state.displacement.any():
+        if self._scene.state.displacement.any():
             return np.zeros((1, len(self._rest)))
-        return np.array([cell.bent(velocity, one) for one in ((side,) if side else (1, -1))])
+        return np.array([cell.bent(velocity, sign) for sign in ((side,) if side else (1, -1))])
 
-    def _against(self, second: _Second, reading: float, by_patch: np.ndarray, gradient: np.ndarray) -> Against:
+    def _compared(self, second: _Second, reading: float, by_patch: np.ndarray, gradient: np.ndarray) -> Comparison:
         """The coarser solution compared with that of a second mesh."""
-        other = _OfCell(second.whole, self._number, second.nodal, self._others)
-        cell = other._solved(COARSE)
-        there = cell.gradient()
-        change = other._by_patch(cell, there) - by_patch
-        both = zip(self._velocities, other._velocities, strict=True)
-        kinks = np.array([((there - gradient) * (velocity - own)).sum() for own, velocity in both])
+        second_rates = _CellRates(second.scene, self._number, second.nodal, self._changed)
+        cell = second_rates._solved(COARSE)
+        second_gradient = cell.gradient()
+        change = second_rates._by_patch(cell, second_gradient) - by_patch
+        pairs = zip(self._velocities, second_rates._velocities, strict=True)
+        kinks = np.array([((second_gradient - gradient) * (second - own)).sum() for own, second in pairs])
         displaced = np.array([(gradient * rate).sum() for rate in self._displaced])
-        apart = np.sqrt((change**2).sum(axis=1))
-        return Against(np.array([cell.reading - reading, *change.sum(axis=1)]), apart, kinks, displaced)
+        independent = np.sqrt((change**2).sum(axis=1))
+        return Comparison(np.array([cell.reading - reading, *change.sum(axis=1)]), independent, kinks, displaced)
 
     def _solved(self, degree: int) -> Cell:
-        cells = self._whole.cells
+        cells = self._scene.cells
         return cells.solved(self._number, cells.light_mesh(self._number, degree), self._at)
 
     def _velocity(self, nodal: Nodal, displaced: np.ndarray) -> np.ndarray:
         """(F, 15, 3) velocity of the deformed walls."""
-        displacement = self._whole.state.displacement
+        displacement = self._scene.state.displacement
         dimensions = (rate * self._patches.moved(name, displacement) for name, rate in nodal.dimensions.items())
         return sum(dimensions, start=displaced)
 
@@ -285,19 +292,21 @@ class _OfCell:
             (gradient * velocity).sum(axis=(1, 2)) + self._bent(cell, velocity, side).mean(axis=0)
             for velocity, side in zip(self._velocities, self._sides, strict=True)
         ]
-        return np.column_stack([by_walls, [self._by_parts(cell, gradient, scenes) for scenes in self._others]])
+        return np.column_stack([by_walls, [self._by_parts(cell, gradient, scenes) for scenes in self._changed]])
 
     def _by_parts(self, cell: Cell, gradient: np.ndarray, scenes: list[tuple[float, DiffuseCells]]) -> float:
-        own, taxel = self._whole.cells.cells[self._number], self._whole.cells.taxels[self._number]
-        total = 0.0
-        for weight, other in scenes:
-            then = other.taxels[self._number]
-            there = other.cell_like(self._number, self._whole.cells)
-            scattered = (there.isotropic + there.lambertian) / (own.isotropic + own.lambertian)
-            change = cell.change(then.led, then.phototransistor, then.body, scattered)
-            change += (gradient[len(own.cuts.parent) :] * (there.package - own.package)).sum()
-            total += weight * (change + cell.reading * then.power / taxel.power)
-        return total
+        """Derivative by changes of LED, phototransistor, package and reflectances: a difference over ``scenes``."""
+        present, taxel = self._scene.cells.cells[self._number], self._scene.cells.taxels[self._number]
+        derivative = 0.0
+        for weight, changed in scenes:
+            changed_taxel = changed.taxels[self._number]
+            changed_cell = changed.cell_like(self._number, self._scene.cells)
+            reflectance = changed_cell.isotropic + changed_cell.lambertian
+            ratio = reflectance / (present.isotropic + present.lambertian)
+            change = cell.change(changed_taxel.led, changed_taxel.phototransistor, changed_taxel.body, ratio)
+            change += (gradient[len(present.cuts.parent) :] * (changed_cell.package - present.package)).sum()
+            derivative += weight * (change + cell.reading * changed_taxel.power / taxel.power)
+        return derivative
 
 
 def _scale(change: Rates, load: Sequence[float]) -> float:

@@ -1,8 +1,7 @@
 """The load at which a pad first touches itself, the board or a package, and its derivatives.
 
-The path is followed to its end. There the walls that touch move with the load and with each parameter, to first order,
-and the load changes such that they still just touch: the derivative of an implicit function, of a test that only tells
-whether there is contact.
+The load path is followed to its end. There the walls in contact move with the load and with each parameter, to first
+order. The implicit function theorem gives the derivative: the load changes so that the walls still just touch.
 """
 
 from __future__ import annotations
@@ -29,18 +28,18 @@ from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 BEFORE = 1e-9
-"""How far before the end of the path the walls are looked at, relative to the way there."""
+"""Distance of the linearised state from the contact, relative to the change of the load up to there."""
 NEAR_END = 1e-3
-"""The same, where the path ends otherwise."""
+"""The same distance from the end of a path by an instability."""
 PARALLEL = 1e-9
-"""Sine of the angle between two loads below which it is due to rounding."""
+"""Sine of the angle between two loads that count as parallel."""
 MOVED = 1e-4
 """Largest movement of a node for a difference, relative to the height of the pad."""
 
 
 @in_turn
 def why_no_contact(scene: Scene, along: str) -> str | None:
-    """Why no first contact can be told along a parameter of a scene, in words; None if it can."""
+    """Why a scene has no first contact along a parameter, in words; None if it has one."""
     try:
         change = rates(scene, along).load
     except InputError as reason:
@@ -59,32 +58,41 @@ def why_no_contact(scene: Scene, along: str) -> str | None:
 
 
 def _on_one_path(value: np.ndarray, change: np.ndarray) -> bool:
-    """Whether a load that changes stays on one path: the normal component comes first, then the tangential ones."""
+    """Whether a changing load stays on one load path, which applies the normal component before the tangential ones."""
     if len(value) == 1:
         return True
-    aside, turned = value[:2], change[:2]
-    across = abs(aside[0] * turned[1] - aside[1] * turned[0])
-    parallel = across <= PARALLEL * np.linalg.norm(aside) * np.linalg.norm(turned)
-    return bool(parallel if not change[2] else not aside.any() and not turned.any())
+    tangential, tangential_change = value[:2], change[:2]
+    cross = abs(tangential[0] * tangential_change[1] - tangential[1] * tangential_change[0])
+    parallel = cross <= PARALLEL * np.linalg.norm(tangential) * np.linalg.norm(tangential_change)
+    return bool(parallel if not change[2] else not tangential.any() and not tangential_change.any())
 
 
 @in_turn
 def first_contact(
     at: Callable[[float], Scene], along: str, last: float, furthest: float, names: Sequence[str] = ()
 ) -> FirstContact:
-    """The first contact of the pad of a scene, ``at`` some value of its parameter ``along``.
+    """The first contact of the pad of a scene as its load increases.
 
     Parameters
     ----------
+    at : Callable[[float], Scene]
+        The scene at a value of the parameter ``along``.
+    along : str
+        A component of the load, or a parameter that changes it.
     last, furthest : float
-        A value that the pad bears, and that up to which its path is followed.
+        A value that the pad bears, and the value up to which the path is followed.
     names : Sequence[str]
         Parameters by which derivatives are wanted; see :func:`rates`.
+
+    Returns
+    -------
+    FirstContact
+        The value of ``along``, its derivatives, and what is touched; empty if the path reaches ``furthest``.
 
     Raises
     ------
     InputError
-        if there is none, as :func:`why_no_contact` says, or no derivative.
+        if there is no first contact along the parameter (see :func:`why_no_contact`), or no derivative.
     ComputationError
         if the pad does not bear the last value, or the contact is not found again.
     """
@@ -95,69 +103,69 @@ def first_contact(
     (pad,) = deformed_pads(live)
     value = np.array(pad.value)
     try:
-        pad.state_under((value + (furthest - last) * change.load).tolist(), _in_the_way(live))
+        pad.state_under((value + (furthest - last) * change.load).tolist(), _package_triangles(live))
     except LoadPathEnds as end:
         assert end.value is not None
-        further = float((end.value - value) @ change.load / (change.load @ change.load))
+        increase = float((end.value - value) @ change.load / (change.load @ change.load))
         if end.contact is None:
-            return replace(_before_it_gives_way(at, along, last, further, names), ended=str(end))
-        contact, ends = end.contact, at(last + (1 - BEFORE) * further)
+            return replace(_end_by_instability(at, along, last, increase, names), ended=str(end))
+        contact, scene = end.contact, at(last + (1 - BEFORE) * increase)
     else:
         return FirstContact(furthest, np.zeros(len(names)), "")
-    found = _Touching(ends, along, furthest > last, contact)
-    return FirstContact(found.value, np.array([found.rate(name) for name in names]), contact.what)
+    touching = _Touching(scene, along, furthest > last, contact)
+    return FirstContact(touching.value, np.array([touching.rate(name) for name in names]), contact.what)
 
 
-def _before_it_gives_way(
-    at: Callable[[float], Scene], along: str, last: float, further: float, names: Sequence[str]
+def _end_by_instability(
+    at: Callable[[float], Scene], along: str, last: float, increase: float, names: Sequence[str]
 ) -> FirstContact:
-    """Where a path ends as the pad becomes unstable, as from a state before; if that does not tell the end, the last
-    load of which there is a state, with unknown derivatives."""
+    """The end of a path where the pad becomes unstable, extrapolated from a state before; if that misses the end, the
+    end of the path with unknown derivatives."""
     try:
-        found = Instability(at(last + (1 - NEAR_END) * further), along)
-        if abs(found.value - last - further) <= 2 * NEAR_END * abs(further):
-            return FirstContact(found.value, np.array([found.rate(name) for name in names]), "")
+        instability = Instability(at(last + (1 - NEAR_END) * increase), along)
+        if abs(instability.value - last - increase) <= 2 * NEAR_END * abs(increase):
+            return FirstContact(instability.value, np.array([instability.rate(name) for name in names]), "")
     except ComputationError:
         pass
-    return FirstContact(last + further, np.full(len(names), np.nan), "")
+    return FirstContact(last + increase, np.full(len(names), np.nan), "")
 
 
 class _Touching:
-    """The pad of a scene that is about to touch something, as ``along`` rises or falls."""
+    """The pad of a scene just before a contact, as the parameter ``along`` rises or falls."""
 
     def __init__(self, scene: Scene, along: str, rises: bool, contact: Contact) -> None:
-        self._scene, self._way = scene, 1.0 if rises else -1.0
+        self._scene, self._sign = scene, 1.0 if rises else -1.0
         live, change = scene.load(), rates(scene, along)
         (pad,) = deformed_pads(live)
         self._of_package = contact.what == PACKAGE
-        self._packages = _in_the_way(live) if self._of_package else None
+        self._packages = _package_triangles(live) if self._of_package else None
         self._linear = LinearisedPad(pad, pad.state)
-        onwards = self._way * self._linear.nodal(change).displacement
-        self._ahead = ContactAhead(pad.state.mesh, pad.state.displacement, onwards, contact.place)
-        self.value = change.value + self._shift(0.0, self._linear.nodal(change), self._packages)
+        velocity = self._sign * self._linear.nodal(change).displacement
+        self._ahead = ContactAhead(pad.state.mesh, pad.state.displacement, velocity, contact.place)
+        self.value = change.value + self._distance(0.0, self._linear.nodal(change), self._packages)
 
     def rate(self, name: str) -> float:
-        """The derivative of the value by a parameter."""
+        """Derivative by a parameter of the value of ``along`` at the contact."""
         change = rates(self._scene, name)
         nodal = self._linear.nodal(change)
-        others = change.scenes() if self._of_package else []
-        total = sum(weight * self._shift(0.0, nodal, _in_the_way(live)) for weight, live in others)
+        scenes = change.scenes() if self._of_package else []
+        total = sum(weight * self._distance(0.0, nodal, _package_triangles(live)) for weight, live in scenes)
         largest = float(np.linalg.norm(nodal.displacement + nodal.velocity, axis=1).max())
         if largest:
             step = MOVED * self._ahead.height / largest
-            ahead, behind = (self._shift(sign * step, nodal, self._packages) for sign in (1, -1))
+            ahead, behind = (self._distance(offset, nodal, self._packages) for offset in (step, -step))
             total += (ahead - behind) / (2 * step)
         return float(total)
 
-    def _shift(self, step: float, nodal: Nodal, bodies: np.ndarray | None) -> float:
-        """Of the value, if nodes move on by a step between bodies."""
-        further = self._ahead.after(step * nodal.velocity, step * nodal.displacement, bodies)
-        if not np.isfinite(further):
+    def _distance(self, step: float, nodal: Nodal, bodies: np.ndarray | None) -> float:
+        """Change of ``along`` up to the contact with bodies, after the nodes have moved with another parameter."""
+        distance = self._ahead.after(step * nodal.velocity, step * nodal.displacement, bodies)
+        if not np.isfinite(distance):
             raise ComputationError("the first contact cannot be told: what touches was not found again.")
-        return self._way * further
+        return self._sign * distance
 
 
-def _in_the_way(live: mi.Scene) -> np.ndarray | None:
-    """(K, 3, 3) triangles of all packages."""
+def _package_triangles(live: mi.Scene) -> np.ndarray | None:
+    """(K, 3, 3) triangles of all packages of a scene; None without packages."""
     bodies = packages(live)
     return np.concatenate(bodies) if bodies else None

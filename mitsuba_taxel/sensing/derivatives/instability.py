@@ -16,10 +16,15 @@ MOVED = 2e-5
 
 
 class Instability:
-    """The pad of a scene that is about to become unstable as a parameter ``along`` changes.
+    """The value of a parameter at which the pad of a scene becomes unstable, extrapolated from a state shortly before.
 
-    The stiffness against its least stiff mode falls to 0, to first order: with a parameter, the load changes such that
-    it still does. Attribute ``value`` is that of ``along`` there.
+    The stiffness of the softest mode is taken as linear in the parameter ``along``, and is 0 at the instability. Where
+    another parameter changes the stiffness, that value changes so that it remains 0.
+
+    Attributes
+    ----------
+    value : float
+        Of ``along`` at the instability, in its unit.
     """
 
     def __init__(self, scene: Scene, along: str) -> None:
@@ -31,11 +36,11 @@ class Instability:
         self.value = change.value - self._mode.stiffness / self._by_value
 
     def rate(self, name: str) -> float:
-        """The derivative of the value by a parameter."""
+        """Derivative of ``value`` by another parameter of the scene."""
         return -self._stiffening(rates(self._scene, name)) / self._by_value
 
     def _stiffening(self, change: Rates) -> float:
-        """The derivative of the stiffness by a parameter, by a central difference."""
+        """Derivative of the mode's stiffness by a parameter, by a central difference."""
         if change.place.any():
             raise InputError(f"the load at which the pad becomes unstable has no derivative by {change.name}.")
         nodal, state = self._linear.nodal(change), self._state
@@ -44,9 +49,9 @@ class Instability:
             return 0.0
         step = MOVED * float(np.ptp(state.mesh.points[:, 2])) / largest
 
-        def after(way: float) -> float:
-            of_material = {name: getattr(state.material, name) + way * rate for name, rate in change.material.items()}
-            moved = way * nodal.displacement, way * nodal.velocity, way * change.load
-            return self._mode.after(*moved, state.material.changed(**of_material))
+        def stiffness_at(offset: float) -> float:
+            constants = {name: getattr(state.material, name) + offset * rate for name, rate in change.material.items()}
+            changes = offset * nodal.displacement, offset * nodal.velocity, offset * change.load
+            return self._mode.after(*changes, state.material.changed(**constants))
 
-        return (after(step) - after(-step)) / (2 * step)
+        return (stiffness_at(step) - stiffness_at(-step)) / (2 * step)

@@ -20,8 +20,8 @@ PARALLEL = 1e-8
 """One minus the cosine up to which two changes of a load count as parallel."""
 
 MOST_KEPT = 8
-"""Number of the latest rates with a load that are kept: each may need a factor of its own, and a study asks for those
-of its first scene while it chooses steps and mesh, and once more when it reads it."""
+"""Number of the latest rates with a load that are kept. Each may need a factorisation, and a study asks for those of
+its first scene while it chooses steps and mesh, and again when it reads it."""
 
 _kept: Recent[np.ndarray] = Recent("responses of linearised pads", MOST_KEPT)
 
@@ -33,12 +33,12 @@ class Nodal:
     Attributes
     ----------
     displacement, velocity : (N, 3) ndarray
-        Rate of their displacement, and their own before it, in mm.
+        Rate of their displacement, and of their undeformed positions, in mm per unit of the parameter.
     dimensions : dict[str, float]
         Rates of the dimensions of the pad.
     side : int
-        Side of a pad at rest that is asked for, or on which it is pressed: 1 with a larger, -1 with a smaller
-        parameter, 0 if on neither.
+        On which side of a pad at rest derivatives are wanted: 1 with a larger parameter, -1 with a smaller one, 0 for
+        the mean of both. By default it is the side on which the pad is pressed.
     """
 
     displacement: np.ndarray
@@ -48,7 +48,7 @@ class Nodal:
 
 
 class LinearisedPad:
-    """A pad in its state or another one, such as on other elements, and rates of its nodes."""
+    """A pad linearised about a state: its own, or one on other elements."""
 
     def __init__(self, pad: PadShape, state: State) -> None:
         self.pad, self.state = pad, state
@@ -93,20 +93,20 @@ class LinearisedPad:
         from mitsuba_taxel.mechanics.results.largest_strain import largest_strain
 
         strain = largest_strain(self.state)
-        return strain.value, np.array([strain.rate(each.displacement, each.velocity) for each in nodal])
+        return strain.value, np.array([strain.rate(rate.displacement, rate.velocity) for rate in nodal])
 
     def _by_load(self, load: np.ndarray) -> np.ndarray:
-        """(N, 3) first-order displacement for a change of the load; along the path it is already known."""
+        """(N, 3) displacement for a change of the load, to first order; along its load path a state knows it."""
         ahead = self.state.path_rate()
         if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
             return (load @ ahead.direction) * ahead.displacement
         state = self.state
         arrays = load, state.value, state.displacement, state.pressure
-        others = state.mesh, state.material, state.load, state.bodies, state.memory
-        return _kept.of(arrays, lambda: self._linear.by_value(load), *others)
+        objects = state.mesh, state.material, state.load, state.bodies, state.memory
+        return _kept.of(arrays, lambda: self._linear.by_value(load), *objects)
 
 
 def _side(load: np.ndarray) -> int:
-    """Of a change of a load, a pressure or a vector that presses downwards."""
+    """Sign of a change of a load: 1 if it presses the pad, a pressure or a force or displacement downwards."""
     presses = load[0] if len(load) == 1 else -load[-1]
     return int(np.sign(presses))

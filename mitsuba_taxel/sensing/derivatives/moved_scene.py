@@ -1,7 +1,7 @@
 """A scene at other values of one of its parameters, with walls that move to first order in the parameter.
 
-Walls keep their triangles, and random numbers what they were learned to do: readings of the scene and of moved ones
-differ by as little as their light.
+Walls keep their triangles, and paths their random numbers and guides. So the noise of readings at two values cancels in
+their difference.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class MovingWalls:
 
 
 def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWalls:
-    """The state and rates of a pad on elements of their own, at the nodes of ``mesh``, of the same pad."""
+    """The state and rates of a linearised pad, interpolated to the nodes of another mesh of the same pad."""
     from mitsuba_taxel.mechanics.results.locate import PointLocator
     from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 
@@ -62,17 +62,20 @@ def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWal
         return MovingWalls(state.displacement, nodal)
     location = PointLocator(state.mesh).locate(mesh.points, BESIDE * np.ptp(mesh.points[:, 2]))
     rate, velocity = location.interpolate(nodal.displacement), np.zeros_like(mesh.points)
-    for name, by in nodal.dimensions.items():
-        assert isinstance(linear.pad.pad, Pad)  # others have no dimensions
-        velocity += by * mesh_velocity(replace(linear.pad.pad), mesh, name)
-    if nodal.dimensions:  # nodes of the two meshes that are at one point may move apart
-        past = velocity - location.interpolate(nodal.velocity)
-        rate += np.einsum("nij,nj->ni", location.gradient(state.displacement), past)
+    for name, dimension_rate in nodal.dimensions.items():
+        assert isinstance(linear.pad.pad, Pad)  # pads from files have no dimensions
+        velocity += dimension_rate * mesh_velocity(replace(linear.pad.pad), mesh, name)
+    if nodal.dimensions:
+        # Nodes of the two meshes at one point may have different velocities: the displacement is convected.
+        relative = velocity - location.interpolate(nodal.velocity)
+        rate += np.einsum("nij,nj->ni", location.gradient(state.displacement), relative)
     return MovingWalls(location.interpolate(state.displacement), Nodal(rate, velocity, nodal.dimensions))
 
 
 class MovedScene:
-    """A prepared scene of one pad, or none, along one of its parameters; without a pad, ``walls`` are None.
+    """A prepared scene with one pad or none, at other values of one of its parameters.
+
+    Without a pad, the arguments ``walls`` are None.
 
     Raises
     ------
@@ -88,7 +91,7 @@ class MovedScene:
         self._moved: tuple[float, Any] = 0.0, ready.scene
 
     def largest_step(self, walls: MovingWalls | None) -> float:
-        """Change of the parameter, in its unit, for which the scene may still be read."""
+        """Largest change of the parameter, in its unit, at which the scene is read."""
         steps = [] if walls is None else self._steps_of_walls(walls)
         if self._change.beside or not steps:
             steps.append(PARTS_CHANGE * (abs(self._change.value) or 1.0))
@@ -102,7 +105,7 @@ class MovedScene:
         return [float(WALLS_MOVE * np.ptp(mesh.points[:, 2]) / speed)] if speed else []
 
     def power(self, offset: float, walls: MovingWalls | None, seed: int, points: int) -> np.ndarray:
-        """(R, T) W, the readings with the parameter changed by ``offset``; the scene's pad stays where it is moved.
+        """(R, T) W, readings of R replicates with the parameter changed by ``offset``; the pad stays moved.
 
         Raises
         ------
@@ -121,23 +124,23 @@ class MovedScene:
         nodal, state, pad = walls.nodal, self._pad.state, self._pad.pad
         if nodal.dimensions:
             assert isinstance(pad, Pad)
-            pad = replace(pad)  # with derived dimensions as if they were given
-            pad = pad.changed(**{name: pad.dimensions[name] + offset * by for name, by in nodal.dimensions.items()})
+            pad = replace(pad)  # derived dimensions become values of their own
+            pad = pad.changed(**{name: pad.dimensions[name] + offset * rate for name, rate in nodal.dimensions.items()})
             state = replace(state, mesh=replace(state.mesh, points=state.mesh.points + offset * nodal.velocity))
         state = replace(state, displacement=walls.displacement + offset * nodal.displacement)
         return self._pad.moved_places(state, pad, walls.chords)
 
     def _scene(self, offset: float) -> mi.Scene:
-        """The loaded scene with its other parts changed, and with what pilot runs have learned in the present one."""
+        """The loaded scene with its other parts changed, and with the guides that pilot runs have found."""
         if not self._change.beside:
             return self._ready.scene
         if offset != self._moved[0]:
-            self._moved = 0.0, self._ready.scene  # of many scenes at once, every kernel would hold all parts
+            self._moved = 0.0, self._ready.scene  # frees the last one: kernels hold the parts of all scenes alive
             live = self._change.at(self._change.value + offset)
             refuse_unmodelled(live, self._ready.integrator)
-            for own, other in zip(taxels_of(self._ready.scene), taxels_of(live), strict=True):
-                other.sensor.guided_emission = own.sensor.guided_emission
-                if own.sensor.guide is not None:
-                    other.sensor.guide = (np.empty(0), own.sensor.guide[1])
+            for present, changed in zip(taxels_of(self._ready.scene), taxels_of(live), strict=True):
+                changed.sensor.guided_emission = present.sensor.guided_emission
+                if present.sensor.guide is not None:
+                    changed.sensor.guide = (np.empty(0), present.sensor.guide[1])
             self._moved = offset, live
         return self._moved[1]

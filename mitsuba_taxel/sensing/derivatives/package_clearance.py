@@ -17,14 +17,14 @@ from mitsuba_taxel.sensing.derivatives.linearised_pad import Nodal
 from mitsuba_taxel.sensing.scene.clearance import packages
 
 WALLS = (REGIONS["roof"], REGIONS["side"])
-_PLACES = shape_functions(np.array([[6 - i - j, i, j] for i in range(7) for j in range(7 - i)]) / 6)
-"""(28, 6) at the points of a face that are looked at."""
+_SAMPLES = shape_functions(np.array([[6 - i - j, i, j] for i in range(7) for j in range(7 - i)]) / 6)
+"""(28, 6) shape functions at the points of a face whose distance is computed."""
 _AT_ONCE = 32
 """Points whose distance from a body is computed at once."""
 
 
 class PackageClearance:
-    """The least distance in a state, from points of the walls of cells, of which each face has 28.
+    """The least distance between packages and points of the walls of cells, 28 on each face.
 
     Attributes
     ----------
@@ -35,75 +35,91 @@ class PackageClearance:
     def __init__(self, state: State, bodies: list[np.ndarray]) -> None:
         self.value = math.nan
         faces = state.mesh.faces[np.isin(state.mesh.face_region, WALLS)]
-        places = np.einsum("pk,fki->fpi", _PLACES, (state.mesh.points + state.displacement)[faces]).reshape(-1, 3)
+        points = np.einsum("pk,fki->fpi", _SAMPLES, (state.mesh.points + state.displacement)[faces]).reshape(-1, 3)
         least = math.inf
-        for body in _each(bodies):
-            distance, number = _nearest(places, body, least)
+        for body in _separate(bodies):
+            distance, number = _nearest(points, body, least)
             if distance < least:
                 self.value = least = distance
-                self._body, self._place, self._nodes = body, places[number], faces[number // len(_PLACES)]
-                self._weights = _PLACES[number % len(_PLACES)]
+                self._body, self._point, self._nodes = body, points[number], faces[number // len(_SAMPLES)]
+                self._weights = _SAMPLES[number % len(_SAMPLES)]
 
-    def rate(self, nodal: Nodal, others: list[tuple[float, list[np.ndarray]]]) -> float:
-        """Its derivative while nodes move, and packages as the differences with ``others``, weights and bodies, say.
+    def rate(self, nodal: Nodal, changed: list[tuple[float, list[np.ndarray]]]) -> float:
+        """Derivative of the least distance by a parameter, in mm per its unit.
 
-        The nearest point of the walls changes too; as it is the nearest, that makes no difference to first order.
+        To first order it does not matter that another point becomes the nearest.
+
+        Parameters
+        ----------
+        nodal : Nodal
+            Rates of the nodes.
+        changed : list[tuple[float, list[ndarray]]]
+            Weights and packages (K, 3, 3) of a difference, by which packages move; empty if they do not.
         """
         if math.isnan(self.value):
             return math.nan
-        away = self._way_from(self._body) / max(self.value, np.finfo(float).tiny)
-        moved = self._weights @ (nodal.displacement + nodal.velocity)[self._nodes]
-        apart = (weight * min(map(self._distance_from, bodies)) for weight, bodies in others)
-        return float(away @ moved) + float(sum(apart))
+        direction = self._vector_from(self._body) / max(self.value, np.finfo(float).tiny)
+        velocity = self._weights @ (nodal.displacement + nodal.velocity)[self._nodes]
+        by_packages = sum(weight * min(map(self._distance_from, bodies)) for weight, bodies in changed)
+        return float(direction @ velocity) + float(by_packages)
 
-    def _way_from(self, body: np.ndarray) -> np.ndarray:
-        return self._place - _feet(self._place[None], body)[0]
+    def _vector_from(self, body: np.ndarray) -> np.ndarray:
+        return self._point - _closest(self._point[None], body)[0]
 
     def _distance_from(self, body: np.ndarray) -> float:
-        return float(np.linalg.norm(self._way_from(body)))
+        return float(np.linalg.norm(self._vector_from(body)))
 
 
 def clearances(
-    state: State, nodal: list[Nodal], scene: mi.Scene, others: list[list[tuple[float, mi.Scene]]]
+    state: State, nodal: list[Nodal], scene: mi.Scene, changed: list[list[tuple[float, mi.Scene]]]
 ) -> tuple[float, np.ndarray]:
-    """The clearance of the pad of a scene, and its rates (P,) with movements of its nodes and of other parts."""
-    found = PackageClearance(state, packages(scene))
-    moved = [[(weight, packages(live)) for weight, live in each] for each in others]
-    return found.value, np.array([found.rate(*each) for each in zip(nodal, moved, strict=True)])
+    """The clearance in mm between the pad and the packages of a scene, and its derivatives (P,).
+
+    Parameters
+    ----------
+    nodal : list[Nodal]
+        Rates of the nodes with each parameter.
+    changed : list[list[tuple[float, mi.Scene]]]
+        For each parameter, weights and scenes of a difference; empty if it changes nothing but the pad.
+    """
+    clearance = PackageClearance(state, packages(scene))
+    bodies = [[(weight, packages(live)) for weight, live in stencil] for stencil in changed]
+    return clearance.value, np.array([clearance.rate(*change) for change in zip(nodal, bodies, strict=True)])
 
 
-def _each(bodies: list[np.ndarray]) -> Iterator[np.ndarray]:
-    """The packages, of which a body is made."""
+def _separate(bodies: list[np.ndarray]) -> Iterator[np.ndarray]:
+    """The packages that bodies consist of, one by one."""
     for body in bodies:
         number = body_of_each(body)
         yield from (body[number == k] for k in range(number.max() + 1))
 
 
-def _nearest(places: np.ndarray, body: np.ndarray, least: float) -> tuple[float, int]:
-    """Distance of the nearest of points (N, 3) from a body (K, 3, 3), if less than ``least``, and its number.
+def _nearest(points: np.ndarray, body: np.ndarray, least: float) -> tuple[float, int]:
+    """The least distance of points (N, 3) from a body (K, 3, 3), if less than ``least``, and the number of that point.
 
-    Points are looked at by their distance from the box around the body, up to the least distance that is known.
+    The distance from the box around the body is a lower bound: points are sorted by it, and those beyond the least
+    distance so far are left out.
     """
     low, high = body.min(axis=(0, 1)), body.max(axis=(0, 1))
-    lower = np.linalg.norm(np.maximum(np.maximum(low - places, places - high), 0), axis=1)
+    lower = np.linalg.norm(np.maximum(np.maximum(low - points, points - high), 0), axis=1)
     first = int(lower.argmin())
-    bound = min(least, float(np.linalg.norm(_feet(places[first : first + 1], body) - places[first])))
-    near = np.flatnonzero(lower <= bound)
-    order, nearest = near[np.argsort(lower[near], kind="stable")], -1
+    bound = min(least, float(np.linalg.norm(_closest(points[first : first + 1], body) - points[first])))
+    candidates = np.flatnonzero(lower <= bound)
+    order, nearest = candidates[np.argsort(lower[candidates], kind="stable")], -1
     for start in range(0, len(order), _AT_ONCE):
-        some = order[start : start + _AT_ONCE]
-        if lower[some[0]] >= least:
+        block = order[start : start + _AT_ONCE]
+        if lower[block[0]] >= least:
             break
-        distances = np.linalg.norm(_feet(places[some], body) - places[some], axis=1)
+        distances = np.linalg.norm(_closest(points[block], body) - points[block], axis=1)
         best = int(distances.argmin())
         if distances[best] < least:
-            least, nearest = float(distances[best]), int(some[best])
+            least, nearest = float(distances[best]), int(block[best])
     return least, nearest
 
 
-def _feet(places: np.ndarray, body: np.ndarray) -> np.ndarray:
-    """The nearest points (N, 3) of a body (K, 3, 3) to points (N, 3)."""
-    pairs = np.repeat(places, len(body), axis=0)
-    feet = closest_on_triangles(pairs, np.tile(body, (len(places), 1, 1)))
-    distances = np.linalg.norm(feet - pairs, axis=1).reshape(len(places), -1)
-    return feet.reshape(len(places), -1, 3)[np.arange(len(places)), distances.argmin(axis=1)]
+def _closest(points: np.ndarray, body: np.ndarray) -> np.ndarray:
+    """(N, 3) for each of the points (N, 3), the closest point of a body (K, 3, 3)."""
+    repeated = np.repeat(points, len(body), axis=0)
+    on_triangles = closest_on_triangles(repeated, np.tile(body, (len(points), 1, 1)))
+    distances = np.linalg.norm(on_triangles - repeated, axis=1).reshape(len(points), -1)
+    return on_triangles.reshape(len(points), -1, 3)[np.arange(len(points)), distances.argmin(axis=1)]

@@ -1,9 +1,9 @@
-"""Derivatives of readings that need random paths, as with mirrors or without a pad: differences of readings of moved
-scenes.
+"""Derivatives of readings by random paths, as with mirrors or without a pad: differences of readings of moved scenes.
 
-Walls of a pad move with the first-order rates of the mechanics, and both ends share their random numbers. Differences
-over a step and twice the step are extrapolated (L. F. Richardson, 1911): the correction states what is left of the
-step, the scatter of independent randomisations the noise. The step is chosen by pilot runs with other random numbers.
+Walls of a pad move with the first-order rates of the mechanics, and the readings of a difference share their random
+numbers. Differences over a step and over twice the step are extrapolated (L. F. Richardson, 1911). The correction is
+the error by the step, and the scatter of independent randomisations that by noise. Pilot runs with other random numbers
+choose the step.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.errors.second_state import SecondState
 
 LEVELS, FINER = 4, 2
-"""Number of steps that are tried, and how many times each is smaller than the one before, also for extrapolation."""
+"""Number of steps that are tried, and the ratio of successive steps, which extrapolation uses as well."""
 PILOT = 16
-"""Number of the pilot runs' random numbers among those derived from a seed; readings use up to 15."""
+"""Index of the pilot runs' random numbers among those derived from a seed; readings use indices up to 15."""
 NOISE = 0.02
-"""Wanted standard error by noise, relative to the root mean square of the derivative over the taxels."""
+"""Target of the standard error by noise, relative to the root mean square of the derivative over the taxels."""
 MORE_POINTS = 2
 """Most points of a derivative, relative to those of the reading."""
 
 Stencil = tuple[tuple[float, float], ...]
 Mean = Callable[[np.ndarray], float]
-"""Root mean square over the taxels with light of changes (R, T)."""
+"""Root mean square of changes (R, T) over the taxels that receive light."""
 
 
 def derivatives_of_paths(
@@ -60,7 +60,7 @@ def derivatives_of_paths(
     points : int
         Of the readings, per taxel and replicate.
     fixed : bool
-        Whether derivatives take as many; else more if they need them, up to `MORE_POINTS` times.
+        Whether derivatives take as many points; else up to `MORE_POINTS` times as many, if noise asks for them.
 
     Raises
     ------
@@ -77,12 +77,14 @@ def derivatives_of_paths(
         if pads:
             pad = _PadAndSecond(pads[0], changes)
             nodal = [pad.linear.nodal(change) for change in changes]
-            found = [_AlongWithPad(effort, pad, *each).found(lit) for each in zip(changes, nodal, strict=True)]
+            estimates = [
+                _AlongWithPad(effort, pad, *change).estimate(lit) for change in zip(changes, nodal, strict=True)
+            ]
             strain = pad.linear.strain(nodal)
             clearance = clearances(pad.linear.state, nodal, ready.scene, [change.scenes() for change in changes])
         else:
-            found = [_Along(effort, change).found(lit) for change in changes]
-        values, errors = (np.stack(each, axis=1) for each in zip(*found, strict=True))
+            estimates = [_Along(effort, change).estimate(lit) for change in changes]
+        values, errors = (np.stack(columns, axis=1) for columns in zip(*estimates, strict=True))
         return Derivatives(
             tuple(change.name for change in changes),
             tuple(unit_of(change.unit) for change in changes),
@@ -97,7 +99,7 @@ def derivatives_of_paths(
 
 
 class _Effort(NamedTuple):
-    """The readings whose derivatives are wanted, and their random numbers."""
+    """The readings to be differentiated, and their random numbers."""
 
     ready: Prepared
     seed: int
@@ -110,15 +112,15 @@ class _PadAndSecond:
 
     def __init__(self, pad: PadShape, changes: list[Rates]) -> None:
         self.pad = pad
-        begins = not pad.is_loaded and any(change.load.any() for change in changes)
-        self.linear = LinearisedPad(pad, pad.at_onset() if begins else pad.state)
-        self.displaced = pad.is_loaded or begins
+        at_onset = not pad.is_loaded and any(change.load.any() for change in changes)
+        self.linear = LinearisedPad(pad, pad.at_onset() if at_onset else pad.state)
+        self.displaced = pad.is_loaded or at_onset
         self.second: SecondState | None = pad.second_state() if self.displaced else None
-        self.linear_there = None if self.second is None else LinearisedPad(pad, self.second.state)
+        self.second_linear = None if self.second is None else LinearisedPad(pad, self.second.state)
 
 
 class _Along:
-    """Differences along one parameter of a scene, in which ``walls`` of a pad move if it has one."""
+    """Differences of readings along one parameter of a scene; ``walls`` are those of its pad, if it has one."""
 
     def __init__(
         self, effort: _Effort, change: Rates, walls: MovingWalls | None = None, stencils: Sequence[Stencil] = STENCILS
@@ -126,73 +128,82 @@ class _Along:
         self._effort, self._change, self._walls, self._stencils = effort, change, walls, stencils
         self._scene = MovedScene(effort.ready, change)
 
-    def found(self, lit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(T,) derivatives and their errors, with those of the shape averaged over the taxels with light (T,)."""
+    def estimate(self, lit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(T,) derivatives in W per unit of the parameter, and their errors.
+
+        Errors of the shape are averaged over the taxels with light, ``lit`` (T,).
+        """
+        # The error of a central difference falls with the square of the step: extrapolate to a step of 0.
         chosen = self._chosen()
-        read = _Differences(self._scene, chosen.stencil, self._effort.seed, chosen.points)
-        near, far = (read.over(times * chosen.step, self._walls) for times in (1, FINER))
-        best = (FINER**2 * near - far) / (FINER**2 - 1)
-        errors = [standard_error(best), (best - near).mean(axis=0)]
+        differences = _Differences(self._scene, chosen.stencil, self._effort.seed, chosen.points)
+        small, large = (differences.over(factor * chosen.step, self._walls) for factor in (1, FINER))
+        extrapolated = (FINER**2 * small - large) / (FINER**2 - 1)
+        errors = [standard_error(extrapolated), (extrapolated - small).mean(axis=0)]
 
         def mean(changes: np.ndarray) -> float:
             return _root_mean_square(changes[:, lit]) if lit.any() else 0.0
 
-        errors += [error * lit for error in self._of_shape(chosen, read, near, mean)]
-        return best.mean(axis=0), np.sqrt(sum(np.square(error) for error in errors))
+        errors += [error * lit for error in self._shape_errors(chosen, differences, small, mean)]
+        return extrapolated.mean(axis=0), np.sqrt(sum(np.square(error) for error in errors))
 
-    def _of_shape(self, chosen: _Chosen, read: _Differences, near: np.ndarray, mean: Mean) -> list[float]:
-        """Errors by the shape of a pad."""
+    def _shape_errors(
+        self, chosen: _Chosen, differences: _Differences, derivative: np.ndarray, mean: Mean
+    ) -> list[float]:
+        """Errors by the shape of a pad, in W per unit of the parameter; none without a pad."""
         return []
 
     def _chosen(self) -> _Chosen:
-        """Step, stencil and points with the least error, as pilot runs predict it.
-
-        What a step leaves behind shows in its difference from twice the step, or is a quarter of what that leaves if
-        noise hides it.
-        """
+        """Step, stencil and points with the least error, as pilot runs predict it."""
         effort, largest = self._effort, self._scene.largest_step(self._walls) / FINER
         pilot_points = min(FIRST_POINTS, effort.points)
-        read, step = self._stencil(largest, derived_seed(effort.seed, PILOT), pilot_points)
+        pilot, step = self._stencil(largest, derived_seed(effort.seed, PILOT), pilot_points)
         steps = [step / FINER**level for level in range(LEVELS)]
-        differences = [read.over(each, self._walls) for each in steps]
-        left, last, twice = list[float](), 0.0, read.over(FINER * step, self._walls)
-        for each in differences:
-            last = max(_root_mean_square(twice - each) / (FINER**2 - 1), last / FINER**2)
-            left.append(last)
-            twice = each
-        noise = [float(np.sqrt((standard_error(each) ** 2).mean())) for each in differences]
-        noise = np.maximum.accumulate(noise).tolist()  # rays that begin or cease to hit grow rare, and may be missed
-        wanted = NOISE * float(np.sqrt((differences[0].mean(axis=0) ** 2).mean()))
+        derivatives = [pilot.over(size, self._walls) for size in steps]
 
-        def points(number: int) -> int:
-            if effort.fixed or not wanted:
+        # The error by a step shows in the difference from twice the step. Noise may hide it: it is at least a quarter
+        # of the error by twice the step.
+        step_errors, last, twice = list[float](), 0.0, pilot.over(FINER * step, self._walls)
+        for derivative in derivatives:
+            last = max(_root_mean_square(twice - derivative) / (FINER**2 - 1), last / FINER**2)
+            step_errors.append(last)
+            twice = derivative
+
+        # Smaller steps have no less noise, whatever few pilot paths say: rays that begin or cease to hit grow rare.
+        noise = [float(np.sqrt((standard_error(derivative) ** 2).mean())) for derivative in derivatives]
+        noise = np.maximum.accumulate(noise).tolist()
+        target = NOISE * float(np.sqrt((derivatives[0].mean(axis=0) ** 2).mean()))
+
+        def points(level: int) -> int:
+            if effort.fixed or not target:
                 return effort.points
             most = MORE_POINTS * effort.points
-            return min(max(effort.points, math.ceil(pilot_points * (noise[number] / wanted) ** 2)), most)
+            return min(max(effort.points, math.ceil(pilot_points * (noise[level] / target) ** 2)), most)
 
-        def error(number: int) -> float:
-            return math.hypot(noise[number] * math.sqrt(pilot_points / points(number)), left[number])
+        def error(level: int) -> float:
+            return math.hypot(noise[level] * math.sqrt(pilot_points / points(level)), step_errors[level])
 
         best = min(range(LEVELS), key=error)
-        return _Chosen(steps[best], read.stencil, points(best))
+        return _Chosen(steps[best], pilot.stencil, points(best))
 
     def _stencil(self, largest: float, seed: int, points: int) -> tuple[_Differences, float]:
-        """Differences by the first stencil of the largest step at which the scene exists, twice as far, too."""
+        """The largest step, and the first stencil, with which the scene exists at the step and at twice the step."""
         for level in range(LEVELS):
             for stencil in self._stencils:
-                read, step = _Differences(self._scene, stencil, seed, points), largest / FINER**level
+                differences, step = _Differences(self._scene, stencil, seed, points), largest / FINER**level
                 try:
-                    read.over(FINER * step, self._walls)
+                    differences.over(FINER * step, self._walls)
                 except (InputError, ComputationError, RuntimeError) as error:  # Mitsuba raises the last for plugins
                     refused = error
                 else:
-                    return read, step
+                    return differences, step
         raise InputError(
             f"{self._change.name} = {self._change.value:g} has no derivative: it cannot change a little."
         ) from refused
 
 
 class _AlongWithPad(_Along):
+    """Differences along a parameter that moves the walls of a pad, with the errors of its shape."""
+
     def __init__(self, effort: _Effort, pad: _PadAndSecond, change: Rates, nodal: Nodal) -> None:
         self._pad, self._mesh = pad, pad.pad.state.mesh
         self._moving = walls_on(self._mesh, pad.linear, nodal)
@@ -200,34 +211,37 @@ class _AlongWithPad(_Along):
         stencils = (AHEAD if nodal.side > 0 else BEHIND,) if has_sides else STENCILS
         super().__init__(effort, change, self._moving, stencils)
 
-    def _of_shape(self, chosen: _Chosen, read: _Differences, near: np.ndarray, mean: Mean) -> list[float]:
+    def _shape_errors(
+        self, chosen: _Chosen, differences: _Differences, derivative: np.ndarray, mean: Mean
+    ) -> list[float]:
         errors = []
         if self._pad.pad.is_curved:
             chords = MovingWalls(self._moving.displacement, self._moving.nodal, chords=True)
-            errors.append(FACETS_SHARE * mean(read.over(chosen.step, chords) - near))
+            errors.append(FACETS_SHARE * mean(differences.over(chosen.step, chords) - derivative))
         if self._pad.displaced:
-            errors.append(self._of_mechanics(chosen, read, near, mean))
+            errors.append(self._mechanics_error(chosen, differences, derivative, mean))
         return errors
 
-    def _of_mechanics(self, chosen: _Chosen, read: _Differences, near: np.ndarray, mean: Mean) -> float:
-        """Error by the finite elements, NaN if unknown."""
-        second, linear = self._pad.second, self._pad.linear_there
+    def _mechanics_error(self, chosen: _Chosen, differences: _Differences, derivative: np.ndarray, mean: Mean) -> float:
+        """Error by the finite elements, from a second mesh; NaN if unknown."""
+        second, linear = self._pad.second, self._pad.second_linear
         if second is None or linear is None:
             return math.nan
-        other = read.over(chosen.step, walls_on(self._mesh, linear, linear.nodal(self._change)))
-        return max(second.share * mean(other - near), second.least * mean(self._through_displacement(chosen, near)))
+        on_second = differences.over(chosen.step, walls_on(self._mesh, linear, linear.nodal(self._change)))
+        least = second.least * mean(self._through_displacement(chosen, derivative))
+        return max(second.share * mean(on_second - derivative), least)
 
-    def _through_displacement(self, chosen: _Chosen, near: np.ndarray) -> np.ndarray:
-        """(R, T), the part of the derivative through the displacement."""
+    def _through_displacement(self, chosen: _Chosen, derivative: np.ndarray) -> np.ndarray:
+        """(R, T) derivative through the displacement of the pad alone."""
         displacement = self._moving.nodal.displacement
         if not displacement.any():
-            return np.zeros_like(near)
+            return np.zeros_like(derivative)
         if not (self._change.pad or self._change.beside):
-            return near
+            return derivative
         scene = MovedScene(self._effort.ready, replace(self._change, beside=[]))
         still = Nodal(displacement, np.zeros_like(displacement), {})
-        read = _Differences(scene, CENTRAL, self._effort.seed, chosen.points)
-        return read.over(chosen.step, MovingWalls(self._moving.displacement, still))
+        differences = _Differences(scene, CENTRAL, self._effort.seed, chosen.points)
+        return differences.over(chosen.step, MovingWalls(self._moving.displacement, still))
 
 
 class _Chosen(NamedTuple):
@@ -237,25 +251,25 @@ class _Chosen(NamedTuple):
 
 
 class _Differences:
-    """Differences of readings with the same random numbers."""
+    """Derivatives of readings as differences, whose readings share their random numbers."""
 
     def __init__(self, scene: MovedScene, stencil: Stencil, seed: int, points: int) -> None:
         self._scene, self.stencil, self._seed, self._points = scene, stencil, seed, points
-        self._known: dict[tuple[float, MovingWalls | None], np.ndarray] = {}
+        self._powers: dict[tuple[float, MovingWalls | None], np.ndarray] = {}
 
     def over(self, step: float, walls: MovingWalls | None) -> np.ndarray:
-        """(R, T) W per unit of the parameter."""
+        """(R, T) derivatives with a step, in W per unit of the parameter, by replicate and taxel."""
         powers = np.array([self._power(offset * step, walls) for _, offset in self.stencil])
         return np.tensordot([weight / step for weight, _ in self.stencil], powers, axes=1)
 
     def _power(self, offset: float, walls: MovingWalls | None) -> np.ndarray:
-        place = offset, walls
-        if place not in self._known:
-            self._known[place] = self._scene.power(offset, walls, self._seed, self._points)
-        return self._known[place]
+        key = offset, walls
+        if key not in self._powers:
+            self._powers[key] = self._scene.power(offset, walls, self._seed, self._points)
+        return self._powers[key]
 
 
 def _root_mean_square(changes: np.ndarray) -> float:
-    """Of the means over replicates (R, T), over the taxels; what their noise adds on average is left out."""
+    """Root mean square over the taxels of the means over replicates (R, T), without the variance that noise adds."""
     squares = changes.mean(axis=0) ** 2 - standard_error(changes) ** 2
     return math.sqrt(max(float(squares.mean()), 0.0))

@@ -34,34 +34,36 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import Material
 
 STEP = 1e-3
-"""Step relative to a parameter, or to 1 if it is 0."""
+"""Step of differences, relative to a parameter, or to 1 if it is 0."""
 NOISE = 1e-9
-"""Rates due to rounding."""
+"""Largest rate that counts as rounding."""
 PAD, PACKAGES = DeformablePad.plugin, PhotoReflector.plugin
 
 
 @dataclass(frozen=True)
 class Rates:
-    """Rates of parts with a parameter, per its unit.
+    """Rates of the parts of a scene with a parameter, per unit of the parameter.
 
     Attributes
     ----------
     name, unit : str
         Of the parameter.
     value : float
-        Of the parameter.
+        Present value of the parameter.
     load : (components,) ndarray
-        Of the load's value.
+        Rates of the components of the load.
     place : (2,) ndarray
-        Of x and y of a patch or an indenter.
+        Rates of x and y of a patch or an indenter.
     material, pad : dict[str, float]
-        Of the parameters of the material, and of the dimensions of the pad.
+        Rates of the constants of the material, and of the dimensions of the pad.
     beside : list[tuple[float, float]]
-        Weights of values of the parameter in a difference, for changes of other parts; empty if they do not change.
+        Weights and values of the parameter in a difference, for the parts of the scene other than pads; empty if the
+        parameter does not change them.
     at : Callable[[float], mi.Scene]
-        The scene with another value of the parameter, with the pad of the present one, if it has any.
+        Loads the scene with a value of the parameter, and with the present pad, if it has one.
     side : int
-        Side of a kink on which derivatives are wanted: 1 with a larger, -1 with a smaller parameter, 0 if on neither.
+        Side of a kink on which derivatives are wanted: 1 with a larger parameter, -1 with a smaller one, 0 for their
+        mean.
     """
 
     name: str
@@ -76,7 +78,7 @@ class Rates:
     side: int = 0
 
     def scenes(self) -> list[tuple[float, mi.Scene]]:
-        """Weights of scenes in a difference, loaded anew: while one is alive, all kernels contain its parts."""
+        """Weights and scenes of a difference. Scenes are not kept: kernels contain the parts of all scenes alive."""
         return [(weight, self.at(value)) for weight, value in self.beside]
 
 
@@ -98,7 +100,7 @@ def rates(scene: Scene, name: str) -> Rates:
     config = parser_config(activate_variant())
     refusals = []
     with scene.files_beside_it():
-        parameter = _found(scene, name, config)
+        parameter = _parameter(scene, name, config)
         step = STEP * (abs(parameter.value) or 1.0)
         for stencil in STENCILS:
             try:
@@ -113,7 +115,7 @@ def rates(scene: Scene, name: str) -> Rates:
 
 @dataclass(frozen=True)
 class _Parameter:
-    """A parameter of a scene, and the scene as Mitsuba parses it with another value."""
+    """A parameter of a scene, and ``at``, which parses the scene with a value of it."""
 
     name: str
     unit: str
@@ -121,7 +123,9 @@ class _Parameter:
     at: Callable[[float], mi.parser.ParserState]
 
 
-def _found(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Parameter:
+def _parameter(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Parameter:
+    """The parameter of a name: a ``<default>`` of the scene, else a parameter of one of its plugins."""
+    # A <default>: the scene is parsed with another value of it.
     if name in scene.parameters:
         text = scene.parameters[name]
         assert isinstance(scene.source, Path)
@@ -132,23 +136,28 @@ def _found(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Paramete
             value = float(text)
         except ValueError:
             raise InputError(f"{name} = {text!r} has no derivative: it is not a number.") from None
-        return _Parameter(name, unit, value, lambda other: _parsed(scene, config, {name: repr(other)}))
-    plugin, _, own = name.rpartition(".")
-    quantity, index = COMPONENTS.get(own, (own, None))
+        return _Parameter(name, unit, value, lambda changed: _parsed(scene, config, {name: repr(changed)}))
+
+    # A number of a plugin, a component of its load, or a dimension that follows from its parameters.
+    plugin, _, local_name = name.rpartition(".")
+    quantity, index = COMPONENTS.get(local_name, (local_name, None))
     nodes = []
     for number, node in enumerate(_parsed(scene, config, {}).nodes):
-        stated = specifications().get(node.props.plugin_name())
-        if stated is None or plugin not in ("", stated.plugin):
+        specification = specifications().get(node.props.plugin_name())
+        if specification is None or plugin not in ("", specification.plugin):
             continue
-        parameter = stated.values().get(quantity)
-        if parameter is None and issubclass(stated, DeformablePad):
-            derived = _dimensions(stated.read(node.props)).get(own)
+        parameter = specification.values().get(quantity)
+        if parameter is None and issubclass(specification, DeformablePad):
+            derived = _dimensions(specification.read(node.props)).get(local_name)
             if derived is not None:
-                nodes.append((number, stated.plugin, "", derived))
+                nodes.append((number, specification.plugin, "", derived))
         elif isinstance(parameter, Number if index is None else Parameter):
-            present = _present(stated.read(node.props), quantity)
+            present = _present(specification.read(node.props), quantity)
             if present is not None:
-                nodes.append((number, stated.plugin, parameter.unit, present if index is None else present[index]))
+                value = present if index is None else present[index]
+                nodes.append((number, specification.plugin, parameter.unit, value))
+
+    # The name must stand for exactly one of them.
     if not nodes:
         of_scene, of_parts = _numbers_in(scene, config)
         allowed = [f"parameters {', '.join(of_scene)}"] if of_scene else []
@@ -157,100 +166,113 @@ def _found(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Paramete
             f"{name} has no derivative: it is no number of the scene, which has {'; '.join(allowed) or 'none'}."
         )
     if len(nodes) > 1:
-        parts = ", ".join(sorted({plugin for _, plugin, _, _ in nodes}))
-        raise InputError(f"{name} stands for {len(nodes)} parameters of the scene, of {parts}: give it a <default>.")
+        plugins = ", ".join(sorted({plugin for _, plugin, _, _ in nodes}))
+        raise InputError(f"{name} stands for {len(nodes)} parameters of the scene, of {plugins}: give it a <default>.")
     ((number, _, unit, value),) = nodes
 
-    def changed(other: float) -> mi.parser.ParserState:
+    def parsed_with(changed: float) -> mi.parser.ParserState:
         state = _parsed(scene, config, {})
         props = state.nodes[number].props
-        stated = specifications()[props.plugin_name()]
-        if quantity not in stated.values():
-            pad = _undeformed(stated.read(props)).changed(**{own: other})
+        specification = specifications()[props.plugin_name()]
+        if quantity not in specification.values():
+            pad = _undeformed(specification.read(props)).changed(**{local_name: changed})
             for parameter in pad.shape.parameters_at(pad.shape.dimensions):
                 props[parameter] = getattr(pad, parameter)
         elif index is not None:
-            vector = list(_present(stated.read(props), quantity))
-            vector[index] = other
+            vector = list(_present(specification.read(props), quantity))
+            vector[index] = changed
             props[quantity] = mi.ScalarVector3d(*vector)
         else:
-            props[quantity] = other
+            props[quantity] = changed
         return state
 
-    return _Parameter(name, unit or "1", float(value), changed)
+    return _Parameter(name, unit or "1", float(value), parsed_with)
 
 
 def _numbers_in(scene: Scene, config: mi.parser.ParserConfig) -> tuple[list[str], list[str]]:
-    """Names of the parameters of a scene that are numbers, and of the numbers of its parts beside them that stand for
-    one of them alone."""
-    own = [name for name, value in scene.parameters.items() if as_numbers([value])]
+    """Names of the numbers among the parameters of a scene, and of the numbers that only one of its plugins has."""
+    of_scene = [name for name, value in scene.parameters.items() if as_numbers([value])]
     times: Counter[str] = Counter()
     for node in _parsed(scene, config, {}).nodes:
-        stated = specifications().get(node.props.plugin_name())
-        if stated is None:
+        specification = specifications().get(node.props.plugin_name())
+        if specification is None:
             continue
-        part = stated.read(node.props)
-        followed = {name for name in stated.values() if not isinstance(part, DeformablePad) or name in _followed(part)}
-        for name in followed:
-            value, parameter = _present(part, name), stated.values()[name]
+        plugin = specification.read(node.props)
+        names = set(specification.values())
+        if isinstance(plugin, DeformablePad):
+            names &= _differentiable(plugin)
+        for name in names:
+            value, parameter = _present(plugin, name), specification.values()[name]
             if isinstance(parameter, Number) and is_number(value):
                 times[name] += 1
             of_load = [component for component, (quantity, _) in COMPONENTS.items() if quantity == name]
             times.update(of_load if value is not None else [])
-    return own, sorted(name for name, count in times.items() if count == 1 and name not in own)
+    return of_scene, sorted(name for name, count in times.items() if count == 1 and name not in of_scene)
 
 
-def _present(part: Specification, name: str) -> Any:
-    """Value of a parameter of a part, None if unset; also of one that follows from others."""
-    field = next(field for field, parameter in parameters_of(type(part)).items() if parameter.name == name)
-    value = getattr(part, field)
-    if not isinstance(part, DeformablePad) or value is not None:
+def _present(plugin: Specification, name: str) -> Any:
+    """Value of a parameter of a plugin, stated or derived from other parameters; None if it has none."""
+    field = next(field for field, parameter in parameters_of(type(plugin)).items() if parameter.name == name)
+    value = getattr(plugin, field)
+    if not isinstance(plugin, DeformablePad) or value is not None:
         return value
     if name in parameters_of(Pad):
-        return None if part.filename else getattr(part.build_pad(), name)
-    return _numbers(part.build_material()).get(name)
+        return None if plugin.filename else getattr(plugin.build_pad(), name)
+    return _constants(plugin.build_material()).get(name)
 
 
-def _dimensions(part: DeformablePad) -> Mapping[str, float]:
-    """Dimensions of a pad, also such as are no parameters, as the points of a profile; none of a file."""
-    return {} if part.filename else _undeformed(part).dimensions
+def _dimensions(plugin: DeformablePad) -> Mapping[str, float]:
+    """Dimensions of a pad, including those that are no parameters, such as points of a profile; none of a file."""
+    return {} if plugin.filename else _undeformed(plugin).dimensions
 
 
-def _undeformed(part: DeformablePad) -> Pad:
-    pad = part.build_pad()
+def _undeformed(plugin: DeformablePad) -> Pad:
+    pad = plugin.build_pad()
     assert isinstance(pad, Pad)
     return pad
 
 
 def _parsed(scene: Scene, config: mi.parser.ParserConfig, changes: dict[str, str]) -> mi.parser.ParserState:
-    given = Scene(scene.source, {**scene.parameters, **changes}, scene.mesh_size) if changes else scene
-    return given.parsed(config)
+    changed = Scene(scene.source, {**scene.parameters, **changes}, scene.mesh_size) if changes else scene
+    return changed.parsed(config)
 
 
 def _differences(
     scene: Scene, parameter: _Parameter, stencil: list[tuple[float, float]], config: mi.parser.ParserConfig
 ) -> Rates:
+    """Rates by differences of the parsed scenes, with weights and offsets of a ``stencil``.
+
+    Raises
+    ------
+    InputError
+        if the parameter changes something on which readings do not depend smoothly, or a value is not allowed.
+    """
     base = parameter.at(parameter.value)
     values = [(weight, parameter.value + offset) for weight, offset in stencil]
     states = [(weight, parameter.at(value)) for weight, value in values]
     pad = _pad(base)
+
+    # The pad: its load, the position of what presses on it, its material and its dimensions.
     load, place, material, dimensions = np.zeros(0), np.zeros(2), dict[str, float](), dict[str, float]()
     for weight, state in states:
-        other = _pad(state)
-        if pad is None or other is None:
+        changed = _pad(state)
+        if pad is None or changed is None:
             continue
-        _refuse_what_else_changes(parameter, pad, other)
-        value = weight * np.array(other.load_value)
+        _refuse_unsmooth(parameter, pad, changed)
+        value = weight * np.array(changed.load_value)
         load = load + value if len(load) else value
-        position = Load.named(other.load).position
-        place += weight * np.array([getattr(other, name) or 0.0 for name in position] or [0.0, 0.0])
-        _add(material, weight, _numbers(other.build_material()))
-        _add(dimensions, weight, {} if other.filename else _undeformed(other).dimensions)
-    others_change = any(_others(base) != _others(state) for _, state in states)
-    if pad and pad.self_contact and any(_others(base, PACKAGES) != _others(state, PACKAGES) for _, state in states):
+        position = Load.named(changed.load).position
+        place += weight * np.array([getattr(changed, name) or 0.0 for name in position] or [0.0, 0.0])
+        _add(material, weight, _constants(changed.build_material()))
+        _add(dimensions, weight, {} if changed.filename else _undeformed(changed).dimensions)
+
+    # All other parts: they change, or not. A value that a plugin does not allow is refused as the scene is loaded.
+    beside_pad = any(_without_pad(base) != _without_pad(state) for _, state in states)
+    moves_packages = any(_without_pad(base, PACKAGES) != _without_pad(state, PACKAGES) for _, state in states)
+    if pad and pad.self_contact and moves_packages:
         raise InputError(f"{parameter.name} has no derivative with self_contact: it moves what the pad may touch.")
-    for _, state in states if others_change else []:
-        _with_pad_of(base, state, config)  # refuses values that a part does not allow
+    for _, state in states if beside_pad else []:
+        _with_pad_of(base, state, config)
 
     def at(value: float) -> mi.Scene:
         with scene.files_beside_it():
@@ -264,16 +286,16 @@ def _differences(
         np.where(np.abs(place) > NOISE, place, 0.0),
         {name: rate for name, rate in material.items() if abs(rate) > NOISE},
         {name: rate for name, rate in dimensions.items() if abs(rate) > NOISE},
-        values if others_change else [],
+        values if beside_pad else [],
         at,
     )
 
 
 def _with_pad_of(base: mi.parser.ParserState, state: mi.parser.ParserState, config: mi.parser.ParserConfig) -> mi.Scene:
-    """The scene that Mitsuba parsed as ``state``, loaded with the pad of ``base``."""
-    for node, before in zip(state.nodes, base.nodes, strict=True):
+    """The scene that was parsed as ``state``, loaded with the pad of ``base``."""
+    for node, node_of_base in zip(state.nodes, base.nodes, strict=True):
         if node.props.plugin_name() == PAD:
-            node.props = before.props
+            node.props = node_of_base.props
     mi.parser.transform_all(config, state)
     return mi.parser.instantiate(config, state)
 
@@ -293,27 +315,28 @@ def _pad(state: mi.parser.ParserState) -> DeformablePad | None:
     return pad
 
 
-def _refuse_what_else_changes(parameter: _Parameter, pad: DeformablePad, other: DeformablePad) -> None:
-    followed = _followed(pad)
+def _refuse_unsmooth(parameter: _Parameter, pad: DeformablePad, changed: DeformablePad) -> None:
+    """Raise `InputError` if a parameter changes something of a pad on which its states do not depend smoothly."""
+    differentiable = _differentiable(pad)
     for name in parameters_of(DeformablePad):
-        if name in followed or name == "bsdf":
+        if name in differentiable or name == "bsdf":
             continue
-        one, two = getattr(pad, name), getattr(other, name)
-        if name == "to_world" and one is not None:
-            one, two = np.array(one.matrix).tolist(), np.array(two.matrix).tolist()
-        if one != two:
+        values = [getattr(pad, name), getattr(changed, name)]
+        if name == "to_world" and values[0] is not None:
+            values = [np.array(transform.matrix).tolist() for transform in values]
+        if values[0] != values[1]:
             raise InputError(f"{parameter.name} has no derivative: it changes {name} of the {PAD}.")
 
 
-def _followed(pad: DeformablePad) -> set[str]:
+def _differentiable(pad: DeformablePad) -> set[str]:
     """Names of the parameters of a pad on which states depend smoothly."""
     load = {"force", "displacement", "pressure", "shore_a", *Load.named(pad.load).position}
-    return load | {*parameters_of(Pad), *_numbers(pad.build_material())}
+    return load | {*parameters_of(Pad), *_constants(pad.build_material())}
 
 
-def _numbers(part: Material) -> dict[str, float]:
-    """The constants of a material."""
-    return {name: float(getattr(part, name)) for name in part.parameters}
+def _constants(material: Material) -> dict[str, float]:
+    """The constants of a material law, by name."""
+    return {name: float(getattr(material, name)) for name in material.parameters}
 
 
 def _add(total: dict[str, float], weight: float, numbers: dict[str, float]) -> None:
@@ -321,12 +344,12 @@ def _add(total: dict[str, float], weight: float, numbers: dict[str, float]) -> N
         total[name] = total.get(name, 0.0) + weight * number
 
 
-def _others(state: mi.parser.ParserState, kind: str = "") -> list[dict[str, Any]]:
-    """Parameters of each part except the pad, or of those of a kind, as comparable values."""
+def _without_pad(state: mi.parser.ParserState, plugin: str = "") -> list[dict[str, Any]]:
+    """Parameters of each object of a scene except pads, or of those of one plugin, as comparable values."""
     return [
         {name: _value(node.props, name) for name in node.props.keys()}  # noqa: SIM118  (no mapping)
         for node in state.nodes
-        if node.props.plugin_name() != PAD and kind in ("", node.props.plugin_name())
+        if node.props.plugin_name() != PAD and plugin in ("", node.props.plugin_name())
     ]
 
 

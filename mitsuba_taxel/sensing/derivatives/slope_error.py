@@ -9,56 +9,72 @@ import numpy as np
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.errors.second_state import SecondState
 
-APART_SHARE = 0.25
-"""Weight of the root of the sum of squares of the changes that patches make, beside their sum: with it, derivatives of
-98 in 100 single cells are off by less than twice what is stated, without it of 88."""
+INDEPENDENT_WEIGHT = 0.25
+"""Weight of the root of the sum of squares of the changes by patches, beside their sum. With it, the errors of 98 in
+100 single cells are less than twice what is stated; without it, those of 88."""
 
 
-class Against(NamedTuple):
-    """A cell compared with that of a second mesh.
+class Comparison(NamedTuple):
+    """Differences of a cell's derivatives between two meshes.
 
     Attributes
     ----------
     changes : (1 + P,) ndarray
         Of reading and derivatives.
-    apart : (P,) ndarray
-        Roots of the sums of squares of the changes that each patch makes.
+    independent : (P,) ndarray
+        Roots of the sums of squares of the changes by patches.
     kinks : (P,) ndarray
-        What both derivatives together owe to the kinks that shape and rates of a mesh have in the same places.
+        Changes of derivatives by the kinks between elements, which shape and velocities of a mesh have in common.
     displaced : (P,) ndarray
-        Parts of derivatives through the displacement.
+        Derivatives through the displacement alone.
     """
 
     changes: np.ndarray
-    apart: np.ndarray
+    independent: np.ndarray
     kinks: np.ndarray
     displaced: np.ndarray
 
 
-def unknown(count: int) -> Against:
-    """Without a second mesh, for a number of parameters."""
-    return Against(np.full(1 + count, np.nan), *np.full((3, count), np.nan))
+def unknown(count: int) -> Comparison:
+    """The comparison without a second mesh, for ``count`` parameters: NaN."""
+    return Comparison(np.full(1 + count, np.nan), *np.full((3, count), np.nan))
 
 
 def mechanics_errors(
-    against: list[Against], reading: np.ndarray, second: SecondState | None
+    comparisons: list[Comparison], reading: np.ndarray, second: SecondState | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(T, P) errors of derivatives, and (T, 1) of readings, per W of an LED; NaN if unknown.
+    """Errors of derivatives and readings by the finite elements.
 
-    What a taxel owes to kinks is an error of its own. Two meshes may agree by chance in the rest: it is averaged over
-    all cells that receive light, and the changes that patches make count in part as if they were independent.
+    The change by kinks is an error of each taxel. In everything else two meshes may agree by chance: that difference is
+    averaged over all cells that receive light, and the changes by patches count in part as if they were independent.
+
+    Parameters
+    ----------
+    comparisons : list[Comparison]
+        Of each taxel.
+    reading : (T, 1) ndarray
+        Per W of the LED.
+    second : SecondState or None
+        The state on the second mesh, which knows how much of the difference is an error.
+
+    Returns
+    -------
+    of_derivatives : (T, P) ndarray
+        Per W of the LED and unit of the parameter; NaN without a second mesh.
+    of_readings : (T, 1) ndarray
+        Per W of the LED.
     """
     lit = reading[:, 0] > 0
-    changes, apart, kinks, displaced = (np.array(each) for each in zip(*against, strict=True))
+    changes, independent, kinks, displaced = (np.array(values) for values in zip(*comparisons, strict=True))
     if second is None or not lit.any():
         return np.full(displaced.shape, np.nan), np.full_like(reading, np.nan)
-    rest = changes[lit, 1:] - (1 - 2 * second.share_of_sum) * kinks[lit]
-    difference = np.hypot(_mean(rest), APART_SHARE * _mean(apart[lit]))
-    averaged = np.maximum(second.share * difference, second.least * _mean(displaced[lit]))
-    of_reading = second.share * _mean(changes[lit, :1] / reading[lit]) * reading
-    return np.hypot(averaged, second.share_of_sum * kinks), of_reading
+    without_kinks = changes[lit, 1:] - (1 - 2 * second.share_of_sum) * kinks[lit]
+    difference = np.hypot(_root_mean_square(without_kinks), INDEPENDENT_WEIGHT * _root_mean_square(independent[lit]))
+    averaged = np.maximum(second.share * difference, second.least * _root_mean_square(displaced[lit]))
+    of_readings = second.share * _root_mean_square(changes[lit, :1] / reading[lit]) * reading
+    return np.hypot(averaged, second.share_of_sum * kinks), of_readings
 
 
-def _mean(values: np.ndarray) -> np.ndarray:
-    """Root mean square over the first axis."""
+def _root_mean_square(values: np.ndarray) -> np.ndarray:
+    """Over the first axis."""
     return np.sqrt((values**2).mean(axis=0))

@@ -7,7 +7,7 @@ import pytest
 
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.studies.plan.vary import Axis
-from mitsuba_taxel.studies.run.dataset import assemble
+from mitsuba_taxel.studies.store.dataset import assemble
 from mitsuba_taxel.studies.store.folder import Kept
 
 ABOUT = {
