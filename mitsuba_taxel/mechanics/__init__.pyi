@@ -7,6 +7,7 @@ from .contact.self_contact import (
 from .contact.self_contact import (
     ContactTest as ContactTest,
 )
+from .continuation.state import RoofError as RoofError
 from .continuation.state import State as State
 from .continuation.state import ViscoelasticMemory as ViscoelasticMemory
 from .derivatives.rates_along import rates_along as rates_along
@@ -49,6 +50,12 @@ from .errors.second_state import second_state as second_state
 from .load_paths import load_path as load_path
 from .load_paths import state_after as state_after
 from .load_paths import state_at_rest as state_at_rest
+from .locate import (
+    displacement_at as displacement_at,
+)
+from .locate import (
+    displacement_gradient_at as displacement_gradient_at,
+)
 from .materials.laws import (
     ArrudaBoyce as ArrudaBoyce,
 )
@@ -92,13 +99,6 @@ from .results.fields import (
 from .results.fields import (
     nodal_fields as nodal_fields,
 )
-from .results.locate import (
-    displacement_at as displacement_at,
-)
-from .results.locate import (
-    displacement_gradient_at as displacement_gradient_at,
-)
-from .results.roof_error import RoofError as RoofError
 from .results.vtu import write_vtu as write_vtu
 from .surface.finish import (
     Finish as Finish,

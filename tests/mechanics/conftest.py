@@ -221,7 +221,7 @@ def fresh(tmp_path, monkeypatch):
 @pytest.fixture
 def few_elements_under_bodies(fresh, monkeypatch):
     """Meshes with larger elements under indenters, for tests of what holds on elements of any size."""
-    from mitsuba_taxel.mechanics.contact import local_mesh
+    from mitsuba_taxel.mechanics import local_mesh
     from mitsuba_taxel.mechanics.contact.indenters import punch
 
     # At the edge of a punch they stay as small as they are: a path needs them there.

@@ -29,8 +29,8 @@ from mitsuba_taxel.mechanics.elements.loads import (
     PlateForce,
     Pressure,
 )
+from mitsuba_taxel.mechanics.errors.roof_error import size_ratio
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.results.roof_error import size_ratio
 from mitsuba_taxel.pads.cells.cell_shape import CellShape
 from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.parameters import REQUIRED

@@ -19,7 +19,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.characterise import characteristics, simulated_experiments
 from mitsuba_taxel.evidence.coverage.figure_row import FIGURES, TARGETS, FigureRow
 from mitsuba_taxel.mechanics import MooneyRivlin, NeoHookean, Viscoelastic
-from mitsuba_taxel.mechanics.results.roof_error import size_ratio
+from mitsuba_taxel.mechanics.errors.roof_error import size_ratio
 from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing import PadSensor
 from mitsuba_taxel.specification.annular_led import AnnularLed

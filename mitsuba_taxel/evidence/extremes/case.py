@@ -15,12 +15,12 @@ from mitsuba_taxel.evidence.rows.row import CONVERGED, MechanicsRow
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
+from mitsuba_taxel.mechanics.equilibrium.feet import where_linear
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE
 from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected

@@ -35,7 +35,7 @@ from mitsuba_taxel.mechanics import (
 from mitsuba_taxel.mechanics.elements.solvers import Rslab, available_solvers
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
-from mitsuba_taxel.mechanics.results.locate import displacement_at
+from mitsuba_taxel.mechanics.locate import displacement_at
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
 from mitsuba_taxel.pads.parametric.pad import DEFAULT_MESH_SIZE
 

@@ -12,7 +12,7 @@ from mitsuba_taxel.geometry.box_tree import BoxTree, Level
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.barrier import APPROACH, REACH, REACH_AT_REST, additive_ccd, ipctk_of_one_thread
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.surface.cutting import cut_faces
+from mitsuba_taxel.mechanics.cutting import cut_faces
 from mitsuba_taxel.pads.regions import REGIONS
 
 CUTS = 6

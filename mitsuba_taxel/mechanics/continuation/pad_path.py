@@ -17,9 +17,7 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
-from mitsuba_taxel.mechanics.contact.local_mesh import Refinement
 from mitsuba_taxel.mechanics.contact.resolution import LARGEST, refuse_unresolved
 from mitsuba_taxel.mechanics.contact.self_contact import Contact
 from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
@@ -36,9 +34,11 @@ from mitsuba_taxel.mechanics.continuation.solved_states import SolvedStates
 from mitsuba_taxel.mechanics.continuation.state import PathRate, State
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
+from mitsuba_taxel.mechanics.equilibrium.feet import where_linear
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
+from mitsuba_taxel.mechanics.local_mesh import Refinement
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad

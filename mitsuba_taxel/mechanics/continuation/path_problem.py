@@ -16,11 +16,11 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.contact.local_mesh import Refinement, mesh_under
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.equilibrium.natural_step import natural_step
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
+from mitsuba_taxel.mechanics.local_mesh import Refinement, mesh_under
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.pads.pad_file import PadFile

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.contact.local_mesh import CLOSE, SMALL_DEPTH, swept_legs
 from mitsuba_taxel.mechanics.contact.resolution import LARGEST, WANTED, Unresolved
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.state import State
+from mitsuba_taxel.mechanics.local_mesh import CLOSE, SMALL_DEPTH, swept_legs
 from mitsuba_taxel.mechanics.meshes import pad_mesh
 
 SHALLOWER, MOST_FINER = 0.25, 3

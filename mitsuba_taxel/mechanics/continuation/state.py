@@ -16,7 +16,31 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.results.roof_error import RoofError
+
+
+@dataclass(frozen=True)
+class RoofError:
+    """Estimated discretisation error of a deformed pad, at the roofs of its cells.
+
+    Attributes
+    ----------
+    displacement : float
+        Root mean square over the roofs, in mm, by the convergence order of averages.
+    largest : float
+        Maximum in mm, by the convergence order of maxima.
+    relative : float
+        ``largest``, relative to the largest displacement of any node.
+    slope : float
+        Root mean square of the angle between normals, in degrees, by the same order.
+    """
+
+    displacement: float
+    largest: float
+    relative: float
+    slope: float
+
+
+NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
 
 
 class StateComparison(NamedTuple):

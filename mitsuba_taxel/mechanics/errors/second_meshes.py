@@ -20,13 +20,13 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.continuation.load_segment import Interpolated
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
-from mitsuba_taxel.mechanics.continuation.state import State, StateComparison
+from mitsuba_taxel.mechanics.continuation.state import NO_ERROR, State, StateComparison
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
+from mitsuba_taxel.mechanics.errors.roof_error import RoofComparison, size_ratio, top_ratio
 from mitsuba_taxel.mechanics.errors.shorter_reach import with_reach
-from mitsuba_taxel.mechanics.results.locate import carried
-from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio, top_ratio
+from mitsuba_taxel.mechanics.locate import carried
 
 FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
 """Sizes of a second mesh, relative to the first's, that are tried where one of twice the size does not tell the error:

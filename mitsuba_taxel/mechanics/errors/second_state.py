@@ -15,9 +15,9 @@ from mitsuba_taxel.mechanics.continuation.placed_paths import solved_on
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.errors.mesh_sizes import chosen_size
+from mitsuba_taxel.mechanics.errors.roof_error import RoofComparison, size_ratio
 from mitsuba_taxel.mechanics.errors.second_meshes import compared, second_meshes
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.results.roof_error import RoofComparison, size_ratio
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad
 

@@ -49,9 +49,7 @@ class PushedPath(TimedPath):
         seconds = before.figures.seconds + clock.perf_counter() - began
         return replace(at, figures=replace(at.figures, seconds=seconds))
 
-    def _halved(
-        self, before: TimeState, rows: LoadHistory, whole: TimeState, allowed: float, left: int
-    ) -> TimeState:
+    def _halved(self, before: TimeState, rows: LoadHistory, whole: TimeState, allowed: float, left: int) -> TimeState:
         """The pad at the end of the last row, in as many even movements as it takes; ``whole`` is that by one,
         ``allowed`` in mm, and ``left`` the number of further halvings."""
         (time, force), last = rows[-1], rows[-2][1] if len(rows) > 1 else (0.0, 0.0, 0.0)

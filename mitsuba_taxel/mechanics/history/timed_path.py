@@ -23,20 +23,21 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics import cache
-from mitsuba_taxel.mechanics.contact.feet import said_of, where_linear
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.continuation.load_path_ends import refuse_at_rest
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
-from mitsuba_taxel.mechanics.continuation.state import State, StateComparison, ViscoelasticMemory
+from mitsuba_taxel.mechanics.continuation.state import NO_ERROR, State, StateComparison, ViscoelasticMemory
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.past import Past, Relaxing, spread
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
+from mitsuba_taxel.mechanics.equilibrium.feet import said_of, where_linear
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import new_pad
 from mitsuba_taxel.mechanics.equilibrium.solution import History, Rejected, Solution
+from mitsuba_taxel.mechanics.errors.roof_error import RoofComparison
 from mitsuba_taxel.mechanics.errors.second_meshes import second_meshes, share_of
 from mitsuba_taxel.mechanics.errors.shorter_reach import REMAINDER
 from mitsuba_taxel.mechanics.history.time_state import (
@@ -64,7 +65,6 @@ from mitsuba_taxel.mechanics.history.time_steps import (
 )
 from mitsuba_taxel.mechanics.history.timed_rows import LoadHistory, rubs
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
-from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison
 
 KEPT = 3
 """Number of solved states that stay in memory."""

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
-from mitsuba_taxel.mechanics.contact.feet import couple_held, where_linear
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces, nodes_of
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
+from mitsuba_taxel.mechanics.equilibrium.feet import couple_held, where_linear
 from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
 from mitsuba_taxel.pads.regions import REGIONS
 

@@ -7,8 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
-from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 from mitsuba_taxel.pads.regions import REGIONS
 
 
@@ -91,24 +89,3 @@ class Relief:
         """(V, ...) values at the vertices from those at the vertices of the smooth surface (V', ...)."""
         fraction = self.fraction.reshape(-1, *(1,) * (values.ndim - 1))
         return values[self.low] + fraction * (values[self.high] - values[self.low])
-
-
-def displacement_gradient(mesh: VolumeMesh, displacement: np.ndarray, wanted: np.ndarray | None = None) -> np.ndarray:
-    """(N, 3, 3) gradient of the displacement (N, 3) at each node, the mean of those in the elements around it.
-
-    Only at the ``wanted`` nodes (N,), if they are given, and 0 at others.
-    """
-    corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
-    nodes = np.concatenate([corners, corners[np.array(TET_EDGES)].mean(axis=1)])
-    reference = shape_gradients(nodes)
-    wanted = np.ones(len(mesh.points), dtype=bool) if wanted is None else wanted
-    own, gradients = [], []
-    for local, slopes in enumerate(reference):
-        around = mesh.tets[wanted[mesh.tets[:, local]]]
-        along, moved = (slopes.T @ values[around] for values in (mesh.points, displacement))
-        gradients.append(np.linalg.solve(along, moved))
-        own.append(around[:, local])
-    node, gradient = np.concatenate(own), np.concatenate(gradients).reshape(-1, 9)
-    total = np.stack([np.bincount(node, column, len(mesh.points)) for column in gradient.T], axis=1)
-    number = np.maximum(np.bincount(node, minlength=len(mesh.points)), 1)
-    return np.swapaxes((total / number[:, None]).reshape(-1, 3, 3), 1, 2)

@@ -10,7 +10,7 @@ from mitsuba_taxel.base.arguments import array_of
 from mitsuba_taxel.geometry.triangles import unit
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.continuation.state import State
-from mitsuba_taxel.mechanics.surface.cutting import cut_faces, in_cells
+from mitsuba_taxel.mechanics.cutting import cut_faces, in_cells
 from mitsuba_taxel.mechanics.surface.tessellation import chosen_cells, knows_walls, placed
 from mitsuba_taxel.pads.imported.round_faces import round_walls
 from mitsuba_taxel.pads.pad_file import PadFile

@@ -16,9 +16,10 @@ from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.shut_gaps import kept_off, widest_shut
 from mitsuba_taxel.mechanics.continuation.state import State
+from mitsuba_taxel.mechanics.cutting import cut_faces, in_cells, weighted
+from mitsuba_taxel.mechanics.locate import displacement_gradient
 from mitsuba_taxel.mechanics.results.contact_pressure import contact_pressure
 from mitsuba_taxel.mechanics.surface.curvature import Corners, smooth_sheets
-from mitsuba_taxel.mechanics.surface.cutting import cut_faces, in_cells, weighted
 from mitsuba_taxel.mechanics.surface.finish import (
     MOST_TRIANGLES,
     Finish,
@@ -27,7 +28,7 @@ from mitsuba_taxel.mechanics.surface.finish import (
     RandomRoughness,
     fine_subdivision,
 )
-from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface, displacement_gradient
+from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
 from mitsuba_taxel.pads.imported import round_faces
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad

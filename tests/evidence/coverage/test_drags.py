@@ -9,7 +9,7 @@ from taxel_cli.bench import command
 
 from mitsuba_taxel.evidence.coverage import drags
 from mitsuba_taxel.evidence.coverage.drags import DragCase, DragRow
-from mitsuba_taxel.mechanics.contact import local_mesh
+from mitsuba_taxel.mechanics import local_mesh
 
 
 def test_states_are_of_every_shape_and_radius():

@@ -7,9 +7,9 @@ import pytest
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean
-from mitsuba_taxel.mechanics.contact.local_mesh import Refinement
 from mitsuba_taxel.mechanics.contact.resolution import resolution
 from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
+from mitsuba_taxel.mechanics.local_mesh import Refinement
 from mitsuba_taxel.pads import Pad
 
 BLOCK, LAW = Pad("parallelepiped", 1, 1, cell_size=0.4, cell_height=0.4, height=2.0, wall=1.3), NeoHookean()

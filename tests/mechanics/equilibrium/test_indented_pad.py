@@ -25,13 +25,13 @@ from mitsuba_taxel.mechanics import (
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
+from mitsuba_taxel.mechanics.continuation.state import NO_ERROR
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.errors.second_meshes import SecondMeshes, carried_to
-from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR
 from mitsuba_taxel.pads import Pad
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")

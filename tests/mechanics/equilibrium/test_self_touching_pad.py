@@ -32,18 +32,17 @@ from mitsuba_taxel.mechanics.contact.barrier import Barrier
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
-from mitsuba_taxel.mechanics.contact.feet import couple_held, near_feet, where_linear
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
-from mitsuba_taxel.mechanics.continuation.state import StateComparison
+from mitsuba_taxel.mechanics.continuation.state import NO_ERROR, StateComparison
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
+from mitsuba_taxel.mechanics.equilibrium.feet import couple_held, near_feet, where_linear
 from mitsuba_taxel.mechanics.equilibrium.self_touching_pad import IndentedTouchingPad, SelfTouchingPad
 from mitsuba_taxel.mechanics.errors.shorter_reach import with_reach
 from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
-from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR
 from mitsuba_taxel.pads import REGIONS, Pad
 from mitsuba_taxel.sensing.audit import energy_audit
 from mitsuba_taxel.specification.deformable_pad import DeformablePad

@@ -19,11 +19,12 @@ from mitsuba_taxel.mechanics import (
     Viscoelastic,
     linearise,
     load_path,
+    local_mesh,
     nodal_fields,
     reactions,
     state_after,
 )
-from mitsuba_taxel.mechanics.contact import local_mesh, resolution
+from mitsuba_taxel.mechanics.contact import resolution
 from mitsuba_taxel.mechanics.contact.indenters import punch
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.history import pushed_path, time_steps, timed_path

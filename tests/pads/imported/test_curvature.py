@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.mechanics.results.roof_error import size_ratio
+from mitsuba_taxel.mechanics.errors.roof_error import size_ratio
 from mitsuba_taxel.pads import REGIONS, Pad, PadFile
 from mitsuba_taxel.pads.imported.curvature import radii
 from mitsuba_taxel.pads.imported.snapping import Patches

@@ -12,7 +12,7 @@ from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES
 from mitsuba_taxel.mechanics import NeoHookean
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
-from mitsuba_taxel.mechanics.results.locate import displacement_at
+from mitsuba_taxel.mechanics.locate import displacement_at
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
 from mitsuba_taxel.pads.parametric import meshing
 from mitsuba_taxel.pads.parametric.grading import cut_towards

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.mechanics import MooneyRivlin, NeoHookean, SpreadForce, Viscoelastic
-from mitsuba_taxel.mechanics.contact.feet import couple_held, near_feet
 from mitsuba_taxel.mechanics.contact.self_contact import Contact
 from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.elements import Elements, quadrature_places
 from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces
+from mitsuba_taxel.mechanics.equilibrium.feet import couple_held, near_feet
 from mitsuba_taxel.mechanics.history.time_steps import PathEnded
 from mitsuba_taxel.mechanics.history.timed_path import TimedPath
 from mitsuba_taxel.pads import Pad

@@ -13,7 +13,7 @@ from scipy.optimize import root
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.element_maps import jacobians
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
-from mitsuba_taxel.mechanics.results.locate import (
+from mitsuba_taxel.mechanics.locate import (
     POINTS_AT_ONCE,
     PointLocator,
     displacement_at,

@@ -11,7 +11,7 @@ import pytest
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.mechanics import NeoHookean, load_path
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
-from mitsuba_taxel.mechanics.results.roof_error import RoofComparison, size_ratio
+from mitsuba_taxel.mechanics.errors.roof_error import RoofComparison, size_ratio
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,35 +19,11 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE, LOCAL_ORDER, ORDER
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.results.locate import Location, PointLocator
+from mitsuba_taxel.mechanics.continuation.state import RoofError
+from mitsuba_taxel.mechanics.locate import Location, PointLocator
 from mitsuba_taxel.pads.regions import REGIONS
 
 _BARYCENTRIC = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
-
-
-@dataclass(frozen=True)
-class RoofError:
-    """Estimated discretisation error of a deformed pad, at the roofs of its cells.
-
-    Attributes
-    ----------
-    displacement : float
-        Root mean square over the roofs, in mm, by the convergence order of averages.
-    largest : float
-        Maximum in mm, by the convergence order of maxima.
-    relative : float
-        ``largest``, relative to the largest displacement of any node.
-    slope : float
-        Root mean square of the angle between normals, in degrees, by the same order.
-    """
-
-    displacement: float
-    largest: float
-    relative: float
-    slope: float
-
-
-NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
 
 
 def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:

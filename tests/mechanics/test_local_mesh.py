@@ -8,10 +8,10 @@ import trimesh
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import ACROSS_Y
-from mitsuba_taxel.mechanics.contact import local_mesh
+from mitsuba_taxel.mechanics import local_mesh
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
-from mitsuba_taxel.mechanics.contact.local_mesh import SMALL_DEPTH, Refinement, mesh_under, swept_legs
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
+from mitsuba_taxel.mechanics.local_mesh import SMALL_DEPTH, Refinement, mesh_under, swept_legs
 from mitsuba_taxel.pads import REGIONS, Pad
 
 BLOCK = Pad("parallelepiped", 1, 1, cell_size=0.4, cell_height=0.4, height=2.0, wall=1.3)
