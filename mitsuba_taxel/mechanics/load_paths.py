@@ -62,10 +62,16 @@ def load_path(
 
     Parameters
     ----------
+    pad : Pad or PadFile
+        The pad, parametric or from a file.
+    material : Material or Viscoelastic
+        Its silicone.
     values : Sequence[Sequence[float]] or ndarray
         (S, 3) forces in N or displacements in mm, compression is z < 0; or (S, 1) pressures in MPa.
     times : (S,) sequence of float, optional
         Non-decreasing times of the values in s: for a viscoelastic silicone only.
+    load : Load
+        Kind of load, by default a force spread over the top.
     mesh_size : float, optional
         Size of the finite elements in mm; by default the pad's own `default_mesh_size`.
     mesh_tolerance : float, optional
@@ -82,6 +88,11 @@ def load_path(
         ``self_contact`` of the load, contact without friction keeps the pad off them; else it must not touch them.
     progress : Callable[[int, int], None], optional
         Called with (states done, total states).
+
+    Returns
+    -------
+    list[State]
+        One for each value.
 
     Raises
     ------
@@ -138,7 +149,30 @@ def state_after(
     mesh_tolerance: float | None = None,
     obstacles: np.ndarray | None = None,
 ) -> State:
-    """The last state of :func:`load_path`, if states depend on earlier ones, without keeping these in memory."""
+    """The last state of :func:`load_path`, if states depend on earlier ones, without keeping these in memory.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+        The pad.
+    material : Material or Viscoelastic
+        Its silicone.
+    values : Sequence[Sequence[float]] or ndarray
+        (S, 3) or (S, 1), as of :func:`load_path`.
+    times : (S,) sequence of float, optional
+        In s, for a viscoelastic silicone.
+    load : Load
+        Kind of load.
+    mesh_size, mesh_tolerance : float, optional
+        Size of the elements in mm, or instead the target for the relative error of the roofs' displacement.
+    obstacles : (K, 3, 3) ndarray, optional
+        In mm, corners of triangles that the pad must not touch.
+
+    Returns
+    -------
+    State
+        After the last value.
+    """
     rows = _checked(values, load)
     history, law = timed_rows(material, load, rows, times), remembering(material).law
     with lock_of(pad):
@@ -157,7 +191,28 @@ def state_at_rest(
     mesh_size: float | None = None,
     mesh_tolerance: float | None = None,
 ) -> State:
-    """The unloaded state on the elements that the last state of :func:`load_path` has."""
+    """The unloaded state on the elements that the last state of :func:`load_path` has.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+        The pad.
+    material : Material or Viscoelastic
+        Its silicone.
+    values : Sequence[Sequence[float]] or ndarray
+        (S, 3) or (S, 1), as of :func:`load_path`.
+    times : (S,) sequence of float, optional
+        In s, for a viscoelastic silicone.
+    load : Load
+        Kind of load.
+    mesh_size, mesh_tolerance : float, optional
+        Size of the elements in mm, or instead the target for the relative error of the roofs' displacement.
+
+    Returns
+    -------
+    State
+        The undeformed pad.
+    """
     rows = _checked(values, load)
     history, law = timed_rows(material, load, rows, times), remembering(material).law
     with lock_of(pad):

@@ -58,7 +58,7 @@ def test_what_had_no_end_or_came_late_is_refused_at_once(tmp_path, monkeypatch, 
     def solve(*_, **__):
         raise AssertionError("a pad is solved")
 
-    monkeypatch.setattr("mitsuba_taxel.mechanics.equilibrium.loaded_pad.LoadedPad.solve_next", solve)
+    monkeypatch.setattr("mitsuba_taxel.mechanics.equilibrium.loaded_pad.LoadedPad.solve_after", solve)
     monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "solutions"))
     (tmp_path / "scene.xml").write_text(CELL.format(pad=pad, sensor=sensor))
     with pytest.raises(InputError, match=message):

@@ -96,7 +96,7 @@ class BuckledPad:
         unknowns = start
         for iteration in range(MOST_ITERATIONS):
             value = self._segment.value(unknowns[-1])
-            found = self.pad.near_balance(unknowns[:-1], value, iteration, True)
+            solution = self.pad.figures_at(unknowns[:-1], value, iteration, True)
             bordered = self._bordered(unknowns)
             correction = self.correction(bordered, unknowns, amplitude)
             if correction is None:
@@ -105,8 +105,10 @@ class BuckledPad:
             if self.towards(unknowns, ahead) is not ahead:
                 raise Rejected("it presses on what it touches")
             unknowns = ahead
-            if iteration and found.residual < RESIDUAL_TOLERANCE:  # where a branch begins, loads need the further step
-                return replace(found, unknowns=unknowns), bordered
+            if (
+                iteration and solution.residual < RESIDUAL_TOLERANCE
+            ):  # where a branch begins, loads need the further step
+                return replace(solution, unknowns=unknowns), bordered
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
     def _bordered(self, unknowns: np.ndarray) -> _Bordered:
@@ -156,8 +158,8 @@ class BuckledBranch:
     """
 
     def __init__(self, pad: LoadedPad, segment: LoadSegment, onset: tuple[np.ndarray, np.ndarray]) -> None:
-        moved, squeezed = np.split(segment.mode, [-pad.whole.corner_count])
-        mode = pad.gather(moved.reshape(-1, 3), squeezed)
+        displacement, pressure = np.split(segment.mode, [-pad.whole.corner_count])
+        mode = pad.gather(displacement.reshape(-1, 3), pressure)
         self.pad, self._segment = pad, segment
         self.buckled = BuckledPad(pad, segment, pad.gather(*onset), mode)
         self.curve = LoadSegment(
@@ -171,11 +173,11 @@ class BuckledBranch:
 
     @property
     def onwards(self) -> LoadSegment | None:
-        curve, part = self.curve, self._segment
+        curve, segment = self.curve, self._segment
         ends = 0 < curve.limit < math.inf and UNSTABLE not in curve.reason and not np.isfinite(curve.place).all()
         if self._onwards is None and ends and self.pad.contacts is not None:
-            start = part.value(self.solved_to)
-            self._onwards = LoadSegment(start, part.direction, part.step, part.judged, part.tolerance)
+            start = segment.value(self.solved_to)
+            self._onwards = LoadSegment(start, segment.direction, segment.step, segment.judged, segment.tolerance)
         return self._onwards
 
     @property
@@ -234,7 +236,7 @@ class BuckledBranch:
         """The state at a distance, which the branch must reach; raises Rejected if an element is inverted."""
         curve, amplitude = self.curve, self._amplitude(s)
         checked = all(node.stability_checked for node in curve.interval(amplitude))
-        state = pad.near_balance(curve.unknowns_at(amplitude)[:-1], self.value(s), 0, checked)
+        state = pad.figures_at(curve.unknowns_at(amplitude)[:-1], self.value(s), 0, checked)
         return Interpolated.of(state, curve.seconds_to(amplitude))
 
     def seconds_before(self, s: float) -> float:

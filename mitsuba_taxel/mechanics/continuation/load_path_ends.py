@@ -69,22 +69,20 @@ def end_of_path(
     """
     where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
     touched, what = reason.startswith("touches"), reason.removeprefix("touches ")
-    further = ""
+    hint = ""
     if touched and load.self_contact:
-        further = " It may go on with smaller elements."
+        hint = " It may go on with smaller elements."
     elif touched:
-        further = " With self_contact = true it goes on."
+        hint = " With self_contact = true it goes on."
     elif folded_at:
-        near = _listed(np.array(folded_at))
-        further = f" It is folded into itself at an inner edge, near ({near}) mm: self_contact = true prevents that."
+        location = _listed(np.array(folded_at))
+        hint = f" It is folded into itself at an inner edge, near ({location}) mm: self_contact = true prevents that."
     elif UNSTABLE in reason and load.moved_indenter is not None and load.has_position:
-        further = (
-            " At the edge of a contact that may be due to large elements: smaller ones, by mesh_size, may bear it."
-        )
-    further = said_of(what, mesh, place) + further
+        hint = " At the edge of a contact that may be due to large elements: smaller ones, by mesh_size, may bear it."
+    hint = said_of(what, mesh, place) + hint
     if buckled_at is not None:
-        further = f" It buckled at {_shown(load, buckled_at)}, into one of its mirrored shapes.{further}"
-    words = f"the pad {reason}{where}: the load path ends at {_shown(load, value)}.{further}"
+        hint = f" It buckled at {_shown(load, buckled_at)}, into one of its mirrored shapes.{hint}"
+    words = f"the pad {reason}{where}: the load path ends at {_shown(load, value)}.{hint}"
     return LoadPathEnds(words, load, value, Contact(what, tuple(place.tolist())) if touched else None)
 
 
@@ -100,10 +98,10 @@ def _listed(numbers: np.ndarray) -> str:
 def refuse_at_rest(contact: Contact | None, mirrors: Sequence[Mirror] = ()) -> None:
     """Raise `InputError` if there is a contact of the undeformed pad, where ``mirrors`` took it."""
     if contact:
-        place = np.array(contact.place)
+        point = np.array(contact.place)
         for mirror in reversed(mirrors):
-            place = mirror.image(place)
-        shown = ", ".join(f"{coordinate:.3g}" for coordinate in place)
+            point = mirror.image(point)
+        shown = ", ".join(f"{coordinate:.3g}" for coordinate in point)
         raise InputError(f"the undeformed pad touches {contact.what} near ({shown}) mm of the pad: move one of them.")
 
 
@@ -137,9 +135,9 @@ class Obstacles:
         """Distance along a segment, as far as it is solved, to the first contact, and that contact; else None."""
         for index in range(self._clear.get(segment, 1), len(segment.nodes)):
             if segment not in self._first:
-                found = segment.first_contact(pad, index, self._test.find_package)
-                if found:
-                    self._first[segment] = found
+                first_contact = segment.first_contact(pad, index, self._test.find_package)
+                if first_contact:
+                    self._first[segment] = first_contact
             self._clear[segment] = index + 1
         return self._first.get(segment)
 

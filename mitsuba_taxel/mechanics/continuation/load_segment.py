@@ -96,8 +96,14 @@ class Interpolated:
     @classmethod
     def of(cls, solution: Solution | Node, seconds: float) -> Interpolated:
         """A solution that is known after some seconds."""
-        figures = solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked
-        return cls(solution.unknowns, *figures, seconds)
+        return cls(
+            unknowns=solution.unknowns,
+            min_jacobian=solution.min_jacobian,
+            residual=solution.residual,
+            iterations=solution.iterations,
+            stability_checked=solution.stability_checked,
+            seconds=seconds,
+        )
 
 
 class LoadSegment:
@@ -256,8 +262,17 @@ class LoadSegment:
         began = time.perf_counter()
         solution, linearised = solve(guess, self.value(s))
         tangent = pad.rate(linearised, solution.unknowns, self.direction, self.value(s))
-        figures = (solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked)
-        return Node(s, solution.unknowns, tangent, *figures, time.perf_counter() - began), linearised
+        node = Node(
+            s=s,
+            unknowns=solution.unknowns,
+            tangent=tangent,
+            min_jacobian=solution.min_jacobian,
+            residual=solution.residual,
+            iterations=solution.iterations,
+            stability_checked=solution.stability_checked,
+            seconds=time.perf_counter() - began,
+        )
+        return node, linearised
 
     def _interpolates(self, pad: Followed, start: Node, end: Node, linearised: Any) -> bool:
         """Whether the interpolated midpoint is near equilibrium, as measured by one Newton step."""
@@ -277,8 +292,8 @@ class LoadSegment:
         start, middle, end = self.nodes[-3:]
         if middle.s != 0.5 * (start.s + end.s):
             return False
-        off = hermite(start, end, middle.s) - middle.unknowns
-        return not self._is_little(off, middle.unknowns, pad)
+        difference = hermite(start, end, middle.s) - middle.unknowns
+        return not self._is_little(difference, middle.unknowns, pad)
 
     def _is_little(self, correction: np.ndarray, unknowns: np.ndarray, pad: Followed) -> bool:
         """Whether the displacements, the first of the unknowns, are within the tolerance."""
@@ -291,9 +306,9 @@ class LoadSegment:
         if len(self.nodes) < 2 or math.isfinite(self.limit):
             return
         find = test.find_package if pad.load.self_contact else test.find
-        found = self.first_contact(pad, len(self.nodes) - 1, find)
-        if found:
-            self.limit, contact = found
+        first_contact = self.first_contact(pad, len(self.nodes) - 1, find)
+        if first_contact:
+            self.limit, contact = first_contact
             self.reason, self.place = f"touches {contact.what}", np.array(contact.place)
 
     def end_buckling(self, pad: Followed, contact: ContactTest, node: Node, mode: np.ndarray) -> None:
@@ -323,16 +338,18 @@ class LoadSegment:
         find : Callable[[ndarray], Contact | None]
             Finds a contact at a displacement (N, 3) of the pad, like :meth:`ContactTest.find`.
         """
-        found = find(pad.split(self.nodes[index].unknowns)[0])
-        if found is None:
+        first_contact = find(pad.split(self.nodes[index].unknowns)[0])
+        if first_contact is None:
             return None
         start, end = self.nodes[index - 1], self.nodes[index]
         free, touching = start.s, end.s
         while touching - free > CONTACT_RESOLUTION * self.tick:
             middle = 0.5 * (free + touching)
             contact = find(pad.split(hermite(start, end, middle))[0])
-            free, touching, found = (middle, touching, found) if contact is None else (free, middle, contact)
-        return free, found
+            free, touching, first_contact = (
+                (middle, touching, first_contact) if contact is None else (free, middle, contact)
+            )
+        return free, first_contact
 
     def at(self, pad: LoadedPad, s: float) -> Interpolated:
         """The state at distance ``s``, which the segment must reach; raises Rejected if an element is inverted."""
@@ -340,7 +357,7 @@ class LoadSegment:
         if end.s == s:
             return Interpolated.of(end, self.seconds_to(s))
         checked = start.stability_checked and end.stability_checked
-        return Interpolated.of(pad.near_balance(hermite(start, end, s), self.value(s), 0, checked), self.seconds_to(s))
+        return Interpolated.of(pad.figures_at(hermite(start, end, s), self.value(s), 0, checked), self.seconds_to(s))
 
     def unknowns_at(self, s: float) -> np.ndarray:
         """The unknowns at distance ``s``, which the segment must reach."""
@@ -369,7 +386,7 @@ class LoadSegment:
         """The equilibrium at a distance ``s`` little beyond the last node, which need not be stable; raises Rejected if
         there is none."""
         last = self.nodes[-1]
-        return self._node(pad, pad.balance_closely, s, last.unknowns + (s - last.s) * last.tangent)[0]
+        return self._node(pad, pad.equilibrium_with_tangent, s, last.unknowns + (s - last.s) * last.tangent)[0]
 
     def _first_from(self, s: float) -> int:
         return next(index for index, node in enumerate(self.nodes) if node.s >= s)
@@ -391,7 +408,7 @@ class LoadSegment:
         self.mode, self.ticks = arrays["mode"], int(arrays["ticks"])
         names = [field.name for field in fields(Node)]
         columns = [arrays[name] if arrays[name].ndim == 2 else arrays[name].tolist() for name in names]
-        self.nodes = [Node(*row) for row in zip(*columns, strict=True)]
+        self.nodes = [Node(**dict(zip(names, row, strict=True))) for row in zip(*columns, strict=True)]
 
 
 def hermite(start: Node, end: Node, s: float) -> np.ndarray:

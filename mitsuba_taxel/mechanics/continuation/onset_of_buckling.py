@@ -50,15 +50,15 @@ def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
     last = segment.nodes[-1]
     try:
         ahead = segment.beyond(pad, last.s + segment.tick)
-        found = [_Crossing(pad, segment, block, ahead) for block in _unstable(pad, segment, ahead)]
-        first = min(found, key=lambda crossing: crossing.node.s, default=None)
+        crossings = [_Crossing(pad, segment, block, ahead) for block in _unstable(pad, segment, ahead)]
+        first = min(crossings, key=lambda crossing: crossing.node.s, default=None)
     except (Rejected, ComputationError):  # there is no state beyond, or modes cannot be told apart
         return None
     if first is None:
         return None
     mode = first.block.expansion @ first.mode
-    moved = mode[: pad.whole.points.size].reshape(-1, 3)
-    return Onset(first.node, mode / np.copysign(np.abs(moved).max(), _moment(pad.whole, moved)))
+    displacement = mode[: pad.whole.points.size].reshape(-1, 3)
+    return Onset(first.node, mode / np.copysign(np.abs(displacement).max(), _moment(pad.whole, displacement)))
 
 
 def _unstable(pad: LoadedPad, segment: LoadSegment, node: Node) -> Iterator[TangentBlock]:
@@ -104,8 +104,8 @@ def _tangent(pad: LoadedPad, segment: LoadSegment, block: TangentBlock, node: No
 
 def is_kept(mode: np.ndarray, mirror: Mirror, image: np.ndarray) -> bool:
     """Whether a mode of an `Onset` is its own mirror image; ``image`` is that of the nodes."""
-    moved = mode[: 3 * len(image)].reshape(-1, 3)
-    return bool(np.abs(mirror.image(moved[image]) - moved).max() <= ALIKE)
+    displacement = mode[: 3 * len(image)].reshape(-1, 3)
+    return bool(np.abs(mirror.image(displacement[image]) - displacement).max() <= ALIKE)
 
 
 def _moment(mesh: VolumeMesh, displacement: np.ndarray) -> float:
@@ -114,5 +114,5 @@ def _moment(mesh: VolumeMesh, displacement: np.ndarray) -> float:
     density = displacement[:, 0] * (1 + x + y) + 0.5 * displacement[:, 1] * (1 + x - y)
     corners = mesh.points[mesh.tets[:, :4]]
     volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
-    at_corners, at_middles = (density[mesh.tets[:, part]].sum(axis=1) for part in (slice(4), slice(4, None)))
+    at_corners, at_middles = (density[mesh.tets[:, nodes]].sum(axis=1) for nodes in (slice(4), slice(4, None)))
     return float(volume @ (at_middles / 5 - at_corners / 20))

@@ -80,8 +80,8 @@ class PadPath(PathProblem):
     def driven(self) -> PadPath:
         """The path on which the body is moved that presses with a force."""
         assert self.load.driven is not None
-        parts = self.pad, self.material, self.load.driven, self.mesh_size, self.judged
-        return pad_path(*parts, None, self.bodies, self.step_tolerance, self._refinement)
+        arguments = self.pad, self.material, self.load.driven, self.mesh_size, self.judged
+        return pad_path(*arguments, None, self.bodies, self.step_tolerance, self._refinement)
 
     def driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
         """How far the body moves under a force (3,)."""
@@ -96,8 +96,8 @@ class PadPath(PathProblem):
                 reached = segment.nodes[-1].s if segment.nodes else 0.0
                 if reached > float(np.ptp(self.mesh.points[:, 2])):
                     raise InputError("an indenter that touches nothing cannot press: place it over the pad.")
-                further = (math.floor(reached / segment.step + 0.5 / TICKS) + 1) * segment.step
-                self._canonical_driven(further * down, [], obstacles)
+                next_depth = (math.floor(reached / segment.step + 0.5 / TICKS) + 1) * segment.step
+                self._canonical_driven(next_depth * down, [], obstacles)
             depth = depth_under(pad, segment, -value[2])
             arrays = {"depth": np.array(depth)}
             cache.store(name, arrays)
@@ -139,14 +139,26 @@ class PadPath(PathProblem):
         rate = partial(self._rate, turned, used)
         displacement, pressure = self.mirrored(displacement, pressure, reversed(used))
         buckled_at = self.segments.buckled_at(turned, used)
-        figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
-        moved = None if self.load.moved_indenter is None else value
+        indenter_moved = None if self.load.moved_indenter is None else value
         if self.load.driven is not None:
-            moved = self.driven_to(value, in_the_way)
+            indenter_moved = self.driven_to(value, in_the_way)
         return State(
-            self.mesh, self.material, self.load, value, displacement, pressure, *figures, path_rate=rate,
-            indenter_moved=moved, bodies=self.bodies, buckled_at=buckled_at,
-        )  # fmt: skip
+            mesh=self.mesh,
+            material=self.material,
+            load=self.load,
+            value=value,
+            displacement=displacement,
+            pressure=pressure,
+            min_jacobian=at.min_jacobian,
+            residual=at.residual,
+            newton_iterations=at.iterations,
+            stability_checked=at.stability_checked,
+            solved_in=at.seconds,
+            path_rate=rate,
+            indenter_moved=indenter_moved,
+            bodies=self.bodies,
+            buckled_at=buckled_at,
+        )
 
     def bearing(self, value: np.ndarray) -> PadPath:
         """The path that leads to a value: this one, or one that is judged itself, where that of its judge does not."""
@@ -174,9 +186,9 @@ class PadPath(PathProblem):
     def like(self, load: Load | None = None, refinement: Refinement | None = None) -> PadPath:
         """The path under another load, or on elements that are refined otherwise under the indenter."""
         judged_on = None if self.judge is None else self.judge.mesh_size
-        judged, others = self.judged or self.judge is not None, (self.bodies, self.step_tolerance)
+        judged, settings = self.judged or self.judge is not None, (self.bodies, self.step_tolerance)
         which, where = load or self.load, refinement or self._refinement
-        return pad_path(self.pad, self.material, which, self.mesh_size, judged, judged_on, *others, where)
+        return pad_path(self.pad, self.material, which, self.mesh_size, judged, judged_on, *settings, where)
 
     def on_elements(self, mesh_size: float, judged: bool = False) -> PadPath:
         """The same path on elements of another size, also under an indenter."""
@@ -186,8 +198,8 @@ class PadPath(PathProblem):
         return self._like(mesh_size, judged, replace(self.refinement, relative_size=relative_size))
 
     def _like(self, mesh_size: float, judged: bool = True, refinement: Refinement | None = None) -> PadPath:
-        others = None, self.bodies, self.step_tolerance, refinement or self._refinement
-        return pad_path(self.pad, self.material, self.load, mesh_size, judged, *others)
+        settings = None, self.bodies, self.step_tolerance, refinement or self._refinement
+        return pad_path(self.pad, self.material, self.load, mesh_size, judged, *settings)
 
     def _bears(self, judge: PadPath, value: np.ndarray) -> bool:
         """Whether the judge's path leads as far as ``value``; meanwhile another thread meshes the pad for this one."""
@@ -214,17 +226,17 @@ class PadPath(PathProblem):
         with self.lock:
             segment, s = self.segments.to(value)[-1]
             direction = segment.direction
-            part, along, pad = self.segments.part_to(segment, s)
+            curve, distance, pad = self.segments.part_to(segment, s)
             pushed = self.solved.beside(segment, s, pad)
             if pushed:
                 try:
                     rate = self.solved.rate_beside(segment, s, pad, pushed.unknowns)
                 except Rejected:
                     return None
-            elif pad.solves_between and isinstance(part, LoadSegment):
-                rate = self.solved.at(part, along, pad).tangent
+            elif pad.solves_between and isinstance(curve, LoadSegment):
+                rate = self.solved.at(curve, distance, pad).tangent
             else:
-                rate = part.rate(along)
+                rate = curve.rate(distance)
             displacement = pad.split(rate)[0]
         for mirror in reversed(mirrors):
             direction, displacement = mirror.image(direction), mirror.image(displacement[self.images[mirror]])
@@ -263,8 +275,8 @@ class PadPath(PathProblem):
         size = min(self.mesh_size, self.pad.default_mesh_size)  # of which larger ones are no larger under a body
         if self.load.indenter is None or (self.load.driven is not None and displacement is None):
             return
-        moved = value if self.load.driven is None else self.driven_to(value, None)
-        refuse_unresolved(self.mesh, self.load.indenter, displacement, moved, size, largest)
+        indenter_moved = value if self.load.driven is None else self.driven_to(value, None)
+        refuse_unresolved(self.mesh, self.load.indenter, displacement, indenter_moved, size, largest)
 
     def canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
@@ -273,12 +285,20 @@ class PadPath(PathProblem):
 
         ``mirrors`` are those that took it there, and the obstacles too.
         """
-        found = np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count)
+        fields = np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count)
         if not value.any():
-            return *found, Interpolated(np.zeros(0), 1.0, 0.0, 0, True, 0.0)
+            at_rest = Interpolated(
+                unknowns=np.zeros(0),
+                min_jacobian=1.0,
+                residual=0.0,
+                iterations=0,
+                stability_checked=True,
+                seconds=0.0,
+            )
+            return *fields, at_rest
         if self.load.driven is not None:
             return self._canonical_driven(self.driven_to(value, obstacles), mirrors, obstacles)
-        start, seconds = partial(_at_rest, found), 0.0
+        start, seconds = partial(_at_rest, fields), 0.0
         for segment, s in self.segments.to(value):
             pad = self.segments.pad_for(segment.origin, segment.direction)
             pushed = self.solved.beside(segment, s, pad)
@@ -293,18 +313,18 @@ class PadPath(PathProblem):
                 touched = touch(branch.curve, branch.buckled)
                 self._refuse_touch(branch, touched and (branch.load_at(touched[0]), touched[1]), s, mirrors)
                 seconds += branch.seconds_before(s)
-            part, along, pad = self.segments.part_to(segment, s)
-            if not part.reaches(along):
-                raise self._end(part.value(part.limit), part.reason, part.place, mirrors, self._folded(part, pad))
+            curve, distance, pad = self.segments.part_to(segment, s)
+            if not curve.reaches(distance):
+                raise self._end(curve.value(curve.limit), curve.reason, curve.place, mirrors, self._folded(curve, pad))
             try:
-                at = self.solved.state(part, along, pad)
+                at = self.solved.state(curve, distance, pad)
             except Rejected as rejection:
                 reason, nowhere = f"cannot be loaded further ({rejection})", np.full(3, np.nan)
                 raise self._end(segment.value(s), reason, nowhere, mirrors) from rejection
             seconds += at.seconds
-            found = pad.split(at.unknowns)
+            fields = pad.split(at.unknowns)
             start = partial(_in_balance, pad, at.unknowns, segment.value(s))
-        return *found, replace(at, seconds=seconds)
+        return *fields, replace(at, seconds=seconds)
 
     def _state_under_normal_force(self, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacement and pressure under a force (3,) along z."""
@@ -367,7 +387,7 @@ def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarr
 
 def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Displacement and pressure in balance near the unknowns of an interpolated state."""
-    return pad.split(pad.balance(near, value))
+    return pad.split(pad.equilibrium(near, value))
 
 
 def pad_path(

@@ -153,10 +153,10 @@ class PathSegments:
             return None
         for segment, s in self.to(value):
             if segment.mode.size and s > segment.limit:
-                found = segment.value(segment.limit)
+                critical = segment.value(segment.limit)
                 for mirror in reversed(mirrors):
-                    found = mirror.image(found)
-                return found
+                    critical = mirror.image(critical)
+                return critical
         return None
 
     @property

@@ -55,7 +55,7 @@ def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
     load: Any = path.load
     if load.moved_indenter is None or math.hypot(*value[:2]) <= CLOSE * _reach(path):
         return path, value
-    x, y = (float(start + moved) for start, moved in zip(load.indenter.at, value[:2], strict=True))
+    x, y = (float(start + shift) for start, shift in zip(load.indenter.at, value[:2], strict=True))
     return path.like(replace(load, indenter=replace(load.indenter, at=(x, y)))), np.array([0.0, 0.0, value[2]])
 
 
@@ -74,16 +74,16 @@ def solved_on(
     path, there = placed_path(path, value)
     indenter = path.load.indenter
     finer = indenter is not None and indenter.body.finer_when_shallow and not path.load.self_contact
-    left = MOST_FINER if finer else 0
+    refinements = MOST_FINER if finer else 0
     while True:
         try:
-            largest = WANTED if left else LARGEST
+            largest = WANTED if refinements else LARGEST
             path.refuse_unresolved(there, None, largest)
             state = path.state(there, obstacles)
             path.refuse_unresolved(there, state.displacement, largest)
             return path, there, state
         except Unresolved:
-            if not left:
+            if not refinements:
                 raise
-        left -= 1
+        refinements -= 1
         path = path.like(refinement=replace(path.refinement, depth=SHALLOWER * path.refinement.depth))

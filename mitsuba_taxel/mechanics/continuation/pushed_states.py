@@ -69,8 +69,8 @@ class PushedStates:
             pad.numbering.displacements,
             INTERPOLATION_TOLERANCE,
         )
-        found = pad.near_balance(unknowns, value, iterations, self._at_normal[0].stability_checked)
-        return Interpolated.of(found, time.perf_counter() - began)
+        solution = pad.figures_at(unknowns, value, iterations, self._at_normal[0].stability_checked)
+        return Interpolated.of(solution, time.perf_counter() - began)
 
     def rate(self, pad: LoadedPad, segment: LoadSegment, s: float, unknowns: np.ndarray) -> np.ndarray:
         """Derivative of the ``unknowns`` of such a state by the distance; raises Rejected as :meth:`state` does."""
@@ -102,12 +102,12 @@ class PushedStates:
 
     def _factor(self, block: TangentBlock) -> Factorisation:
         """Of a block of the tangent of the normal force; raises Rejected if it is unstable."""
-        near = self._at_normal[1]
+        at_normal = self._at_normal[1]
         if block.model is self._pad.model:
-            return near.factor
+            return at_normal.factor
         if block.model not in self._factors:
             on_part = block.model.part.restrict(*self._state)
-            entries: np.ndarray | None = near.entries
+            entries: np.ndarray | None = at_normal.entries
             if block.model.part is not self._pad.part:
                 entries = block.model.evaluate(*on_part, self._value).entries
             assert entries is not None  # in balance, no element is inverted
@@ -142,15 +142,19 @@ def accelerated(
         if corrections do not become small.
     """
     unknowns, last = start, math.inf
-    places: list[np.ndarray] = []
+    iterates: list[np.ndarray] = []
     corrections: list[np.ndarray] = []
     for iteration in range(1, MOST_ITERATIONS + 1):
         correction = correct(unknowns)
         size = math.inf if correction is None else math.sqrt(np.square(correction[:displacements]).mean())
         if correction is None or not size < last:
             raise Rejected("the tangent of another state leads no closer")
-        places, corrections, last = [*places[-REMEMBERED:], unknowns], [*corrections[-REMEMBERED:], correction], size
-        unknowns = _combined(places, corrections, displacements)
+        iterates, corrections, last = (
+            [*iterates[-REMEMBERED:], unknowns],
+            [*corrections[-REMEMBERED:], correction],
+            size,
+        )
+        unknowns = _combined(iterates, corrections, displacements)
         if size <= tolerance * np.abs(unknowns[:displacements]).max():
             return unknowns, iteration
     raise Rejected(f"the tangent of another state leads no closer in {MOST_ITERATIONS} iterations")
@@ -158,12 +162,12 @@ def accelerated(
 
 def _combined(places: list[np.ndarray], corrections: list[np.ndarray], displacements: int) -> np.ndarray:
     """The next unknowns, from the last ones and their corrections."""
-    place, correction = places[-1], corrections[-1]
+    iterate, correction = places[-1], corrections[-1]
     if len(places) == 1:
-        return place - correction
-    moved, changed = np.diff(places, axis=0), np.diff(corrections, axis=0)
-    seen, left = changed[:, :displacements], correction[:displacements]
+        return iterate - correction
+    steps, differences = np.diff(places, axis=0), np.diff(corrections, axis=0)
+    displaced, last = differences[:, :displacements], correction[:displacements]
     # Not as matrix products, whose rounding depends on the number of threads.
-    products, wanted = np.einsum("in,jn->ij", seen, seen), np.einsum("in,n->i", seen, left)
-    weights = np.linalg.lstsq(products, wanted, rcond=None)[0]
-    return place - correction - np.einsum("i,in->n", weights, moved - changed)
+    products, right_side = np.einsum("in,jn->ij", displaced, displaced), np.einsum("in,n->i", displaced, last)
+    weights = np.linalg.lstsq(products, right_side, rcond=None)[0]
+    return iterate - correction - np.einsum("i,in->n", weights, steps - differences)

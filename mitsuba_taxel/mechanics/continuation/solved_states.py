@@ -45,15 +45,15 @@ class SolvedStates:
 
     def at(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
         """The state in balance at a distance ``s`` that a segment reaches: in contact, cubics are far off."""
-        asked = self._at.setdefault(segment, {})
-        if s not in asked:
+        solved = self._at.setdefault(segment, {})
+        if s not in solved:
             name = cache.key("state", self._segments.name_of(segment), s)
             with cache.alone(name):
                 arrays = cache.load(name)
-                asked[s] = segment.solved(pad, s) if arrays is None else Node(**cache.values_of(arrays))
+                solved[s] = segment.solved(pad, s) if arrays is None else Node(**cache.values_of(arrays))
                 if arrays is None:
-                    cache.store(name, cache.arrays_of(asked[s]))
-        return asked[s]
+                    cache.store(name, cache.arrays_of(solved[s]))
+        return solved[s]
 
     def state(self, part: LoadSegment | BuckledBranch, s: float, pad: LoadedPad) -> Interpolated:
         """The state at a distance ``s`` that a part of the path reaches: in balance, or interpolated within its
@@ -71,38 +71,38 @@ class SolvedStates:
         small = segment.direction[:-1].any() and s <= FURTHEST_BESIDE * segment.step
         if self._state_under is None or not small or self._path.load.self_contact or self._path.load.gives_displacement:
             return None
-        asked = self._beside.setdefault(segment, {})
-        if s not in asked:
+        solved = self._beside.setdefault(segment, {})
+        if s not in solved:
             name = cache.key("pushed", self._segments.name_of(segment), s)
             with cache.alone(name):
                 arrays = cache.load(name)
                 if arrays is None:
-                    asked[s] = self._solved_beside(segment, s, pad)
-                    cache.store(name, cache.arrays_of(asked[s]) if asked[s] else {})
+                    solved[s] = self._solved_beside(segment, s, pad)
+                    cache.store(name, cache.arrays_of(solved[s]) if solved[s] else {})
                 else:
-                    asked[s] = Interpolated(**cache.values_of(arrays)) if arrays else None
-        return asked[s]
+                    solved[s] = Interpolated(**cache.values_of(arrays)) if arrays else None
+        return solved[s]
 
     def _solved_beside(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
         try:
-            found = _pushed_from(self, tuple(segment.origin)).state(pad, segment, s)
+            state = _pushed_from(self, tuple(segment.origin)).state(pad, segment, s)
         except Rejected:
             return None
-        return None if self._path.contact.find(pad.split(found.unknowns)[0]) else found
+        return None if self._path.contact.find(pad.split(state.unknowns)[0]) else state
 
     def rate_beside(self, segment: LoadSegment, s: float, pad: LoadedPad, unknowns: np.ndarray) -> np.ndarray:
         """How the ``unknowns`` of a state beside that under a normal force change with ``s``."""
-        asked = self._rates_beside.setdefault(segment, {})
-        if s not in asked:
+        rates = self._rates_beside.setdefault(segment, {})
+        if s not in rates:
             name = cache.key("pushed rate", self._segments.name_of(segment), s)
             with cache.alone(name):
                 arrays = cache.load(name)
                 if arrays is None:
-                    asked[s] = _pushed_from(self, tuple(segment.origin)).rate(pad, segment, s, unknowns)
-                    cache.store(name, {"rate": asked[s]})
+                    rates[s] = _pushed_from(self, tuple(segment.origin)).rate(pad, segment, s, unknowns)
+                    cache.store(name, {"rate": rates[s]})
                 else:
-                    asked[s] = arrays["rate"]
-        return asked[s]
+                    rates[s] = arrays["rate"]
+        return rates[s]
 
     def pushed_from(self, normal: np.ndarray) -> PushedStates:
         """States under a normal force (3,) and small tangential ones."""

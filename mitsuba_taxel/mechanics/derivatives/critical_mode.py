@@ -75,7 +75,7 @@ class CriticalMode:
         pad = loaded_pad(mesh, material, state.load, self._mirrors)
         start = pad.gather(state.displacement + self._symmetric(displacement), state.pressure)
         try:
-            solution, _ = pad.solve_closely(start, state.value + block.of_value(value))
+            solution, _ = pad.solve_with_tangent(start, state.value + block.of_value(value))
         except Rejected as rejection:
             raise ComputationError(f"no equilibrium of a pad that changes a little was found: {rejection}.") from None
         model = tangent_blocks(pad)[self._place].model
@@ -86,8 +86,8 @@ class CriticalMode:
 
     def _symmetric(self, field: np.ndarray) -> np.ndarray:
         """The part of a vector field (N, 3) with the symmetry of the state."""
-        part = self._blocks[0].model.part
-        return part.expand(self._blocks[0].of_field(field), np.zeros(self._state.mesh.corner_count))[0]
+        symmetric_part = self._blocks[0].model.part
+        return symmetric_part.expand(self._blocks[0].of_field(field), np.zeros(self._state.mesh.corner_count))[0]
 
 
 def _mode(block: TangentBlock, state: State) -> tuple[float, np.ndarray]:

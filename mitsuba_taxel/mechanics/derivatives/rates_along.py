@@ -25,7 +25,7 @@ STRAIGHT = 1e-9
 
 
 def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequence[np.ndarray]]) -> np.ndarray:
-    """(S, K, ...) K derivatives of each of some states whose loads lie on one line.
+    """K derivatives of each of some states whose loads lie on one line.
 
     Parameters
     ----------
@@ -34,6 +34,11 @@ def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequen
     ask : Callable[[LinearisedState], Sequence[ndarray]]
         Returns the derivatives of one state, all of one shape, such as ``lambda s: [s.by_value((0, 0, 1)),
         s.by_shape(v)]``.
+
+    Returns
+    -------
+    (S, K, ...) ndarray
+        Of each state, in the units of what is asked for.
 
     Raises
     ------
@@ -44,16 +49,18 @@ def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequen
     """
     if not (len(states) and is_row(states, lambda state: isinstance(state, State))):
         raise refusal("states", states, "a row of States, as load_path returns them,")
-    places = _along(np.array([state.value for state in states]))
+    positions = _along(np.array([state.value for state in states]))
     answers: dict[int, np.ndarray] = {}
-    while len(answers) < len(np.unique(places)):
-        product = np.prod([np.abs(places - places[index]) for index in answers], axis=0)
-        further = int(np.argmax(product)) if answers else int(np.argmin(places))
-        told = _interpolated(places, answers)[further] if len(answers) >= FEWEST else None
-        answers[further] = np.array(ask(linearise(states[further])))
-        if told is not None and np.all(_largest([answers[further] - told]) <= TOLERANCE * _largest(answers.values())):
+    while len(answers) < len(np.unique(positions)):
+        product = np.prod([np.abs(positions - positions[index]) for index in answers], axis=0)
+        chosen = int(np.argmax(product)) if answers else int(np.argmin(positions))
+        predicted = _interpolated(positions, answers)[chosen] if len(answers) >= FEWEST else None
+        answers[chosen] = np.array(ask(linearise(states[chosen])))
+        if predicted is not None and np.all(
+            _largest([answers[chosen] - predicted]) <= TOLERANCE * _largest(answers.values())
+        ):
             break
-    return _interpolated(places, answers)
+    return _interpolated(positions, answers)
 
 
 def _largest(answers: Iterable[np.ndarray]) -> np.ndarray:
@@ -69,17 +76,17 @@ def _along(values: np.ndarray) -> np.ndarray:
     if length == 0:
         return np.zeros(len(values))
     direction = from_first[np.linalg.norm(from_first, axis=1).argmax()] / length
-    places = from_first @ direction
-    if np.abs(from_first - places[:, None] * direction).max() > STRAIGHT * length:
+    positions = from_first @ direction
+    if np.abs(from_first - positions[:, None] * direction).max() > STRAIGHT * length:
         raise InputError("states are not allowed: loads on one straight line are needed.")
-    return places / length
+    return positions / length
 
 
 def _interpolated(places: np.ndarray, answers: dict[int, np.ndarray]) -> np.ndarray:
     """(S, ...) the polynomial through the derivatives of some states, by number, at the positions of all."""
-    known = places[list(answers)]
-    weights = np.ones((len(places), len(known)))
-    for k, here in enumerate(known):
-        for other in np.delete(known, k):
-            weights[:, k] *= (places - other) / (here - other)
+    nodes = places[list(answers)]
+    weights = np.ones((len(places), len(nodes)))
+    for k, here in enumerate(nodes):
+        for node in np.delete(nodes, k):
+            weights[:, k] *= (places - node) / (here - node)
     return np.tensordot(weights, np.array(list(answers.values())), axes=1)

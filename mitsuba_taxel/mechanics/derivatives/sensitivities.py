@@ -71,6 +71,16 @@ def linearise(state: State) -> LinearisedState:
     path is interpolated, and takes an iteration or two of Newton's method; its derivatives are those of the
     equilibrium, not of the interpolation.
 
+    Parameters
+    ----------
+    state : State
+        Of an elastic pad without friction.
+
+    Returns
+    -------
+    LinearisedState
+        The pad in equilibrium, with its factored tangent.
+
     Raises
     ------
     InputError
@@ -91,7 +101,7 @@ def linearise(state: State) -> LinearisedState:
         pad = loaded_pad(state.mesh, state.material, load, mirrors_of_state(state), state.bodies)
         blocks = _blocks(pad)
         unknowns = pad.gather(state.displacement, state.pressure)
-        solution, linearised = pad.solve_closely(unknowns, value)
+        solution, linearised = pad.solve_with_tangent(unknowns, value)
     return kind(pad, blocks, solution.unknowns, value, linearised)
 
 
@@ -129,6 +139,11 @@ class LinearisedState:
         direction : Sequence[float] or ndarray
             (3,) or (1,), like the load's value; a unit vector gives mm per N, mm or MPa.
 
+        Returns
+        -------
+        (N, 3) ndarray
+            At each node.
+
         Raises
         ------
         InputError
@@ -137,14 +152,24 @@ class LinearisedState:
         direction = array_of("direction", direction, (self._pad.load.components,))
         if not self._driven:
             return self._answer(self._push_of_value(direction))
-        parts = ((block, block.of_value(direction)) for block in self._blocks)
-        gaps = {block: block.model.numbering.plate_values(part) for block, part in parts if part.any()}
+        components = ((block, block.of_value(direction)) for block in self._blocks)
+        gaps = {
+            block: block.model.numbering.plate_values(component) for block, component in components if component.any()
+        }
         return self._answer({block: np.zeros(block.model.assembly.unknowns) for block in gaps}, gaps)
 
     def by_material(self, name: str) -> np.ndarray:
         """(N, 3) derivative of the displacement by a parameter of the material, by one back-solve.
 
-        In mm per unit of the parameter, at constant others; ``material.parameters`` lists the names.
+        Parameters
+        ----------
+        name : str
+            One of ``material.parameters``; the others are constant.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            In mm per unit of the parameter, at each node.
 
         Raises
         ------
@@ -167,6 +192,11 @@ class LinearisedState:
         velocity : (N, 3) ndarray
             Of the nodes, in mm per unit of the change: from `mesh_velocity`, or any other.
 
+        Returns
+        -------
+        (N, 3) ndarray
+            In mm per unit of the change, at each node.
+
         Raises
         ------
         InputError
@@ -182,6 +212,11 @@ class LinearisedState:
         direction : Sequence[float] or ndarray
             (2,) along x and y; a unit vector gives mm per mm. Plates and other loads have no place: they give zeros.
 
+        Returns
+        -------
+        (N, 3) ndarray
+            At each node.
+
         Raises
         ------
         InputError
@@ -196,8 +231,10 @@ class LinearisedState:
         velocity[:, :2] = -direction  # of the pad below a patch that stays
         loads = load_rate(pad.whole, pad.material, pad.load, self.displacement, self._value, velocity)
         forces = {block: block.forces(loads) for block in self._blocks}
-        largest = max(np.abs(each).max() for each in forces.values())
-        return self._answer({block: each for block, each in forces.items() if np.abs(each).max() > NO_PART * largest})
+        largest = max(np.abs(force).max() for force in forces.values())
+        return self._answer(
+            {block: force for block, force in forces.items() if np.abs(force).max() > NO_PART * largest}
+        )
 
     def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
         """The vector-Jacobian product: derivatives of a scalar L by load, material and shape, all by one back-solve.
@@ -209,6 +246,11 @@ class LinearisedState:
         shapes : Mapping[str, ndarray], optional
             Velocities (N, 3) as for :meth:`by_shape`, by arbitrary names. If L depends on the positions of nodes, add
             the sum of ``gradient * velocity``: the undeformed nodes move too.
+
+        Returns
+        -------
+        Gradient
+            Derivatives of L.
 
         Raises
         ------
@@ -272,19 +314,23 @@ class LinearisedState:
         return self._at_state[elements]
 
     def _push_of_value(self, direction: np.ndarray) -> Push:
-        parts = ((block, block.of_value(direction)) for block in self._blocks)
+        components = ((block, block.of_value(direction)) for block in self._blocks)
         return {
-            block: block.model.load_rate(self._on(block)[0], part, self._value) for block, part in parts if part.any()
+            block: block.model.load_rate(self._on(block)[0], component, self._value)
+            for block, component in components
+            if component.any()
         }
 
     def _push_of_material(self, name: str) -> Push:
         block = self._blocks[0]  # which contains the state
         strained, assembly = self._strained(block), block.model.assembly
-        apart = block.forces(self._kept_apart / self._pad.material.youngs_modulus)
+        barrier_forces = block.forces(self._kept_apart / self._pad.material.youngs_modulus)
 
         def put_up(material: Material) -> np.ndarray:
-            held = block.model.pushed_as(material, self._on(block)[0], self._value)
-            return assembly.over_unknowns(*strained.of(material)) - held - material.youngs_modulus * apart
+            load_forces = block.model.pushed_as(material, self._on(block)[0], self._value)
+            return (
+                assembly.over_unknowns(*strained.of(material)) - load_forces - material.youngs_modulus * barrier_forces
+            )
 
         return {block: -material_rate(put_up, self._pad.material, name)}
 
@@ -294,9 +340,9 @@ class LinearisedState:
         if pad.contacts:
             loads = loads + pad.contacts.shape_rate(self.displacement, velocity)
         for block in self._blocks:
-            part = block.of_field(velocity)
-            if np.abs(part).max() > NO_PART * np.abs(velocity).max():
-                inside = self._strained(block).rates(part)
+            component = block.of_field(velocity)
+            if np.abs(component).max() > NO_PART * np.abs(velocity).max():
+                inside = self._strained(block).rates(component)
                 push[block] = block.forces(loads) - block.model.assembly.over_unknowns(*inside)
         return push
 
@@ -340,21 +386,21 @@ class PressedState(LinearisedState):
         return self._under_force(rate, self._gain_by_shape(np.asarray(velocity, dtype=float)))
 
     def by_place(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
-        moved = np.append(array_of("direction", direction, (2,)), 0.0)
+        shift = np.append(array_of("direction", direction, (2,)), 0.0)
         if not self._pad.load.has_position:
             return np.zeros_like(self.displacement)
-        rate = super().by_value(moved)
-        return self._under_force(rate, float(self._body.force_rate(self._pressing, moved, np.zeros_like(rate))[2]))
+        rate = super().by_value(shift)
+        return self._under_force(rate, float(self._body.force_rate(self._pressing, shift, np.zeros_like(rate))[2]))
 
     def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
         """As of a `LinearisedState`; the value has a derivative along z alone, others are NaN."""
         gradient = array_of("gradient", gradient, self.displacement.shape)
         by_force = float(np.vdot(gradient, self._by_height)) / self._stiffness
-        found = super().pull_back(gradient - by_force * self._body.force_gradient(self._pressing), shapes)
-        material = {name: along - by_force * self._gain_by_material(name) for name, along in found.material.items()}
+        at_depth = super().pull_back(gradient - by_force * self._body.force_gradient(self._pressing), shapes)
+        material = {name: along - by_force * self._gain_by_material(name) for name, along in at_depth.material.items()}
         shape = {
             name: along - by_force * self._gain_by_shape(np.asarray((shapes or {})[name], dtype=float))
-            for name, along in found.shape.items()
+            for name, along in at_depth.shape.items()
         }
         return Gradient(np.array([np.nan, np.nan, by_force]), material, shape)
 

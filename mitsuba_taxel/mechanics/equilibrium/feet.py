@@ -30,8 +30,8 @@ def where_linear(mesh: VolumeMesh, load: Load, share: float = 1.0) -> np.ndarray
     """
     if not load.self_contact:
         return None
-    near = near_feet(mesh, share)
-    return near if near.any() else None
+    nodes_near = near_feet(mesh, share)
+    return nodes_near if nodes_near.any() else None
 
 
 def near_feet(mesh: VolumeMesh, share: float = 1.0) -> np.ndarray:
@@ -72,7 +72,7 @@ def couple_held(
 
 def are_at_feet(mesh: VolumeMesh, places: np.ndarray, share: float = 1.0) -> np.ndarray:
     """(...) whether places (..., 3) in mm are within a ``share`` of :data:`RADIUS` of a foot."""
-    near, radius = np.zeros(places.shape[:-1], dtype=bool), share * RADIUS * float(np.ptp(mesh.points[:, 2]))
+    inside, radius = np.zeros(places.shape[:-1], dtype=bool), share * RADIUS * float(np.ptp(mesh.points[:, 2]))
     for foot in mesh.points[rim_corners(mesh, "bottom", SHARP)]:
-        near |= np.linalg.norm(places - foot, axis=-1) < radius
-    return near
+        inside |= np.linalg.norm(places - foot, axis=-1) < radius
+    return inside

@@ -62,15 +62,17 @@ class IndentedPad(LoadedPad):
     ) -> np.ndarray:
         """(m, 3) MPa, tractions due to slip at the contact ``pressing``; raises without friction."""
         assert self.friction is not None
-        tangents, place = self.friction.tangents(pressing), self.friction.place(displacement, value)
-        return self.friction.traction(tangents, place, history.rubbed or self.friction.at_rest(), pressing.pressure)
+        tangents, slip_position = self.friction.tangents(pressing), self.friction.place(displacement, value)
+        return self.friction.traction(
+            tangents, slip_position, history.rubbed or self.friction.at_rest(), pressing.pressure
+        )
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        found = self._balanced(start, value)
-        largest = np.abs(found.unknowns[: self.numbering.displacements]).max()
-        near = found.linearised if found.distance <= NEAR * largest else None
-        linearised = self._linearised(self._entries(found, value), found.unknowns, value, near)
-        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
+        balanced = self._balanced(start, value)
+        largest = np.abs(balanced.unknowns[: self.numbering.displacements]).max()
+        nearby = balanced.linearised if balanced.distance <= NEAR * largest else None
+        linearised = self._linearised(self._entries(balanced, value), balanced.unknowns, value, nearby)
+        return self._accepted(balanced, self.is_stable(linearised, balanced.unknowns, value)), linearised
 
     def is_stable(
         self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
@@ -81,8 +83,8 @@ class IndentedPad(LoadedPad):
             return super().is_stable(linearised, unknowns, value, history)
         except Rejected as unstable:
             factor = self._with_straight_pushes(unknowns, value, history)
-            held = self.model.held(self.numbering.split(unknowns)[0], value)
-            if factor.negative_pivots == self.numbering.pressures + held.negative(factor):
+            constraints = self.model.held(self.numbering.split(unknowns)[0], value)
+            if factor.negative_pivots == self.numbering.pressures + constraints.negative(factor):
                 raise Rejected(
                     "it slips off the indenter, which is sharper there than the elements: a rounder one is needed"
                 ) from unstable
@@ -112,7 +114,14 @@ class IndentedPad(LoadedPad):
             settled = self._settled(state, unknowns, value, history)
             residual_error = self._error(settled, unknowns, value)
             if residual_error < RESIDUAL_TOLERANCE:
-                return Balanced(unknowns, settled, residual_error, iteration, linearised, distance)
+                return Balanced(
+                    unknowns=unknowns,
+                    state=settled,
+                    error=residual_error,
+                    iterations=iteration,
+                    linearised=linearised,
+                    distance=distance,
+                )
 
             # A tangent is factored at first, and where the last one has become too poor.
             if contact is None or error > SLOW_PRESSED * last_error:
@@ -192,9 +201,9 @@ class IndentedPad(LoadedPad):
         """(m, 2) mm³ along the tangents."""
         if self.friction is None:
             return np.zeros((len(self.model.indentation.node), 0))
-        place = self.friction.place(self.numbering.split(unknowns)[0], value)
+        slip_position = self.friction.place(self.numbering.split(unknowns)[0], value)
         before = history.rubbed or self.friction.at_rest()
-        return self.friction.slip(self.friction.tangents(_pressing_of(state)), place, before)
+        return self.friction.slip(self.friction.tangents(_pressing_of(state)), slip_position, before)
 
     def _settled(
         self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, history: History
@@ -219,15 +228,15 @@ class IndentedPad(LoadedPad):
     def _likely_pushes(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> np.ndarray:
         """(m, 3) pressures that best balance the pad at a displacement out of equilibrium, without tractions."""
         body = self.model.indentation
-        found = np.zeros((len(body.node), 3))
-        state = self._pushed(unknowns, value, found, False, history)
+        forces = np.zeros((len(body.node), 3))
+        state = self._pushed(unknowns, value, forces, False, history)
         pressing = _pressing_of(state)
         likely = np.flatnonzero((pressing.gap < LIKELY * self.step * body.area) & self.model.may_press)
         if state.min_jacobian > 0 and state.residual.any():
             rows = self.model.over_unknowns(pressing.rate[likely])
             products = (rows @ rows.T).toarray()
-            found[likely, 0] = np.linalg.lstsq(products, rows @ state.residual, rcond=None)[0]
-        return np.maximum(found, 0.0)
+            forces[likely, 0] = np.linalg.lstsq(products, rows @ state.residual, rcond=None)[0]
+        return np.maximum(forces, 0.0)
 
     @cached_property
     def _small_load(self) -> float:
@@ -267,23 +276,23 @@ class _LinearContact:
         before = pushed_by[:, : self._ways].T.ravel()
         free = -self._factor.solve_roughly(state.residual)
         offset = np.concatenate([_pressing_of(state).gap, slip.T.ravel()]) + self._rows @ free
-        count, further = self._count, np.zeros(len(before))
-        asked = self._may & ((before[:count] > 0) | (offset[:count] < 0))
-        while asked.any():
-            self._learn(np.flatnonzero(asked))
-            known = (self._known + count * np.arange(self._ways)[:, None]).ravel()
-            matrix = self._answers[known] + np.diag(self._slack[known])
-            found = self._settled(matrix, offset[known] - self._answers[known] @ before[known], before[known])
-            if found is None:
+        count, force_change = self._count, np.zeros(len(before))
+        candidates = self._may & ((before[:count] > 0) | (offset[:count] < 0))
+        while candidates.any():
+            self._learn(np.flatnonzero(candidates))
+            rows = (self._known + count * np.arange(self._ways)[:, None]).ravel()
+            matrix = self._answers[rows] + np.diag(self._slack[rows])
+            solved = self._settled(matrix, offset[rows] - self._answers[rows] @ before[rows], before[rows])
+            if solved is None:
                 return None
-            further[known] = found - before[known]
-            asked = self._may & (offset[:count] + self._answers[:count] @ further[known] < 0)
-            asked[self._known] = False
-        if self._surplus and not self._is_stable(before[:count] + further[:count] > 0):
+            force_change[rows] = solved - before[rows]
+            candidates = self._may & (offset[:count] + self._answers[:count] @ force_change[rows] < 0)
+            candidates[self._known] = False
+        if self._surplus and not self._is_stable(before[:count] + force_change[:count] > 0):
             return None
         pushed = np.zeros_like(pushed_by)
-        pushed[:, : self._ways] = further.reshape(self._ways, count).T
-        return free + self._factor.solve_roughly(self._rows.T @ further), pushed
+        pushed[:, : self._ways] = force_change.reshape(self._ways, count).T
+        return free + self._factor.solve_roughly(self._rows.T @ force_change), pushed
 
     def _settled(self, matrix: np.ndarray, offset: np.ndarray, before: np.ndarray) -> np.ndarray | None:
         """Pressures, followed by tractions."""
@@ -303,8 +312,8 @@ class _LinearContact:
         new = np.setdiff1d(nodes, self._known)
         rows = (new + self._count * np.arange(self._ways)[:, None]).ravel()
         learnt = answers(self._factor, self._rows, self._rows[rows]).reshape(len(self._slack), self._ways, -1)
-        known = self._answers.reshape(len(self._slack), self._ways, -1)
-        self._answers = np.concatenate([known, learnt], axis=2).reshape(len(self._slack), -1)
+        responses = self._answers.reshape(len(self._slack), self._ways, -1)
+        self._answers = np.concatenate([responses, learnt], axis=2).reshape(len(self._slack), -1)
         self._known = np.concatenate([self._known, new])
 
 

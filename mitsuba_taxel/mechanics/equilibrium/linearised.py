@@ -78,19 +78,19 @@ class Linearised:
         None."""
         rows, slack, last = self.held.rows, self.held.slack, math.inf
         gap = np.zeros(len(slack)) if gap is None else gap
-        found, holding = self._answer(residual, gap)
+        solution, holding = self._answer(residual, gap)
         for _ in range(MOST_REFINEMENTS):
-            left = residual + rows.T @ holding - symmetric_product(self._lower, found)
-            change, more = self._answer(left, gap - rows @ found - slack * holding)
+            remainder = residual + rows.T @ holding - symmetric_product(self._lower, solution)
+            change, more = self._answer(remainder, gap - rows @ solution - slack * holding)
             size = float(np.abs(change[self._displacements]).max())
             if not size < last and not self._own:
                 self.factor, self._own = self._factored(self._lower), True
                 self.__dict__.pop("_flexibility", None)
                 return self.correction(residual, gap)
-            found, holding, last = found + change, holding + more, SLOW_REFINEMENT * size
-            if size <= REFINED * np.abs(found[self._displacements]).max():
+            solution, holding, last = solution + change, holding + more, SLOW_REFINEMENT * size
+            if size <= REFINED * np.abs(solution[self._displacements]).max():
                 break
-        return found
+        return solution
 
     def stiffness(self, mode: np.ndarray) -> float:
         """N/mm, that against a mode over the unknowns."""

@@ -54,6 +54,21 @@ NEAR = 1e-3
 class LoadedPad:
     """A meshed pad glued to the board, under a load.
 
+    All solves find an equilibrium by Newton's method (:meth:`_balanced`); they differ in what is checked, and in whose
+    tangent they return:
+
+    ======================== ============================================== ========================================
+    method                   stability is checked against                   tangent, and its factor
+    ======================== ============================================== ========================================
+    solve                    all displacements                              of the state, its own
+    solve_symmetric          the same, or left to `refuse_unstable`         of the state, of a state near by
+    solve_linearised         those with the symmetry of the load            of a state within `NEAR`
+    solve_with_tangent       those with the symmetry of the load            of the state, of a state near by
+    solve_after              those with the symmetry of the load            of the last iteration with a new one
+    equilibrium_with_tangent nothing                                        of the state, its own
+    equilibrium              nothing                                        none is returned
+    ======================== ============================================== ========================================
+
     Parameters
     ----------
     mesh : VolumeMesh
@@ -139,12 +154,11 @@ class LoadedPad:
         Rejected
             if it does not converge, inverts an element, or ends in an unstable equilibrium.
         """
-        found = self._balanced(start, value)
-        linearised = self._linearised(self._entries(found, value), found.unknowns, value)
-        # A further step costs a back-solve, and removes the effect of the residual on derivatives.
-        correction = linearised.step(self._left(found.state), self._gap(found.unknowns, value))
-        found = replace(found, unknowns=found.unknowns - correction, linearised=None)
-        solution = self._accepted(found, self.is_stable(linearised, found.unknowns, value))
+        balanced = self._balanced(start, value)
+        linearised = self._linearised(self._entries(balanced, value), balanced.unknowns, value)
+        unknowns = self._further_step(linearised, balanced.state, balanced.unknowns, value)
+        balanced = replace(balanced, unknowns=unknowns, linearised=None)
+        solution = self._accepted(balanced, self.is_stable(linearised, balanced.unknowns, value))
         self.refuse_unstable(solution.unknowns, linearised.entries, value)
         return solution, linearised
 
@@ -153,14 +167,14 @@ class LoadedPad:
 
         Only one factored matrix is then in memory at a time: that of a nearby state, if it suffices.
         """
-        found = self._balanced(start, value)
-        entries = self._entries(found, value)
-        if found.linearised is not None and self._stability.of_all:
-            linearised = self._linearised(entries, found.unknowns, value, found.linearised)
-            return self._accepted(found, True), linearised
-        found = replace(found, linearised=None)  # frees its memory for the next one
-        linearised = self._linearised(entries, found.unknowns, value)
-        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
+        balanced = self._balanced(start, value)
+        entries = self._entries(balanced, value)
+        if balanced.linearised is not None and self._stability.of_all:
+            linearised = self._linearised(entries, balanced.unknowns, value, balanced.linearised)
+            return self._accepted(balanced, True), linearised
+        balanced = replace(balanced, linearised=None)  # frees its memory for the next one
+        linearised = self._linearised(entries, balanced.unknowns, value)
+        return self._accepted(balanced, self.is_stable(linearised, balanced.unknowns, value)), linearised
 
     def refuse_unstable(
         self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
@@ -183,30 +197,35 @@ class LoadedPad:
         Displacements without the symmetry of the load are not checked again, and the linearised pad is that of a state
         within `NEAR`.
         """
-        found = self._balanced(start, value)
-        linearised = found.linearised
-        largest = np.abs(found.unknowns[: self.numbering.displacements]).max()
-        if linearised is None or found.distance > NEAR * largest:
-            linearised = self._linearised(self._entries(found, value), found.unknowns, value, linearised)
-        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
+        balanced = self._balanced(start, value)
+        linearised = balanced.linearised
+        largest = np.abs(balanced.unknowns[: self.numbering.displacements]).max()
+        if linearised is None or balanced.distance > NEAR * largest:
+            linearised = self._linearised(self._entries(balanced, value), balanced.unknowns, value, linearised)
+        return self._accepted(balanced, self.is_stable(linearised, balanced.unknowns, value)), linearised
 
-    def solve_closely(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+    def solve_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         """As :meth:`solve_linearised`, with the tangent of the state itself; its factor may be that of a nearby one."""
-        solution, near = self.solve_linearised(start, value)
+        solution, nearby = self.solve_linearised(start, value)
         state = self._evaluate(solution.unknowns, value)
         assert state.entries is not None  # no element is inverted
-        linearised = self._linearised(state.entries, solution.unknowns, value, near)
-        # A further step costs a back-solve, and removes the effect of the residual on derivatives.
-        correction = linearised.step(self._left(state), self._gap(solution.unknowns, value))
-        return replace(solution, unknowns=solution.unknowns - correction), linearised
+        linearised = self._linearised(state.entries, solution.unknowns, value, nearby)
+        unknowns = self._further_step(linearised, state, solution.unknowns, value)
+        return replace(solution, unknowns=unknowns), linearised
 
-    def balance_closely(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve_closely`, an equilibrium that need not be stable."""
-        found = self._balanced(start, value)
-        linearised = self.tangent_at(found.unknowns, value, None)
-        correction = linearised.step(self._left(found.state), self._gap(found.unknowns, value))
-        found = replace(found, unknowns=found.unknowns - correction, linearised=None)
-        return self._accepted(found, True), linearised
+    def equilibrium_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """As :meth:`solve_with_tangent`, an equilibrium that need not be stable."""
+        balanced = self._balanced(start, value)
+        linearised = self.tangent_at(balanced.unknowns, value, None)
+        unknowns = self._further_step(linearised, balanced.state, balanced.unknowns, value)
+        return self._accepted(replace(balanced, unknowns=unknowns, linearised=None), True), linearised
+
+    def _further_step(
+        self, linearised: Linearised, state: Configuration, unknowns: np.ndarray, value: np.ndarray
+    ) -> np.ndarray:
+        """The unknowns after one more step from an equilibrium, which costs a back-solve, and removes the effect of the
+        residual on derivatives."""
+        return unknowns - linearised.step(self._free_residual(state), self._plate_gap(unknowns, value))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
         """(m, q, 6) MPa, second Piola-Kirchhoff stress of the law in the part, at a displacement of the whole pad."""
@@ -222,7 +241,7 @@ class LoadedPad:
         squares = np.square(stress) @ np.array([1.0, 1, 1, 2, 2, 2])
         return float(np.sqrt((weight * squares).sum() / weight.sum()))
 
-    def solve_next(
+    def solve_after(
         self, start: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
     ) -> tuple[Solution, Linearised]:
         """As :meth:`solve` after a ``history``, with the factor of a state ``near`` by while that suffices.
@@ -237,7 +256,7 @@ class LoadedPad:
         checked = self.is_stable(linearised, balanced.unknowns, value, history)
         return self._accepted(balanced, checked), linearised
 
-    def judged(
+    def stable_tangent(
         self, unknowns: np.ndarray, value: np.ndarray, near: Linearised, history: History = NO_HISTORY
     ) -> Linearised:
         """The linearised pad at an equilibrium that all displacements leave stable; raises Rejected if one does not.
@@ -265,14 +284,15 @@ class LoadedPad:
     ) -> np.ndarray:
         """Rate of the unknowns in equilibrium, per s, with those of the load's value and of an additional second
         Piola-Kirchhoff stress (m, q, 6)."""
-        force = self.model.load_rate(self.numbering.split(unknowns)[0], rate, value) - self._pull(unknowns, stress)
+        load_force = self.model.load_rate(self.numbering.split(unknowns)[0], rate, value)
+        force = load_force - self._stress_forces(unknowns, stress)
         return linearised.correction(force, self.numbering.plate_values(rate) if self._driven else None)
 
-    def balance(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
+    def equilibrium(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
         """The unknowns of :meth:`solve`, without a check of stability."""
         return self._balanced(start, value).unknowns
 
-    def near_balance(
+    def figures_at(
         self, unknowns: np.ndarray, value: np.ndarray, iterations: int, checked: bool, history: History = NO_HISTORY
     ) -> Solution:
         """The figures of unknowns near balance; raises Rejected if elements are inverted.
@@ -281,7 +301,7 @@ class LoadedPad:
         """
         state = self._evaluate(unknowns, value, with_tangent=False, history=history)
         error = self._checked_error(state, unknowns, value, 0.0, history)
-        return self._accepted(Balanced(unknowns, state, error, iterations, None, 0.0), checked)
+        return self._accepted(Balanced(unknowns=unknowns, state=state, error=error, iterations=iterations), checked)
 
     def _balanced(
         self,
@@ -311,7 +331,14 @@ class LoadedPad:
             # In equilibrium?
             error = self._checked_error(state, unknowns, value, first_error, history)
             if error < RESIDUAL_TOLERANCE:
-                return Balanced(unknowns, state, error, iteration, linearised, distance)
+                return Balanced(
+                    unknowns=unknowns,
+                    state=state,
+                    error=error,
+                    iterations=iteration,
+                    linearised=linearised,
+                    distance=distance,
+                )
 
             # A tangent is factored at first, and where the last one has become too poor.
             if state.entries is None and _slow(error, last_error, self.unknowns):
@@ -323,14 +350,20 @@ class LoadedPad:
             first_error, last_error = first_error or error, error
 
             # One step, and how far the tangent is away by now.
-            correction = linearised.step(self._left(state), self._gap(unknowns, value))
+            correction = linearised.step(self._free_residual(state), self._plate_gap(unknowns, value))
             distance += float(np.abs(correction[: self.numbering.displacements]).max())
             unknowns = unknowns - correction
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
-    def _accepted(self, found: Balanced, checked: bool) -> Solution:
-        least = min(found.state.min_jacobian, self._least_nodal_jacobian(found.unknowns))
-        return Solution(found.unknowns, least, found.error, found.iterations, checked)
+    def _accepted(self, balanced: Balanced, checked: bool) -> Solution:
+        least = min(balanced.state.min_jacobian, self._least_nodal_jacobian(balanced.unknowns))
+        return Solution(
+            unknowns=balanced.unknowns,
+            min_jacobian=least,
+            residual=balanced.error,
+            iterations=balanced.iterations,
+            stability_checked=checked,
+        )
 
     def _entries(self, balanced: Balanced, value: np.ndarray, history: History = NO_HISTORY) -> np.ndarray:
         """Entries of the tangent at an equilibrium."""
@@ -380,16 +413,16 @@ class LoadedPad:
         self, linearised: Steps, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> np.ndarray | None:
         """Correction that a Newton step with a known tangent subtracts from ``unknowns``; None if it fails."""
-        residual = self._left(self._evaluate(unknowns, value, with_tangent=False, history=history))
+        residual = self._free_residual(self._evaluate(unknowns, value, with_tangent=False, history=history))
         if not np.all(np.isfinite(residual)):
             return None
-        return linearised.step(residual, self._gap(unknowns, value))
+        return linearised.step(residual, self._plate_gap(unknowns, value))
 
-    def answer(self, linearised: Linearised, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
+    def response(self, linearised: Linearised, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """Change of the unknowns for an additional second Piola-Kirchhoff stress (m, q, 6), by a nearby factor."""
-        return -linearised.step(self._pull(unknowns, stress))
+        return -linearised.step(self._stress_forces(unknowns, stress))
 
-    def _pull(self, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
+    def _stress_forces(self, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """Forces over the unknowns of an additional second Piola-Kirchhoff stress (m, q, 6)."""
         forces = self.model.assembly.elements.pulled(self.numbering.split(unknowns)[0], stress)
         return self.model.assembly.over_unknowns(forces, np.zeros((len(forces), 4)))
@@ -404,21 +437,21 @@ class LoadedPad:
     ) -> Configuration:
         return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, history.past)
 
-    def _left(self, state: Configuration) -> np.ndarray:
+    def _free_residual(self, state: Configuration) -> np.ndarray:
         """Out-of-balance forces without the reaction of a moved plate, which is irrelevant and large."""
-        left = state.residual.copy()
-        left[self._moved] = 0.0
-        return left
+        residual = state.residual.copy()
+        residual[self._plate_unknowns] = 0.0
+        return residual
 
     def _error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> float:
         """Error of equilibrium: the largest relative error of forces, volumes, plate."""
         forces, volumes = np.split(state.residual, [self.numbering.displacements])
         load = float(np.linalg.norm(state.load))
         if self._driven:
-            load = float(np.linalg.norm(forces[self._moved]))
-            forces = np.delete(forces, self._moved)
+            load = float(np.linalg.norm(forces[self._plate_unknowns]))
+            forces = np.delete(forces, self._plate_unknowns)
         scale = max(load, self._small_load)
-        missed = self._gap(unknowns, value)
+        missed = self._plate_gap(unknowns, value)
         gap = 0.0 if missed is None else float(np.abs(missed).max())
         forces_off, volumes_off = float(np.linalg.norm(forces)), float(np.linalg.norm(volumes))
         return max(forces_off / scale, volumes_off * self._ticks / TICKS / self._volume, gap / self.height)
@@ -439,21 +472,21 @@ class LoadedPad:
         return self.load.moves_plate
 
     @cached_property
-    def _moved(self) -> np.ndarray:
+    def _plate_unknowns(self) -> np.ndarray:
         """Unknowns of the plate if the load moves it, else none."""
         return self.numbering.plate_unknowns if self._driven else np.zeros(0, dtype=np.int64)
 
-    def _gap(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
+    def _plate_gap(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
         """Deviation of each moved unknown of the plate from its prescribed value, in mm; None without one."""
-        return unknowns[self._moved] - self.numbering.plate_values(value) if self._driven else None
+        return unknowns[self._plate_unknowns] - self.numbering.plate_values(value) if self._driven else None
 
     def _linearised(
         self, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None = None
     ) -> Linearised:
         """The linearised pad with given entries at a state, with the factor of a state ``near`` by if given."""
         lower = self.model.assembly.matrix(entries)
-        held = self.model.held(self.numbering.split(unknowns)[0], value)
-        return Linearised(entries, lower, self._factored, held, self.numbering.displacements, near)
+        constraints = self.model.held(self.numbering.split(unknowns)[0], value)
+        return Linearised(entries, lower, self._factored, constraints, self.numbering.displacements, near)
 
     def _factored(self, lower: sparse.csc_matrix, solver: Solver | None = None) -> Factorisation:
         try:
@@ -485,8 +518,8 @@ class LoadedPad:
 
 def _slow(error: float, last: float, unknowns: int) -> bool:
     """Whether to factorise another tangent, rather than to go on with one that reduced the ``last`` error to this."""
-    share, few = error / last, FEW_ITERATIONS * max(1.0, unknowns / FEW_UNKNOWNS) ** (2 / 3)
-    return share > SLOW and error * share**few > RESIDUAL_TOLERANCE
+    ratio, few = error / last, FEW_ITERATIONS * max(1.0, unknowns / FEW_UNKNOWNS) ** (2 / 3)
+    return ratio > SLOW and error * ratio**few > RESIDUAL_TOLERANCE
 
 
 HARMLESS = 0.2

@@ -49,7 +49,9 @@ def new_pad(
     ticks: int = TICKS,
 ) -> LoadedPad:
     """As :func:`loaded_pad`, one that nobody shares; ``share`` is that of a :class:`SelfTouchingPad`."""
-    indented, parts = load.moved_indenter is not None, (mesh, material, load, mirrors, images)
+    indented, arguments = load.moved_indenter is not None, (mesh, material, load, mirrors, images)
     if load.self_contact:
-        return (IndentedTouchingPad if indented else SelfTouchingPad)(*parts, bodies=bodies, share=share, ticks=ticks)
-    return (IndentedPad if indented else LoadedPad)(*parts, ticks=ticks)
+        return (IndentedTouchingPad if indented else SelfTouchingPad)(
+            *arguments, bodies=bodies, share=share, ticks=ticks
+        )
+    return (IndentedPad if indented else LoadedPad)(*arguments, ticks=ticks)

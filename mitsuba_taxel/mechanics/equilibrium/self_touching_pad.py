@@ -54,19 +54,19 @@ class SelfTouchingPad(LoadedPad):
     @cached_property
     def _expansion(self) -> sparse.csr_array:
         """(3 N, unknowns) displacements of the whole pad."""
-        place, sign = self.part.components
-        entries = sign.ravel(), (np.arange(place.size), place.ravel())
-        of_part = sparse.csr_array(entries, shape=(place.size, 3 * len(self.part.mesh.points)))
+        component, sign = self.part.components
+        entries = sign.ravel(), (np.arange(component.size), component.ravel())
+        of_part = sparse.csr_array(entries, shape=(component.size, 3 * len(self.part.mesh.points)))
         return sparse.csr_array(self.model.over_unknowns(of_part))
 
     def closer(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
         """The unknowns in balance near those of a state, with half the reach."""
-        parts = self.whole, self.material, self.load, self.mirrors, self.images, self._solver_name
-        return type(self)(*parts, bodies=self._bodies, share=0.5 * self._share).balance(unknowns, value)
+        arguments = self.whole, self.material, self.load, self.mirrors, self.images, self._solver_name
+        return type(self)(*arguments, bodies=self._bodies, share=0.5 * self._share).equilibrium(unknowns, value)
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        share = self.contacts.free_share(self.split(known)[0], self.split(guess)[0])
-        return guess if share == 1 else known + share * (guess - known)
+        fraction = self.contacts.free_share(self.split(known)[0], self.split(guess)[0])
+        return guess if fraction == 1 else known + fraction * (guess - known)
 
     def refuse_unstable(
         self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
@@ -75,19 +75,19 @@ class SelfTouchingPad(LoadedPad):
         if not self.contacts.stiffness(displacement).nnz:
             super().refuse_unstable(unknowns, entries, value, history)
         elif self.mirrors:
-            whole = self._of_whole
-            past = history.past and history.past.on(whole.part, self.whole)
-            alike = whole.gather(displacement, pressure)
-            tangent = whole._evaluate(alike, value, history=History(past)).entries
+            whole_pad = self._of_whole
+            past = history.past and history.past.on(whole_pad.part, self.whole)
+            alike = whole_pad.gather(displacement, pressure)
+            tangent = whole_pad._evaluate(alike, value, history=History(past)).entries
             assert tangent is not None  # no element is inverted
-            whole.is_stable(whole._linearised(tangent, alike, value), alike, value, History(past))
+            whole_pad.is_stable(whole_pad._linearised(tangent, alike, value), alike, value, History(past))
 
     @cached_property
     def _of_whole(self) -> SelfTouchingPad:
-        parts = self.whole, self.material, self.load
-        whole = type(self)(*parts, solver=self._solver_name, bodies=self._bodies, share=self._share)
-        whole.contacts = self.contacts
-        return whole
+        arguments = self.whole, self.material, self.load
+        whole_pad = type(self)(*arguments, solver=self._solver_name, bodies=self._bodies, share=self._share)
+        whole_pad.contacts = self.contacts
+        return whole_pad
 
     def is_stable(
         self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
@@ -118,7 +118,7 @@ class SelfTouchingPad(LoadedPad):
             state = self._evaluate(unknowns, value, history=history)
             error = self._checked_error(state, unknowns, value, first_error, history)
             if error < RESIDUAL_TOLERANCE:
-                return Balanced(unknowns, state, error, iteration, None, 0.0)
+                return Balanced(unknowns=unknowns, state=state, error=error, iterations=iteration)
             first_error = first_error or error
 
             # Where the energy has no minimum, a step would lead to a saddle: a tangent without what turns forces about
@@ -127,7 +127,7 @@ class SelfTouchingPad(LoadedPad):
             linearised = self._linearised(state.entries, unknowns, value)
             if linearised.negative > self.numbering.pressures:
                 linearised = self._linearised(state.entries, unknowns, value, steady=True)
-            step = linearised.step(self._left(state), self._gap(unknowns, value))
+            step = linearised.step(self._free_residual(state), self._plate_gap(unknowns, value))
             unknowns = self._along(unknowns, -step, state, value, history)
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
@@ -180,8 +180,8 @@ class SelfTouchingPad(LoadedPad):
 
     def _slope(self, step: np.ndarray, state: Configuration) -> float:
         """Derivative of the energy at a state by the share of a step."""
-        moved = slice(self.numbering.displacements)
-        return float(step[moved] @ self._left(state)[moved])
+        displacements = slice(self.numbering.displacements)
+        return float(step[displacements] @ self._free_residual(state)[displacements])
 
     def _evaluate(
         self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True, history: History = NO_HISTORY
@@ -213,9 +213,9 @@ class SelfTouchingPad(LoadedPad):
         analysed = self._analysed  # once, as another thread may replace it
         if analysed is None or analysed[0] != pattern:  # other pairs: it has to be analysed again
             self._analysed = analysed = pattern, make_solver(self._solver_name)
-        held = self.model.held(self.numbering.split(unknowns)[0], value)
+        constraints = self.model.held(self.numbering.split(unknowns)[0], value)
         factor = partial(self._factored, solver=analysed[1])
-        return Linearised(entries, lower, factor, held, self.numbering.displacements, near)
+        return Linearised(entries, lower, factor, constraints, self.numbering.displacements, near)
 
 
 class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
@@ -250,8 +250,8 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
         """How much of a change collides with nothing and leads closer to balance, halved until so; else the best of
         these."""
         step, force_step = change
-        known, guess = self.split(unknowns)[0], self.split(unknowns + step)[0]
-        length, least = self.contacts.free_share(known, guess), math.inf
+        displacement, guess = self.split(unknowns)[0], self.split(unknowns + step)[0]
+        length, least = self.contacts.free_share(displacement, guess), math.inf
         best: tuple[float, Configuration] | None = None
         for _ in range(MOST_HALVINGS):
             trial = unknowns + length * step

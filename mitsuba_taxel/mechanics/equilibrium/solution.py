@@ -71,8 +71,8 @@ class Balanced:
     state: Configuration
     error: float
     iterations: int
-    linearised: Linearised | None
-    distance: float
+    linearised: Linearised | None = None
+    distance: float = 0.0
 
 
 def singular(failure: RuntimeError) -> Rejected:

@@ -96,8 +96,8 @@ class Stability:
                 return 0
             self._pieces_tell = False  # nor under larger loads
             del self.pieces
-        found = self._of_blocks(entries, displacement, pressure, value, past)
-        return next((surplus for surplus in found if surplus), 0)
+        surpluses = self._of_blocks(entries, displacement, pressure, value, past)
+        return next((surplus for surplus in surpluses if surplus), 0)
 
     def _of_blocks(
         self,
@@ -108,11 +108,13 @@ class Stability:
         past: Past | None,
     ) -> Iterator[int]:
         for block in self._blocks:
-            part = block.model.part
-            on_part = part.restrict(displacement, pressure)
+            symmetric_part = block.model.part
+            on_part = symmetric_part.restrict(displacement, pressure)
             of_block: np.ndarray | None = entries
-            if part is not self._model.part:
-                of_block = block.model.evaluate(*on_part, value, past=past and past.on(part, self._whole)).entries
+            if symmetric_part is not self._model.part:
+                of_block = block.model.evaluate(
+                    *on_part, value, past=past and past.on(symmetric_part, self._whole)
+                ).entries
             assert of_block is not None  # guaranteed in equilibrium
             yield block.surplus(of_block, block.model.held(on_part[0], value))
 
@@ -125,8 +127,8 @@ class Stability:
         blocks = [_Block(self._model, make_solver(self._solver))] if self.of_all else []
         for mirrors, signs in unsymmetric_blocks(self._mirrors):
             same = len(mirrors) == len(self._mirrors)
-            part = self._model.part if same else part_between(self._whole, self._images, mirrors)
-            blocks.append(_block(self._model, part, signs, self._solver))
+            symmetric_part = self._model.part if same else part_between(self._whole, self._images, mirrors)
+            blocks.append(_block(self._model, symmetric_part, signs, self._solver))
         return blocks
 
 

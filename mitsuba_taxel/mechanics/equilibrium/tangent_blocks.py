@@ -88,23 +88,23 @@ class TangentBlock:
 
     def displacement(self, unknowns: np.ndarray) -> np.ndarray:
         """(N, 3) displacement of the whole pad."""
-        part = self.model.part
+        symmetric_part = self.model.part
         of_part = self.model.numbering.split(unknowns)
-        return self._image(self._sign * part.expand(*of_part)[0])
+        return self._image(self._sign * symmetric_part.expand(*of_part)[0])
 
     @property
     def expansion(self) -> sparse.csr_array:
         """(3 N + corners, unknowns): displacement and pressure of the whole pad from the unknowns."""
-        part, numbering = self.model.part, self.model.numbering
+        symmetric_part, numbering = self.model.part, self.model.numbering
         nodes, corners = len(self._whole.points), self._whole.corner_count
-        place, sign = part.components
-        places = np.concatenate([place.ravel(), 3 * len(part.nodes) + part.source[:corners]])
-        sign = np.concatenate([(self._sign * sign).ravel(), self._sign[:corners, 0]]) * numbering.sign[places]
-        unknown = numbering.unknown[places]
+        component, sign = symmetric_part.components
+        columns = np.concatenate([component.ravel(), 3 * len(symmetric_part.nodes) + symmetric_part.source[:corners]])
+        sign = np.concatenate([(self._sign * sign).ravel(), self._sign[:corners, 0]]) * numbering.sign[columns]
+        unknown = numbering.unknown[columns]
         rows = np.flatnonzero(unknown >= 0)
         shape = (3 * nodes + corners, self.model.assembly.unknowns)
-        found = sparse.csr_array((sign[rows], (rows, unknown[rows])), shape=shape)
-        return reflection(self._turn, self._images[self._turn], corners) @ found if self._turn else found
+        expansion = sparse.csr_array((sign[rows], (rows, unknown[rows])), shape=shape)
+        return reflection(self._turn, self._images[self._turn], corners) @ expansion if self._turn else expansion
 
     def factored(
         self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray, contacts: Contacts | None = None
@@ -122,13 +122,15 @@ class TangentBlock:
         Rejected
             if the state is unstable.
         """
-        held, stable = self.model.held(displacement, value), self.model.numbering.pressures
-        found = self.tangent(entries, displacement, value, contacts)
-        if found.negative != stable:
-            steady = contacts and self._linearised(entries, self._lower(entries, displacement, contacts, True), held)
+        constraints, stable = self.model.held(displacement, value), self.model.numbering.pressures
+        linearised = self.tangent(entries, displacement, value, contacts)
+        if linearised.negative != stable:
+            steady = contacts and self._linearised(
+                entries, self._lower(entries, displacement, contacts, True), constraints
+            )
             if not steady or steady.negative != stable:
                 raise Rejected("the equilibrium is unstable")
-        return found
+        return linearised
 
     def tangent(
         self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray, contacts: Contacts | None = None
@@ -141,15 +143,17 @@ class TangentBlock:
         self, entries: np.ndarray, displacement: np.ndarray, contacts: Contacts | None, steady: bool = False
     ) -> sparse.csc_matrix:
         """Lower triangle of the tangent, with that of contact."""
-        lower, part = self.model.assembly.matrix(entries), self.model.part
+        lower, symmetric_part = self.model.assembly.matrix(entries), self.model.part
         if contacts is None:
             return lower
-        stiffness = contacts.stiffness(part.expand(displacement, np.zeros(part.mesh.corner_count))[0], steady)
+        stiffness = contacts.stiffness(
+            symmetric_part.expand(displacement, np.zeros(symmetric_part.mesh.corner_count))[0], steady
+        )
         if not stiffness.nnz:
             return lower
         moves = self.expansion[: stiffness.shape[0]]
         self._solver = make_solver()  # other pairs: it has to be analysed again
-        return sum_of_triangles(lower, sparse.tril(moves.T @ stiffness @ moves / part.copies))
+        return sum_of_triangles(lower, sparse.tril(moves.T @ stiffness @ moves / symmetric_part.copies))
 
     def _linearised(self, entries: np.ndarray, lower: sparse.csc_matrix, held: Held) -> Linearised:
         return Linearised(entries, lower, self._factor, held, self.model.numbering.displacements)
@@ -246,23 +250,23 @@ class SplitTangent:
         for block in blocks:
             if group and block.model in seen:
                 continue  # of two that a mirror maps to each other, states with a mirror of their own have one
-            whole = every = block.expansion
+            expansion = averaged = block.expansion
             for mirror in group:
-                every = 0.5 * (every + reflection(mirror, images[mirror], pad.whole.corner_count) @ every)
-            kept = float(np.square(every.data).sum() / np.square(whole.data).sum())
+                averaged = 0.5 * (averaged + reflection(mirror, images[mirror], pad.whole.corner_count) @ averaged)
+            kept = float(np.square(averaged.data).sum() / np.square(expansion.data).sum())
             if not kept:  # none has the mirror
                 continue
             seen.add(block.model)
-            spread = _over_unknowns(pad, every)
+            spread = _over_unknowns(pad, averaged)
             copies = kept * block.model.part.copies / pad.part.copies
             self._shares.append(_Share(spread, sparse.csr_array(spread.T / copies), factor(block)))
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
         """The change of the unknowns for a ``residual``, as of :class:`Linearised`, to the accuracy of the factors."""
-        found = np.zeros_like(residual)
+        step = np.zeros_like(residual)
         for spread, collect, factor in self._shares:
-            found += spread @ factor.solve_roughly(collect @ residual)
-        return found
+            step += spread @ factor.solve_roughly(collect @ residual)
+        return step
 
 
 def _over_unknowns(pad: LoadedPad, fields: sparse.csr_array) -> sparse.csr_array:
@@ -270,10 +274,10 @@ def _over_unknowns(pad: LoadedPad, fields: sparse.csr_array) -> sparse.csr_array
     numbering, nodes, source = pad.numbering, len(pad.whole.points), pad.part.nodes
     of_whole = [(3 * source[:, None] + np.arange(3)).ravel(), 3 * nodes + source[: pad.part.mesh.corner_count]]
     free = np.flatnonzero(numbering.unknown >= 0)
-    one = np.empty(pad.unknowns, dtype=np.int64)
-    one[numbering.unknown[free]] = free  # of each unknown, a displacement or pressure that it is
-    rows = fields[np.concatenate(of_whole)[one]]
-    return sparse.csr_array(sparse.diags_array(numbering.sign[one]) @ rows)
+    representative = np.empty(pad.unknowns, dtype=np.int64)
+    representative[numbering.unknown[free]] = free  # of each unknown, a displacement or pressure that it is
+    rows = fields[np.concatenate(of_whole)[representative]]
+    return sparse.csr_array(sparse.diags_array(numbering.sign[representative]) @ rows)
 
 
 MOST_ITERATIONS = 200

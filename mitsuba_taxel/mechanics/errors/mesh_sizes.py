@@ -30,6 +30,22 @@ def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance:
     The error is that of :class:`RoofError`, ``relative``, of the change from rest under a small normal load, and a
     small tangential one if the load has a direction. Under larger loads it may be larger, and is reported.
 
+    Parameters
+    ----------
+    pad : Pad or PadFile
+        The pad.
+    material : Material
+        Its silicone.
+    load : Load
+        Kind of load.
+    tolerance : float
+        Relative error, above 0 and below 1.
+
+    Returns
+    -------
+    float
+        Size of the elements in mm.
+
     Raises
     ------
     InputError

@@ -38,7 +38,7 @@ def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
 
 def top_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
     """As :func:`size_ratio`, of the elements at the top alone."""
-    faces = (np.count_nonzero(each.face_region == REGIONS["top"]) for each in (mesh, other))
+    faces = (np.count_nonzero(of_mesh.face_region == REGIONS["top"]) for of_mesh in (mesh, other))
     return math.sqrt(next(faces) / next(faces))
 
 
@@ -83,17 +83,17 @@ class RoofComparison:
         weights = self._locator.locate(self._mesh.points[nodes], self._tolerance).weights
         for here, there in list(self._images.values())[::-1]:
             beyond = ~np.isin(here[nodes], nodes)
-            moved = weights[beyond]
-            moved = sparse.csr_array((moved.data, there[moved.indices], moved.indptr), shape=moved.shape)
-            nodes, weights = np.concatenate([nodes, here[nodes[beyond]]]), sparse.vstack([weights, moved], format="csr")
+            rows = weights[beyond]
+            rows = sparse.csr_array((rows.data, there[rows.indices], rows.indptr), shape=rows.shape)
+            nodes, weights = np.concatenate([nodes, here[nodes[beyond]]]), sparse.vstack([weights, rows], format="csr")
         return nodes, weights
 
     def error(self, displacement: np.ndarray, other: np.ndarray) -> RoofError:
         """The error of ``displacement`` (N, 3), from that on the other mesh, in mm."""
-        moved, *slopes = _parts(self._here, displacement)
+        displaced, *slopes = _parts(self._here, displacement)
         moved_there, *slopes_there = _parts(self._there, other)
-        difference = moved_there - moved
-        error = self._average * difference - self._lacking(moved, difference) * moved
+        difference = moved_there - displaced
+        error = self._average * difference - self._lacking(displaced, difference) * displaced
         angle = _angle(self._normals(slopes), self._normals(slopes_there))
         largest = max(float(np.linalg.norm(e, axis=1).max()) for e in (self._local * difference, error))
         most = float(np.linalg.norm(displacement, axis=1).max())
@@ -119,9 +119,9 @@ class RoofComparison:
         of the walls of cells, and 0 elsewhere. Where a displacement is given, the force has a relative error
         ``of_force`` too, with which the whole pad is displaced more or less, independently of the roofs under a force.
         """
-        moved = _parts(self._here, displacement)[0]
-        difference = _parts(self._there, other)[0] - moved
-        short = self._short(moved, difference)
+        displaced = _parts(self._here, displacement)[0]
+        difference = _parts(self._there, other)[0] - displaced
+        short = self._short(displaced, difference)
         along = -math.copysign(math.hypot(max(abs(short), self._least), of_force), short) * displacement
         rest, (walls, there) = np.zeros_like(displacement), self._walls_there
         rest[walls] = self._average * (there @ other - displacement[walls]) + short * displacement[walls]

@@ -39,7 +39,7 @@ LEAST_RATIO = 1.2
 MOST_ELEMENTS_COMPARED = 250_000
 """A finer second mesh of more is not tried."""
 
-Told = TypeVar("Told")
+Result = TypeVar("Result")
 
 
 class SecondMeshes:
@@ -55,19 +55,26 @@ class SecondMeshes:
         finer = FINER if path.load.indenter is None else (LITTLE_FINER, *FINER)
         coarser = path.judge.mesh_size if path.judge else COARSENING * path.mesh_size
         default = [start] if start < path.mesh_size else []
-        for size in (coarser, *default, *(share * start for share in finer)):
+        for size in (coarser, *default, *(relative_size * start for relative_size in finer)):
             if size not in self._known:
                 self._known[size] = self._compared_with(size)
             second = self._known[size]
             if second is not None:
                 yield second
 
-    def first(self, told: Callable[[PadPath, RoofComparison], Told]) -> Told | None:
-        """What is ``told`` by the first that bears the load, with the memory that there is; None if none does."""
+    def first(self, compare: Callable[[PadPath, RoofComparison], Result]) -> Result | None:
+        """What the first tells that bears the load, with the memory that there is; None if none does.
+
+        Parameters
+        ----------
+        compare : Callable[[PadPath, RoofComparison], Result]
+            Solves the load on the path on another mesh, and compares; raises `ComputationError` where it does not bear
+            the load.
+        """
         for second, comparison in self:
             try:
                 with memory_for("a second mesh"):
-                    return told(second, comparison)
+                    return compare(second, comparison)
             except ComputationError:  # its path ends before this load, or memory does
                 if second.mesh_size < self._path.mesh_size:
                     break  # and so would those of finer ones, after much more time
@@ -79,21 +86,21 @@ class SecondMeshes:
         if not value.any():
             return StateComparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
 
-        def told(second: PadPath, comparison: RoofComparison) -> StateComparison:
+        def compare(second: PadPath, comparison: RoofComparison) -> StateComparison:
             if path.segments.buckled_at(value) is not None:  # as they are not judged, second meshes would stay straight
                 second = path.on_elements(second.mesh_size, judged=True)
-            other, there, at = carried_to(second, path.mesh, value, displacement, pressure)
-            second.refuse_unresolved(value, other)
-            of_force = share = 0.0
+            on_second, there, at = carried_to(second, path.mesh, value, displacement, pressure)
+            second.refuse_unresolved(value, on_second)
+            force_error = relative_force_error = 0.0
             if path.load.gives_displacement:
-                forces = [path.force(value, displacement, pressure), second.force(value, other, there)]
-                of_force = comparison.force_error(*forces)
-                share = share_of(of_force, forces[0])
-            deviations = partial(comparison.deviations, displacement, other, share)
-            return StateComparison(comparison.error(displacement, other), deviations, of_force, at.seconds)
+                forces = [path.force(value, displacement, pressure), second.force(value, on_second, there)]
+                force_error = comparison.force_error(*forces)
+                relative_force_error = share_of(force_error, forces[0])
+            deviations = partial(comparison.deviations, displacement, on_second, relative_force_error)
+            return StateComparison(comparison.error(displacement, on_second), deviations, force_error, at.seconds)
 
-        found = self.first(told) or StateComparison()
-        return with_reach(path, found, value, displacement, pressure) if path.load.self_contact else found
+        result = self.first(compare) or StateComparison()
+        return with_reach(path, result, value, displacement, pressure) if path.load.self_contact else result
 
     def _compared_with(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
         """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
@@ -128,7 +135,7 @@ class SecondMeshes:
         """Relative error of the roofs' change from rest under small loads; infinite where it is not known."""
         for second, comparison in self:
             responses = zip(self._path.small_responses, second.small_responses, strict=True)
-            return max(comparison.error(here, other).relative for here, other in responses)
+            return max(comparison.error(here, there).relative for here, there in responses)
         return math.inf
 
 
@@ -189,8 +196,15 @@ def carried_to(
             arrays = {"unknowns": solution.unknowns, "seconds": np.array(time.perf_counter() - began)}
             cache.store(name, arrays)
     seconds, pad = float(arrays["seconds"]), path.segments.pad_for(np.zeros(3), value)
-    found = pad.split(arrays["unknowns"])
-    return *found, Interpolated(arrays["unknowns"], math.nan, math.nan, 0, True, seconds)
+    fields = pad.split(arrays["unknowns"])
+    return *fields, Interpolated(
+        unknowns=arrays["unknowns"],
+        min_jacobian=math.nan,
+        residual=math.nan,
+        iterations=0,
+        stability_checked=True,
+        seconds=seconds,
+    )
 
 
 def _digest(mesh: VolumeMesh, displacement: np.ndarray) -> str:

@@ -59,11 +59,11 @@ def second_state(
         path = pad_path(pad, material, load, size, judged_on=judged_on, bodies=bodies)
         path, there, _ = solved_on(path, np.array(value, dtype=float))
 
-        def told(second: PadPath, comparison: RoofComparison) -> SecondState:
+        def compare(second: PadPath, comparison: RoofComparison) -> SecondState:
             state = compared(second, second.state(there))
             second.refuse_unresolved(there, state.displacement)
             growth = size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER
             least = second_meshes(path).typical(TYPICAL_SLOPE_ERROR)
             return SecondState(state, 1 / abs(growth - 1), 1 / (growth + 1), least)
 
-        return second_meshes(path).first(told)
+        return second_meshes(path).first(compare)

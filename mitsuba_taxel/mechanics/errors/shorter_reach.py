@@ -43,8 +43,9 @@ def with_reach(
 
     def both() -> np.ndarray:
         along, rest = deviate()
-        left = REMAINDER * (closer.displacement - displacement) / ERROR_SHARE
-        return np.array([along, left + np.copysign(1.0, (rest * left).sum()) * rest])  # which must not cancel by chance
+        remainder = REMAINDER * (closer.displacement - displacement) / ERROR_SHARE
+        # Both parts of the remainder must not cancel by chance.
+        return np.array([along, remainder + np.copysign(1.0, (rest * remainder).sum()) * rest])
 
     force_error = found.force_error
     if path.load.gives_displacement:
@@ -75,9 +76,9 @@ def _solved_closer(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Displacement and pressure of the state with half the reach; raises Rejected if it is not found."""
     if path.load.driven is not None:  # the body moves on until it presses as before
-        driven, moved = path.driven, path.driven_to(value, None)
-        closer, squeezed = _solved_closer(driven, moved, displacement, pressure)
-        missing = float((value - driven.force(moved, closer, squeezed))[2])
+        driven, indenter_moved = path.driven, path.driven_to(value, None)
+        closer, squeezed = _solved_closer(driven, indenter_moved, displacement, pressure)
+        missing = float((value - driven.force(indenter_moved, closer, squeezed))[2])
         rate, stiffness = path.rate_by_depth(value)
         return closer - missing / stiffness * rate, squeezed
     *_, pad = path.segments.part_to(*path.segments.to(value)[-1])

@@ -44,8 +44,8 @@ class PushedPath(TimedPath):
     def _next(self, before: TimeState, rows: LoadHistory) -> TimeState:
         began, at = clock.perf_counter(), self._pushed(before, rows)
         if rows[-1][0] > before.time:
-            way = max(np.linalg.norm(at.load.value), np.linalg.norm(before.load.value))
-            at = self._halved(before, rows, at, POSE_TOLERANCE * float(way), MOST_HALVINGS)
+            travel = max(np.linalg.norm(at.load.value), np.linalg.norm(before.load.value))
+            at = self._halved(before, rows, at, POSE_TOLERANCE * float(travel), MOST_HALVINGS)
         seconds = before.figures.seconds + clock.perf_counter() - began
         return replace(at, figures=replace(at.figures, seconds=seconds))
 
@@ -81,28 +81,28 @@ class PushedPath(TimedPath):
         pad, free = self._pad_for(rows), self._without_friction(force)
         stiffness = 1.5 * abs(force[2] / free[2])
         slope = stiffness * np.diag([1.0, GIVES_WAY, GIVES_WAY][: len(ways)])
-        at, left, count, change = before, ways @ force, 0, -free[2:]
+        at, imbalance, count, change = before, ways @ force, 0, -free[2:]
         if before.load.value.any():
-            left = ways @ (force - self._pressed(rows[:-1], before))
-            change = np.linalg.solve(slope, left)
+            imbalance = ways @ (force - self._pressed(rows[:-1], before))
+            change = np.linalg.solve(slope, imbalance)
         change = np.append(change, np.zeros(len(ways) - len(change)))
         for tried in range(MOST_POSES):
             if before.load.value.any() and change.any():
                 change = change * min(1.0, pad.step / np.linalg.norm(change))
             pose = at.load.value + change @ ways
             count = max(count, 2 * math.ceil(np.linalg.norm(pose - before.load.value) / pad.step))
-            at, last = self._moved(before, rows, pose, duration, count), left
-            left = ways @ (force - self._pressed(rows, at))
-            if np.linalg.norm(left) < FORCE_TOLERANCE * np.linalg.norm(force):
+            at, last = self._moved(before, rows, pose, duration, count), imbalance
+            imbalance = ways @ (force - self._pressed(rows, at))
+            if np.linalg.norm(imbalance) < FORCE_TOLERANCE * np.linalg.norm(force):
                 return at
             if change.any() and (tried or not duration):  # else the force has changed in time, too
-                gained, aside = last - left, change[1:]
+                gained, aside = last - imbalance, change[1:]
                 mostly = np.linalg.norm(aside) > abs(change[0])
-                if mostly and left[1:] @ aside > 0 and gained[1:] @ aside < SLIPS * stiffness * (aside @ aside):
+                if mostly and imbalance[1:] @ aside > 0 and gained[1:] @ aside < SLIPS * stiffness * (aside @ aside):
                     break
                 slope = slope + np.outer(gained - slope @ change, change) / (change @ change)
-            change = np.linalg.solve(slope, left)
-        reached = ", ".join(f"{part:.4g}" for part in np.round(self._pressed(rows, at), 12) + 0.0)
+            change = np.linalg.solve(slope, imbalance)
+        reached = ", ".join(f"{component:.4g}" for component in np.round(self._pressed(rows, at), 12) + 0.0)
         raise ComputationError(f"the indenter slips: the load path ends at force = ({reached}) N.")
 
     def _without_friction(self, force: np.ndarray) -> np.ndarray:

@@ -213,29 +213,29 @@ class StepCubics:
         start_rate: np.ndarray,
         end_rate: np.ndarray,
     ) -> None:
-        self.measures, self._start, main, other = measures, start, measures.main, measures.other
+        self.measures, self._start, main, second = measures, start, measures.main, measures.other
         change = end - start
-        self._other = change * float(other is not None)
+        self._other = change * float(second is not None)
         self._other[:displacements] = 0.0
         self._main = change - self._other
-        if other is not None:
-            start_rate = start_rate - other.rate(0.0) * self._other
-            end_rate = end_rate - other.rate(main.duration) * self._other
+        if second is not None:
+            start_rate = start_rate - second.rate(0.0) * self._other
+            end_rate = end_rate - second.rate(main.duration) * self._other
         self._first = start_rate / main.rate(0.0)
         self._last = 2 * self._main - self._first if main.ends else end_rate / main.rate(main.duration)
 
     def at(self, elapsed: float) -> np.ndarray:
         """The unknowns at a time in s since the start."""
-        main, other = self.measures.main, self.measures.other
+        main, second = self.measures.main, self.measures.other
         t = float(main.at(elapsed))
         bent = t * (1 - t) * ((1 - t) * self._first - t * self._last)
-        straight = 0.0 if other is None else other.at(elapsed) * self._other
+        straight = 0.0 if second is None else second.at(elapsed) * self._other
         return self._start + t**2 * (3 - 2 * t) * self._main + bent + straight
 
     def rate(self, elapsed: float) -> np.ndarray:
         """Their rate per s."""
-        main, other = self.measures.main, self.measures.other
+        main, second = self.measures.main, self.measures.other
         t = float(main.at(elapsed))
         bent = (1 - t) * (1 - 3 * t) * self._first + t * (3 * t - 2) * self._last
-        straight = 0.0 if other is None else other.rate(elapsed) * self._other
+        straight = 0.0 if second is None else second.rate(elapsed) * self._other
         return float(main.rate(elapsed)) * (6 * t * (1 - t) * self._main + bent) + straight

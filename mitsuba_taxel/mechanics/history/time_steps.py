@@ -235,8 +235,8 @@ class RowSteps:
             # The pad must touch nothing.
             contact = touch(self._pad, after.unknowns)
             if contact:
-                place = ", ".join(f"{number:.4g}" for number in contact.place)
-                raise ended(f"touches {contact.what} near ({place}) mm, which is outside the model", contact)
+                location = ", ".join(f"{number:.4g}" for number in contact.place)
+                raise ended(f"touches {contact.what} near ({location}) mm, which is outside the model", contact)
 
             # The length of the next step.
             first = here.variables.slope is None and self._duration
@@ -309,13 +309,13 @@ class RowSteps:
         if here.velocity is not None:
             ahead = (1 / growth.rate(0.0) if growth else min(time, here.variables.step)) * here.velocity
             guess = pad.towards(guess, guess + ahead)
-        solution, self._near = pad.solve_next(guess, value, self._near, history)
+        solution, self._near = pad.solve_after(guess, value, self._near, history)
 
         # Check displacements without the symmetry of the load, which takes long, where the pad has moved enough.
-        moved = float(np.abs(solution.unknowns - here.unknowns)[: pad.numbering.displacements].max())
-        unchecked = here.unchecked + moved
+        largest = float(np.abs(solution.unknowns - here.unknowns)[: pad.numbering.displacements].max())
+        unchecked = here.unchecked + largest
         if self._judged and (unchecked > NATURAL_STRAIN * pad.height or fraction == 1):
-            self._near = pad.judged(solution.unknowns, value, self._near, history)
+            self._near = pad.stable_tangent(solution.unknowns, value, self._near, history)
             unchecked = 0.0
         elif growth is not None:
             self._near = pad.tangent_at(solution.unknowns, value, self._near, history)
@@ -360,8 +360,8 @@ class RowSteps:
 
     def _mid_step(self, here: StepState, after: StepState, measures: Measures) -> PartMidStep:
         """The middle of a step; raises Rejected if there is none."""
-        pad, growth, near = self._pad, measures.main, self._near
-        assert here.velocity is not None and after.velocity is not None and near is not None
+        pad, growth, tangent = self._pad, measures.main, self._near
+        assert here.velocity is not None and after.velocity is not None and tangent is not None
         size, ends = pad.numbering.displacements, (here.unknowns, after.unknowns)
         cubics = StepCubics(measures, size, *ends, here.velocity, after.velocity)
 
@@ -369,7 +369,7 @@ class RowSteps:
             """What Newton's method would subtract from unknowns within the step, at a time in s since its start."""
             past = here.variables.past(self._material, time, pad.part, growth.until(time))
             value = self._load[0] + (here.fraction + time / self._duration) * self._load[1]
-            step = pad.correction(near, unknowns, value, History(past))
+            step = pad.correction(tangent, unknowns, value, History(past))
             if step is None:
                 raise Rejected("an element would be inverted on the way")
             return step
@@ -423,13 +423,13 @@ class RowSteps:
         if after.mid_step is not None:
             growth = after.mid_step.growth
             missed = variables.missed_on(self._material, growth, after.mid_step.cubic_stress)
-            own = pad.answer(self._near, after.unknowns, missed.sum(axis=0))
+            own = pad.response(self._near, after.unknowns, missed.sum(axis=0))
             error = pad.size_of(missed.sum(axis=0)) / self.stress_scale
             uncertainty += float(np.abs(own[: pad.numbering.displacements]).max())
             variables = variables.off_by(missed)
 
         # Errors of the terms displace the pad, and what that does to the stress of the law, terms follow.
-        deviation = pad.answer(self._near, after.unknowns, variables.error.sum(axis=0))
+        deviation = pad.response(self._near, after.unknowns, variables.error.sum(axis=0))
         displacement, displaced = (pad.numbering.split(field)[0] for field in (after.unknowns, deviation))
         stress_error = pad.model.assembly.elements.isochoric_rate(displacement, displaced)
         variables = variables.followed(self._material, stress_error, growth)
@@ -447,7 +447,7 @@ class RowSteps:
         error = end.variables.error.sum(axis=0)
         if self._near is None or not error.any():
             return np.zeros(self._pad.unknowns)
-        return self._pad.answer(self._near, end.unknowns, error)
+        return self._pad.response(self._near, end.unknowns, error)
 
 
 def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:

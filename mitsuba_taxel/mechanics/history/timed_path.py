@@ -172,7 +172,7 @@ class TimedPath:
         history = History(Past(1.0, variables.overstress(self._material), pad.part))
         unknowns, checked = pad.gather(shape.displacement, shape.pressure), end.figures.stability_checked
         try:
-            solution = pad.near_balance(unknowns, np.array(value), 0, checked, history)
+            solution = pad.figures_at(unknowns, np.array(value), 0, checked, history)
         except Rejected as rejection:
             ended = PathEnded(np.array(value), 0.0, f"cannot be loaded further ({rejection})")
             raise ComputationError(self._end(ended, time, 0.0)) from rejection
@@ -391,8 +391,8 @@ class TimedPath:
         assert pad.friction is not None
         nodes, count = pad.part.nodes, len(self._path.mesh.points)
         on_part = before.traction[np.concatenate([nodes, count + nodes])] if len(before.traction) else before.traction
-        place = pad.friction.place(before.shape.displacement[nodes], moved)
-        return Rubbed(place, pad.model.indentation.at_nodes(on_part))
+        slip_position = pad.friction.place(before.shape.displacement[nodes], moved)
+        return Rubbed(slip_position, pad.model.indentation.at_nodes(on_part))
 
     def _traction(self, pad: LoadedPad, end: StepState) -> np.ndarray:
         """Traction of :class:`TimeState`, from that of the solved part."""
@@ -411,19 +411,19 @@ class TimedPath:
 
     def _pad_for(self, rows: LoadHistory) -> LoadedPad:
         """The part of the pad between the common mirrors of the loads of all rows."""
-        images, known = self._path.images, len(rows)
-        while known and rows[:known] not in self._mirrors:
-            known -= 1
-        mirrors = self._mirrors[rows[:known]] if known else tuple(images)
-        for count in range(known + 1, len(rows) + 1):
+        images, start = self._path.images, len(rows)
+        while start and rows[:start] not in self._mirrors:
+            start -= 1
+        mirrors = self._mirrors[rows[:start]] if start else tuple(images)
+        for count in range(start + 1, len(rows) + 1):
             value = np.array(rows[count - 1][1])
             if len(value) > 1:
                 mirrors = tuple(mirror for mirror in mirrors if np.array_equal(mirror.image(value), value))
             self._mirrors[rows[:count]] = mirrors
         if mirrors not in self._pads:
             # A shared one must not have a history.
-            parts = self._path.mesh, self._path.material, self._moving, mirrors, images
-            self._pads[mirrors] = new_pad(*parts, bodies=self._path.bodies, share=self._share)
+            arguments = self._path.mesh, self._path.material, self._moving, mirrors, images
+            self._pads[mirrors] = new_pad(*arguments, bodies=self._path.bodies, share=self._share)
         return self._pads[mirrors]
 
     def _touch(self, pad: LoadedPad, unknowns: np.ndarray) -> Contact | None:
@@ -447,10 +447,10 @@ class TimedPath:
         test = None
         for count in range(clear + 1, len(rows) + 1):
             test = test or ContactTest(self._path.mesh, obstacles)
-            found = test.find_package(self._shape(rows[:count]).displacement)
-            if found:
+            contact = test.find_package(self._shape(rows[:count]).displacement)
+            if contact:
                 at, time = self.reached(rows[:count]).load.value, rows[count - 1][0]
-                raise ComputationError(self._end(PathEnded(at, 0.0, f"touches {found.what}"), time, 0.0))
+                raise ComputationError(self._end(PathEnded(at, 0.0, f"touches {contact.what}"), time, 0.0))
             self._clear.add((key, rows[:count]))
 
     def _comparison(self, rows: LoadHistory) -> StateComparison:
@@ -463,9 +463,9 @@ class TimedPath:
 
             def compare(second: PadPath, comparison: RoofComparison) -> StateComparison:
                 # The same rows on another mesh, in steps of twice the length, and with half the reach of contact.
-                other = self.of(second, self._material)
-                on_other, longer = other.reached(rows), self._longer.reached(rows)
-                other._refuse_unresolved(on_other.shape.displacement, on_other.load.value)
+                second_path = self.of(second, self._material)
+                on_other, longer = second_path.reached(rows), self._longer.reached(rows)
+                second_path._refuse_unresolved(on_other.shape.displacement, on_other.load.value)
                 closer = self._closer.reached(rows)
 
                 # Each changes the force of a pad whose displacement is given.
@@ -476,7 +476,7 @@ class TimedPath:
                         0.0 if state is here else float(np.linalg.norm(path._board_force(rows, state) - force))
                         for path, state in ((self, longer), (self._closer, closer))
                     )
-                    of_mesh = comparison.force_error(force, other._board_force(rows, on_other))
+                    of_mesh = comparison.force_error(force, second_path._board_force(rows, on_other))
                     force_error = of_mesh + of_steps + REMAINDER * of_reach
                     deviations = partial(deviations, of_force=share_of(of_mesh, force))
                 return StateComparison(

@@ -69,9 +69,9 @@ class LoadHistory:
         start, stop, step = key.indices(self._count)
         if (start, step) != (0, 1):
             raise IndexError("a part of a history is its start")
-        part = object.__new__(LoadHistory)
-        part._rows, part._digests, part._count = self._rows, self._digests, stop
-        return part
+        rows = object.__new__(LoadHistory)
+        rows._rows, rows._digests, rows._count = self._rows, self._digests, stop
+        return rows
 
     def __iter__(self) -> Iterator[Row]:
         return islice(self._rows, self._count)

@@ -273,7 +273,7 @@ class Rubbed(Pressed):
     def drag(self, *value):
         """(3,) force on the body from the whole block, after a step to a pose."""
         value, near = np.array(value), getattr(self, "near", None)
-        solution, self.near = self.pad.solve_next(self.unknowns, value, near, self.history)
+        solution, self.near = self.pad.solve_after(self.unknowns, value, near, self.history)
         rubbed = self.pad.rubbed_at(solution.unknowns, value, self.history)
         self.unknowns, self.history = solution.unknowns, History(rubbed=rubbed)
         displacement, body = self.pad.numbering.split(self.unknowns)[0], self.pad.model.indentation

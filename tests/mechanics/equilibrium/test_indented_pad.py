@@ -168,7 +168,7 @@ def test_the_contact_pressure_adds_up_to_the_force():
 def test_a_symmetric_part_is_the_whole():
     (state,) = pressed((0, 0, -0.3), load=ASIDE)
     whole = IndentedPad(state.mesh, LAW, ASIDE)
-    unknowns = whole.balance(whole.gather(1.001 * state.displacement, state.pressure), state.value)
+    unknowns = whole.equilibrium(whole.gather(1.001 * state.displacement, state.pressure), state.value)
     np.testing.assert_allclose(whole.split(unknowns)[0], state.displacement, atol=1e-9)
     assert len(node_images(state.mesh)) == 1
     assert 2 * IndentedPad(state.mesh, LAW, ASIDE, tuple(node_images(state.mesh)), node_images(state.mesh)).unknowns < (
@@ -233,7 +233,7 @@ def test_derivatives_under_a_force_are_those_of_differences(few_elements_under_b
         pad, moved = IndentedPad(mesh, LAW, ASIDE), state.indenter_moved + (aside, 0, 0)
         unknowns = pad.gather(state.displacement, state.pressure)
         for _ in range(3):
-            unknowns = pad.balance(unknowns, moved)
+            unknowns = pad.equilibrium(unknowns, moved)
             pressing = pad.model.indentation.pressing(pad.split(unknowns)[0], moved)
             moved = moved - [0, 0, (pressing.force[2] - value[2]) / tangent._stiffness]
         return pad.split(unknowns)[0]

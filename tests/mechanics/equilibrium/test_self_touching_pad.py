@@ -333,7 +333,7 @@ def test_a_symmetric_part_touches_as_the_whole_does():
     assert all(np.any(forces) for forces in Barrier(touching.mesh, LAW.youngs_modulus).forces(touching.displacement))
     whole = SelfTouchingPad(touching.mesh, LAW, ON)
     unknowns = whole.gather(touching.displacement, touching.pressure)
-    found = whole.balance(unknowns + 1e-6 * np.random.default_rng(0).standard_normal(len(unknowns)), touching.value)
+    found = whole.equilibrium(unknowns + 1e-6 * np.random.default_rng(0).standard_normal(len(unknowns)), touching.value)
     np.testing.assert_allclose(whole.split(found)[0], touching.displacement, atol=1e-7)
 
 
@@ -360,7 +360,7 @@ def test_derivatives_are_those_of_differences(name, request):
         law = LAW.changed(poisson_ratio=LAW.poisson_ratio + step)
         pad = SelfTouchingPad(mesh, law, state.load, bodies=state.bodies)
         value, start = state.value + step * direction, pad.gather(answer.displacement, answer.pressure)
-        return pad.split(pad.solve_closely(pad.balance(start, value), value)[0].unknowns)[0]
+        return pad.split(pad.solve_with_tangent(pad.equilibrium(start, value), value)[0].unknowns)[0]
 
     by_material, by_shape = answer.by_material("poisson_ratio"), answer.by_shape(velocity)
     found, expected = answer.by_value(direction) + by_material + by_shape, (moved(1e-6) - moved(-1e-6)) / 2e-6
@@ -456,7 +456,7 @@ def in_the_long_run(state):
     """The elastic pad of the lasting law near a state, which the same barriers keep apart."""
     pad = SelfTouchingPad(state.mesh, LASTING, state.load, bodies=state.bodies)
     pad.contacts = Contacts(state.mesh, LAW.youngs_modulus, state.bodies)
-    return pad.split(pad.balance(pad.gather(state.displacement, state.pressure), state.value))
+    return pad.split(pad.equilibrium(pad.gather(state.displacement, state.pressure), state.value))
 
 
 @pytest.mark.parametrize(("value", "bodies"), [(BEYOND, {}), (HELD, {"obstacles": PACKAGE})])

@@ -175,8 +175,8 @@ def test_the_stated_error_of_time_steps_is_at_least_half_the_true_one_in_every_r
 def test_steps_of_a_steady_load_lead_beyond_its_rows(monkeypatch):
     """There and back in 36 rows, against as many that are not quite on a line, each of which is solved."""
     solved = []
-    solve = LoadedPad.solve_next
-    monkeypatch.setattr(LoadedPad, "solve_next", lambda *given, **named: (solved.append(1), solve(*given, **named))[1])
+    solve = LoadedPad.solve_after
+    monkeypatch.setattr(LoadedPad, "solve_after", lambda *given, **named: (solved.append(1), solve(*given, **named))[1])
     way = np.concatenate([np.arange(1, 19), np.arange(17, -1, -1)]) / 18
     values, times = way[:, None] * np.array([0, 0, -1.0]), 0.5 * np.arange(1, 37)
     found, few = states(values, times, load=SpreadForce()), len(solved)

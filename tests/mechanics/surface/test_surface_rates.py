@@ -111,7 +111,7 @@ def test_a_reading_of_the_surface_by_load_and_shape_is_that_of_full_solves():
     def solved(mesh, value, near=None):
         loaded = LoadedPad(mesh, NeoHookean())
         start = loaded.gather(near.displacement, near.pressure) if near else np.zeros(loaded.unknowns)
-        fields = loaded.split(loaded.balance(start, value))
+        fields = loaded.split(loaded.equilibrium(start, value))
         return State(mesh, NeoHookean(), SpreadForce(), value, *fields, 1.0, 0.0, 0, True)
 
     def reading(state, pad):
