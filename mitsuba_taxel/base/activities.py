@@ -12,7 +12,18 @@ _current: list[str] = []
 
 @contextmanager
 def activity(words: str) -> Iterator[None]:
-    """Announce what is done within, such as ``meshing pad.stl``."""
+    """Announce what is done within, such as ``meshing pad.stl``.
+
+    Parameters
+    ----------
+    words : str
+        What is done, without a full stop.
+
+    Yields
+    ------
+    None
+        While it is done.
+    """
     _current.append(words)
     _announce()
     try:
@@ -24,7 +35,18 @@ def activity(words: str) -> Iterator[None]:
 
 @contextmanager
 def announced_to(listener: Callable[[str], None]) -> Iterator[None]:
-    """Call ``listener`` with each activity that begins within, and with an empty text where none is left."""
+    """Call ``listener`` with each activity that begins within, and with an empty text where none is left.
+
+    Parameters
+    ----------
+    listener : Callable[[str], None]
+        Called on the thread that begins the activity.
+
+    Yields
+    ------
+    None
+        While activities are announced.
+    """
     _listeners.append(listener)
     try:
         yield

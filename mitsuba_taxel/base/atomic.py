@@ -35,6 +35,16 @@ class WriteError(ComputationError):
 def replacing(file: Path) -> Iterator[Path]:
     """A temporary path beside ``file``, which replaces it atomically on success and is removed on failure.
 
+    Parameters
+    ----------
+    file : Path
+        The file to be written, in an existing folder.
+
+    Yields
+    ------
+    Path
+        Where to write; of the same suffix.
+
     Raises
     ------
     WriteError
@@ -72,13 +82,37 @@ def _refuse_full_disk(written: BinaryIO) -> None:
 
 
 def write_text(file: Path, text: str) -> None:
-    """Write a text in UTF-8, as :func:`replacing` does."""
+    """Write a text in UTF-8, as :func:`replacing` does.
+
+    Parameters
+    ----------
+    file : Path
+        The file to be written, in an existing folder.
+    text : str
+        Its content.
+
+    Raises
+    ------
+    WriteError
+        if it cannot be written.
+    """
     with replacing(file) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def reason_of(error: Exception) -> str | None:
-    """Why a file cannot be written, if that caused an error: compiled libraries raise their own exceptions."""
+    """Why a file cannot be written, if that caused an error: compiled libraries raise their own exceptions.
+
+    Parameters
+    ----------
+    error : Exception
+        Raised while a file was written.
+
+    Returns
+    -------
+    str or None
+        Such as "No space left on device"; None if another reason caused it.
+    """
     if isinstance(error, WriteError):
         return error.reason
     if isinstance(error, OSError):
@@ -87,7 +121,13 @@ def reason_of(error: Exception) -> str | None:
 
 
 def remove_stale(folder: Path) -> None:
-    """Remove the temporary files that processes of this machine left in a folder when they were killed."""
+    """Remove the temporary files that processes of this machine left in a folder when they were killed.
+
+    Parameters
+    ----------
+    folder : Path
+        An existing folder.
+    """
     for file in folder.glob(f"{PREFIX}*"):
         owner = re.match(rf"{re.escape(PREFIX)}{re.escape(_host())}-(\d+)-", file.name)
         if owner and not file.is_dir() and not _is_alive(int(owner[1])):

@@ -34,6 +34,16 @@ def kept(most: int | None) -> Callable[[_Function], _Function]:
     """Decorator of a function or a class whose last ``most`` results are kept, by the values of its arguments.
 
     It is `functools.lru_cache`, known to :func:`clear_caches` under the name of the function.
+
+    Parameters
+    ----------
+    most : int or None
+        Results that are kept; None for all.
+
+    Returns
+    -------
+    Callable
+        The decorator.
     """
 
     def keep(function: _Function) -> _Function:

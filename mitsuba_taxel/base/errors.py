@@ -44,5 +44,16 @@ def one_line(message: object) -> str:
 
 
 def comes_from_interrupt(error: BaseException | None) -> bool:
-    """Whether an interrupt caused an error: during the recording of a kernel it is wrapped in one."""
+    """Whether an interrupt caused an error: during the recording of a kernel it is wrapped in one.
+
+    Parameters
+    ----------
+    error : BaseException or None
+        With its causes.
+
+    Returns
+    -------
+    bool
+        Whether a KeyboardInterrupt is among them.
+    """
     return error is not None and (isinstance(error, KeyboardInterrupt) or comes_from_interrupt(error.__cause__))

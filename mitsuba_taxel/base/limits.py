@@ -10,7 +10,20 @@ MOST_HISTORY = 4000
 
 
 def memory_limit(most: int, kind: int = resource.RLIMIT_AS) -> int:
-    """Bytes of memory for a new process: ``most``, or less if this process has a lower limit itself."""
+    """Bytes of memory for a new process: ``most``, or less if this process has a lower limit itself.
+
+    Parameters
+    ----------
+    most : int
+        Bytes.
+    kind : int
+        Of ``resource``: the address space by default.
+
+    Returns
+    -------
+    int
+        Bytes.
+    """
     own = [limit for limit in resource.getrlimit(kind) if limit != resource.RLIM_INFINITY]
     return min([most, *own])
 

@@ -28,7 +28,22 @@ Printed = list[PrintedTable | str]
 
 
 def figures_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> PrintedTable:
-    """A table of figures of merit, whose title names the force if there is only one."""
+    """A table of figures of merit, whose title names the force if there is only one.
+
+    Parameters
+    ----------
+    title : str
+        Without a colon.
+    headings : sequence of str
+        Of the columns; the first may be "force".
+    rows : sequence of sequence of str
+        A cell for each heading.
+
+    Returns
+    -------
+    PrintedTable
+        Without the column of the force if the title names it.
+    """
     forces = {row[0] for row in rows} if headings and headings[0] == "force" else set()
     first = 1 if len(forces) == 1 else 0
     named = f"{title}{f', {forces.pop()}' if first else ''}:"
@@ -36,12 +51,33 @@ def figures_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[s
 
 
 def as_json(printed: Printed) -> str:
-    """As text."""
+    """Blocks as the text of a file.
+
+    Parameters
+    ----------
+    printed : Printed
+        Paragraphs and tables.
+
+    Returns
+    -------
+    str
+        JSON.
+    """
     return json.dumps([block if isinstance(block, str) else block._asdict() for block in printed])
 
 
 def from_json(text: str) -> Printed:
     """The reverse of :func:`as_json`.
+
+    Parameters
+    ----------
+    text : str
+        As :func:`as_json` gives it.
+
+    Returns
+    -------
+    Printed
+        Paragraphs and tables.
 
     Raises
     ------
@@ -71,12 +107,36 @@ def _block(block: Any) -> PrintedTable | str:
 
 
 def write_printed(printed: Printed, folder: Path) -> None:
-    """Write what is printed of the results in a folder."""
+    """Write what is printed of the results in a folder.
+
+    Parameters
+    ----------
+    printed : Printed
+        Paragraphs and tables.
+    folder : Path
+        Of results.
+
+    Raises
+    ------
+    WriteError
+        if the file cannot be written.
+    """
     write_text(folder / FILE, as_json(printed))
 
 
 def read_printed(folder: Path) -> Printed | None:
-    """What was printed of the results in a folder; None if there is no such file, or one of another version."""
+    """What was printed of the results in a folder; None if there is no such file, or one of another version.
+
+    Parameters
+    ----------
+    folder : Path
+        Of results.
+
+    Returns
+    -------
+    Printed or None
+        Paragraphs and tables.
+    """
     try:
         return from_json((folder / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError, TypeError):

@@ -11,6 +11,18 @@ def standard_error(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
     """One standard deviation of the mean over the replicates along ``axis``, from their scatter.
 
     It is exactly 0 if all are equal, and NaN if there is only one.
+
+    Parameters
+    ----------
+    replicates : ndarray
+        Independent estimates of the same values, of any shape.
+    axis : int
+        Along which they are.
+
+    Returns
+    -------
+    ndarray
+        In the unit of the replicates, without that axis.
     """
     count = replicates.shape[axis]
     if count < 2:

@@ -153,7 +153,20 @@ def read_table(what: str, file: Path, known: Collection[str] = ()) -> Table:
 
 
 def as_parameter(column: Column) -> tuple[str, list[str]]:
-    """Name and values of a column of parameters of a scene, in mm, N, MPa, s and degrees."""
+    """Name and values of a column of parameters of a scene, in mm, N, MPa, s and degrees.
+
+    Parameters
+    ----------
+    column : Column
+        With its heading and unit.
+
+    Returns
+    -------
+    name : str
+        Of the parameter.
+    words : list[str]
+        Its values, row by row.
+    """
     if not column.unit or (column.unit not in BY_UNDERSCORE and column.heading.endswith(f"_{column.unit}")):
         return column.heading, list(column.words)
     factor = Decimal(UNITS[column.unit][1])
@@ -167,7 +180,17 @@ def as_parameter(column: Column) -> tuple[str, list[str]]:
 
 
 def ask_for_grams(what: str, column: Column, numbers: np.ndarray) -> None:
-    """Warn of forces in N (rows,) that look like weights in g: several round ones, the largest of 50 or more."""
+    """Warn of forces in N (rows,) that look like weights in g: several round ones, the largest of 50 or more.
+
+    Parameters
+    ----------
+    what : str
+        What the table is, for the warning.
+    column : Column
+        With its heading and unit.
+    numbers : (rows,) ndarray
+        Its values, N.
+    """
     levels = np.unique(np.abs(numbers[numbers != 0]))
     if column.unit in ("N", "") and len(levels) > 2 and levels[-1] >= LEAST_GRAMS and not (levels % 10).any():
         warnings.warn(
@@ -178,7 +201,29 @@ def ask_for_grams(what: str, column: Column, numbers: np.ndarray) -> None:
 
 
 def separated(what: str, lines: list[str]) -> tuple[str, list[list[str]]]:
-    """The separator of the columns, and the fields of each line: of those that cut most lines alike, the first."""
+    """The separator of the columns of a table, and the fields of each line.
+
+    Of the separators that cut most lines alike the first counts.
+
+    Parameters
+    ----------
+    what : str
+        What the table is, for messages.
+    lines : list[str]
+        Of its text.
+
+    Returns
+    -------
+    mark : str
+        A separator; a blank for any white space, empty for a single column.
+    rows : list[list[str]]
+        Fields of each line.
+
+    Raises
+    ------
+    InputError
+        if a quoted field does not end.
+    """
     best: tuple[int, str, list[list[str]]] = (0, "", [[line.strip()] for line in lines])
     if len(lines) > 1 and "," not in lines[0] and all(re.fullmatch(r"\s*[+-]?\d+,\d+\s*", line) for line in lines[1:]):
         return best[1], best[2]  # one column with decimal commas

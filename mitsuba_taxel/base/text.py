@@ -32,13 +32,45 @@ def check_regular(file: Path, largest: int) -> None:
 
 
 def read_bytes(file: Path, largest: int = LARGEST_TEXT) -> bytes:
-    """The content of a regular file of up to ``largest`` bytes; raises `OSError` for any other."""
+    """The content of a regular file.
+
+    Parameters
+    ----------
+    file : Path
+        Of any kind.
+    largest : int
+        Bytes that it may have.
+
+    Returns
+    -------
+    bytes
+        Its content.
+
+    Raises
+    ------
+    OSError
+        if it is a folder, a pipe or a device, or larger.
+    """
     check_regular(file, largest)
     return file.read_bytes()
 
 
 def read_text(what: str, file: Path, needed: str = "a CSV file") -> str:
     """The text of a file in UTF-8, without a byte order mark; messages begin with ``what``.
+
+    Parameters
+    ----------
+    what : str
+        What the file is, for messages.
+    file : Path
+        Of any kind.
+    needed : str
+        What is needed instead, for messages.
+
+    Returns
+    -------
+    str
+        With "\\n" at the end of lines.
 
     Raises
     ------

@@ -19,13 +19,32 @@ def thread_count() -> int:
 
 
 def set_thread_count(count: int) -> None:
-    """Set the number of threads of this process, for processes that share a machine."""
+    """Set the number of threads of this process, for processes that share a machine.
+
+    Parameters
+    ----------
+    count : int
+        From 1 on.
+    """
     global _chosen
     _chosen = count
 
 
 def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
-    """Results of ``work`` for each of the items, by as many threads as there may be; numpy releases Python's lock."""
+    """Results of ``work`` for each of the items, by as many threads as there may be; numpy releases Python's lock.
+
+    Parameters
+    ----------
+    work : Callable
+        Function of one item.
+    items : sequence
+        Of its arguments.
+
+    Returns
+    -------
+    list
+        Results in the order of the items.
+    """
     threads = min(thread_count(), len(items))
     if threads < 2:
         return [work(item) for item in items]

@@ -23,6 +23,18 @@ CHAIN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){64}""")
 def read_toml(what: str, file: Path) -> dict[str, Any]:
     """The content of a file; messages begin with ``what``.
 
+    Parameters
+    ----------
+    what : str
+        What the file is, for messages.
+    file : Path
+        In UTF-8.
+
+    Returns
+    -------
+    dict[str, Any]
+        Its tables and values.
+
     Raises
     ------
     InputError

@@ -22,6 +22,20 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     """Divisor that makes numbers up to ``largest`` at most 1000, and their unit with its prefix.
 
     Percent and dimensionless numbers get no prefix.
+
+    Parameters
+    ----------
+    largest : float
+        Largest magnitude of the numbers.
+    unit : str
+        Without prefix, such as W.
+
+    Returns
+    -------
+    divisor : float
+        A power of 1000.
+    unit : str
+        Such as nW.
     """
     if not unit or unit.startswith("%") or not (math.isfinite(largest) and largest > 0):
         return 1.0, unit
@@ -30,5 +44,16 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 
 
 def in_percent(share: float) -> str:
-    """A share, such as a relative error, in words: ``0.30%``, or ``unknown`` if it is not finite."""
+    """A fraction, such as a relative error, in words.
+
+    Parameters
+    ----------
+    share : float
+        Relative to 1.
+
+    Returns
+    -------
+    str
+        Such as ``0.30%``, or ``unknown`` if it is not finite.
+    """
     return f"{share:.2%}" if math.isfinite(share) else "unknown"

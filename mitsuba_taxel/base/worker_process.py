@@ -26,7 +26,29 @@ class NoAnswer(Exception):
 def answer_of(
     command: Sequence[str], given: bytes, seconds: float, environment: Mapping[str, str] | None = None
 ) -> bytes:
-    """What a process prints that is given ``given`` on standard input; raises `NoAnswer` if it fails."""
+    """What a process prints that may crash, hang or exhaust memory.
+
+    Parameters
+    ----------
+    command : sequence of str
+        Program and arguments.
+    given : bytes
+        On standard input.
+    seconds : float
+        After which it is stopped.
+    environment : Mapping[str, str], optional
+        Of the process; by default that of this one.
+
+    Returns
+    -------
+    bytes
+        From standard output.
+
+    Raises
+    ------
+    NoAnswer
+        if it is stopped or fails.
+    """
     try:
         done = subprocess.run(command, input=given, capture_output=True, timeout=seconds, env=environment)
     except subprocess.TimeoutExpired as error:

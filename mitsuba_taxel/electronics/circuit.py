@@ -166,7 +166,23 @@ class Circuit(Checked):
 
 
 def circuit_of(table: object) -> Circuit:
-    """The circuit that a table of a TOML file describes; raises `InputError`."""
+    """The circuit that a table of a TOML file describes.
+
+    Parameters
+    ----------
+    table : object
+        Numbers by the name of a parameter of :class:`Circuit`.
+
+    Returns
+    -------
+    Circuit
+        Parameters that the table leaves out have their defaults.
+
+    Raises
+    ------
+    InputError
+        if it is no such table, or a value is not allowed.
+    """
     if not isinstance(table, Mapping):
         raise InputError("circuit is not allowed as it stands: a table [circuit] of numbers is needed.")
     allowed = [field.name for field in fields(Circuit)]

@@ -25,8 +25,20 @@ FEW_COUNTS = 20
 
 
 def unused_range(circuit: Circuit, most: int) -> list[str]:
-    """The remark, if any, that readings of at most so many counts use little of the converter, and with which load
-    they would use half of it."""
+    """The remark that readings use little of the converter, and with which load they would use half of it.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+    most : int
+        Counts of the largest reading.
+
+    Returns
+    -------
+    list[str]
+        One remark or none.
+    """
     counts = 2**circuit.adc_bits
     if most >= min(LEAST_USED * counts, ENOUGH_COUNTS):
         return []
@@ -40,7 +52,20 @@ def unused_range(circuit: Circuit, most: int) -> list[str]:
 
 
 def resolution_notes(step: float, noise: np.ndarray) -> list[str]:
-    """A note if the step in V of the converter hides the noise before it in any reading, by its total noise in V."""
+    """A note if the step of the converter hides the noise before it in any reading.
+
+    Parameters
+    ----------
+    step : float
+        Of the converter, V.
+    noise : ndarray
+        Total noise of each reading, V.
+
+    Returns
+    -------
+    list[str]
+        One note or none.
+    """
     return [RESOLUTION.format(step=step)] if (noise < FINE * step).any() else []
 
 

@@ -18,6 +18,18 @@ def straight_pieces(circuit: Circuit, most: float) -> tuple[np.ndarray, np.ndarr
 
     Pieces are halved until the response at a quarter, the middle and three quarters of each is within
     :data:`SHARE_OF_COUNT` of a count or :data:`SHARE_OF_SUPPLY` of the supply.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+    most : float
+        Largest power, W.
+
+    Returns
+    -------
+    power, voltage : (K,) ndarray
+        Ends of the pieces in W and V.
     """
     allowed = max(SHARE_OF_COUNT * circuit.step, SHARE_OF_SUPPLY * circuit.supply)
     power = np.array([0.0, most])

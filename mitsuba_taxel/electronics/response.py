@@ -111,12 +111,36 @@ def respond(circuit: Circuit, power: Any) -> Response:
 
 
 def lit(power: Any) -> np.ndarray:
-    """Powers as input of a circuit: 0 for missing ones, and for those that are negative by their error."""
+    """Powers as input of a circuit: 0 for missing ones, and for those that are negative by their error.
+
+    Parameters
+    ----------
+    power : array_like
+        In W, of any shape.
+
+    Returns
+    -------
+    ndarray
+        In W, at least 0.
+    """
     return np.maximum(np.nan_to_num(power), 0.0)
 
 
 def counts_of(circuit: Circuit, voltage: Any) -> np.ndarray:
-    """Counts of the converter for voltages in V; NaN counts as 0."""
+    """Counts of the converter.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        With the converter.
+    voltage : array_like
+        In V, of any shape; NaN counts as 0.
+
+    Returns
+    -------
+    ndarray of int
+        Of the same shape, within the converter's range.
+    """
     steps = np.floor(np.nan_to_num(np.asarray(voltage, dtype=float)) / circuit.step)
     return np.clip(steps, 0, 2**circuit.adc_bits - 1).astype(int)
 

@@ -10,10 +10,26 @@ from mitsuba_taxel.electronics.response import counts_of, lit, respond
 
 
 def sampled(circuit: Circuit, power: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """One sample for each optical power in W, of any shape: voltage before the converter in V, and its counts.
+    """One sample of each reading, with its noise.
 
     The voltage has all noise but that of the converter, whose steps and range the counts contain. Missing and negative
     powers are read as 0.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+    power : ndarray
+        Optical powers in W, of any shape.
+    random : np.random.Generator
+        Of which one normal number is drawn for each reading.
+
+    Returns
+    -------
+    voltage : ndarray
+        Before the converter, V.
+    counts : ndarray of int
+        Of the converter.
     """
     power = lit(power)
     parts = noise_parts(circuit, power)

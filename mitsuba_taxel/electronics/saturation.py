@@ -12,13 +12,37 @@ from mitsuba_taxel.electronics.response import lit, power_at, respond
 
 
 def saturating_power(circuit: Circuit) -> float:
-    """Optical power in W from which the output is at the circuit's limit; infinite if no power reaches it."""
+    """Optical power in W from which the output is at the circuit's limit; infinite if no power reaches it.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+
+    Returns
+    -------
+    float
+        In W.
+    """
     found = float(power_at(circuit, np.nextafter(circuit.limit, 0.0)))
     return math.inf if math.isnan(found) else found
 
 
 def saturated_words(circuit: Circuit, power: Any) -> str:
-    """How many readings (..., T) in W bring the output to the circuit's limit, in words; empty if none does."""
+    """How many readings bring the output to the circuit's limit, in words.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+    power : (..., T) array_like
+        Readings of T taxels, W.
+
+    Returns
+    -------
+    str
+        Empty if none does.
+    """
     power = np.asarray(power, dtype=float)
     saturated = respond(circuit, lit(power)).saturated & np.isfinite(power)
     if not saturated.any():

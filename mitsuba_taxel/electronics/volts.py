@@ -16,9 +16,23 @@ VOLTS = ("voltage", "voltage_error", "counts", "noise", "saturated")
 
 
 def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
-    """A study with added ``voltage``, ``voltage_error`` (due to the total error of the power), ``counts``, ``noise``
-    and ``saturated`` (1 where the output is at the circuit's limit), and the circuit as the attribute ``circuit``;
-    unchanged without a circuit."""
+    """A study with voltages and counts beside its powers.
+
+    Added are ``voltage``, ``voltage_error`` (due to the total error of the power), ``counts``, ``noise`` and
+    ``saturated`` (1 where the output is at the circuit's limit), and the circuit as the attribute ``circuit``.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        With readings in W.
+    circuit : Circuit or None
+        Phototransistor, load, buffer and converter.
+
+    Returns
+    -------
+    xr.Dataset
+        The study itself without a circuit.
+    """
     if circuit is None:
         return study
     power = study.power.values
@@ -40,7 +54,18 @@ def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
 
 
 def circuit_of_study(study: xr.Dataset | xr.DataTree) -> Circuit | None:
-    """The circuit of a study, the same for all of its scenes, or None."""
+    """The circuit of a study, the same for all of its scenes, or None.
+
+    Parameters
+    ----------
+    study : xr.Dataset or xr.DataTree
+        As returned by ``open_study``.
+
+    Returns
+    -------
+    Circuit or None
+        The same for all scenes.
+    """
     attributes = study.leaves[0].attrs if isinstance(study, xr.DataTree) else study.attrs
     return circuit_of(json.loads(attributes["circuit"])) if "circuit" in attributes else None
 
@@ -49,6 +74,18 @@ def in_volts(study: xr.Dataset, circuit: Circuit) -> xr.Dataset:
     """A study with readings, their errors and derivatives in volts instead of watts, for figures of merit and plots.
 
     Voltages of the mean powers are exact; deviations of the replicates are linearised.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        With readings in W.
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+
+    Returns
+    -------
+    xr.Dataset
+        With the same variables.
     """
     mean = study.replicate_power.mean("replicate")
     shown = respond(circuit, lit(mean.values))

@@ -31,7 +31,20 @@ Place = tuple[float, float, float]
 
 
 def control_points(nodes: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(3, N) control points of curved triangles (B, 6) with ``nodes`` (N, 3); those of edges lie off the surface."""
+    """Control points of curved triangles; those of edges lie off the surface.
+
+    Parameters
+    ----------
+    nodes : (N, 3) ndarray
+        In mm.
+    faces : (B, 6) ndarray of int
+        Nodes of each triangle: corners, then middles of edges.
+
+    Returns
+    -------
+    (3, N) ndarray
+        In mm, with the numbers of the nodes.
+    """
     control = nodes.copy()
     control[faces] = quadratic_shapes.control_points(nodes[faces])
     return control.T
@@ -100,13 +113,35 @@ def _common_point(pair: np.ndarray) -> Place:
 
 
 def bulge(patches: np.ndarray) -> np.ndarray:
-    """(n,) largest distance of the control points of patches (3, 6, n) from their flat triangles."""
+    """Largest distance of the control points of patches from their flat triangles.
+
+    Parameters
+    ----------
+    patches : (3, 6, n) ndarray
+        Coordinates of control points, mm.
+
+    Returns
+    -------
+    (n,) ndarray
+        In mm.
+    """
     following = patches[:, [1, 2, 0]]
     return _length(patches[:, 3:] - (patches[:, :3] + following) / 2).max(axis=0)
 
 
 def quarters(patches: np.ndarray) -> np.ndarray:
-    """Patches (k, 6, n) subdivided into four each, (k, 6, 4 n)."""
+    """Patches subdivided into four each, by de Casteljau's algorithm.
+
+    Parameters
+    ----------
+    patches : (k, 6, n) ndarray
+        Control points of k coordinates.
+
+    Returns
+    -------
+    (k, 6, 4 n) ndarray
+        Control points of the parts.
+    """
     return np.tensordot(_QUARTERS, patches, axes=(2, 1)).transpose(2, 1, 0, 3).reshape(len(patches), 6, -1)
 
 

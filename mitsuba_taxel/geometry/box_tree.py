@@ -21,7 +21,19 @@ class TooManyPairs(GeometryError):
 def overlapping(
     lower_a: np.ndarray, upper_a: np.ndarray, lower_b: np.ndarray, upper_b: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (P,), (P,) of all pairs of a box of the first set, (A, 3) and (A, 3), and one of the second that overlap.
+    """All pairs of boxes of two sets that overlap.
+
+    Parameters
+    ----------
+    lower_a, upper_a : (A, 3) ndarray
+        Corners of the first set.
+    lower_b, upper_b : (B, 3) ndarray
+        Corners of the second set.
+
+    Returns
+    -------
+    a, b : (P,) ndarray of int
+        Numbers of the two boxes of each pair.
 
     Raises
     ------

@@ -34,7 +34,18 @@ class Half:
 
 
 def is_closed(triangles: np.ndarray) -> bool:
-    """Whether triangles (T, 3) run along each of their edges equally often in both directions."""
+    """Whether triangles run along each of their edges equally often in both directions.
+
+    Parameters
+    ----------
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+
+    Returns
+    -------
+    bool
+        Whether their surface is closed.
+    """
     edges, _ = half_edges(triangles)
     keys = edges.astype(np.int64) @ [int(triangles.max(initial=0)) + 1, 1]
     back = edges[:, ::-1].astype(np.int64) @ [int(triangles.max(initial=0)) + 1, 1]

@@ -9,13 +9,39 @@ from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 
 
 def jacobians(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Determinant of the map of each tetrahedron at its ten nodes, relative to that of the straight one; (M, 10)."""
+    """Determinant of the map of each tetrahedron at its ten nodes, relative to that of the straight one.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        Nodes, mm.
+    tets : (M, 10) ndarray of int
+        Nodes of each tetrahedron.
+
+    Returns
+    -------
+    (M, 10) ndarray
+        1 for straight elements; 0 or less where one is inverted.
+    """
     corner = points[tets[:, 1:4]] - points[tets[:, :1]]
     return map_determinants(points, tets) / np.linalg.det(corner)[:, None]
 
 
 def map_determinants(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Determinant of the map of each tetrahedron at its ten nodes, in mm³; (M, 10)."""
+    """Determinant of the map of each tetrahedron at its ten nodes.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        Nodes, mm.
+    tets : (M, 10) ndarray of int
+        Nodes of each tetrahedron.
+
+    Returns
+    -------
+    (M, 10) ndarray
+        In mm³.
+    """
     xi = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
     xi = np.concatenate([xi, [xi[list(edge)].mean(axis=0) for edge in TET_EDGES]])
     gradients = np.swapaxes(shape_gradients(xi), 1, 2).reshape(-1, tets.shape[1])
@@ -23,14 +49,38 @@ def map_determinants(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def curved_volume(mesh: VolumeMesh) -> float:
-    """Volume of a mesh in mm3, by a rule exact to degree 3, as the determinants of the maps of its elements are."""
+    """Volume of a mesh, by a rule exact to degree 3, as the determinants of the maps of its elements are.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of quadratic tetrahedra.
+
+    Returns
+    -------
+    float
+        In mm³.
+    """
     xi = np.array([[0.25] * 3, *(np.full((4, 3), 1 / 6) + np.eye(4, 3) / 3)])
     maps = np.einsum("qai,maj->mqij", shape_gradients(xi), mesh.points[mesh.tets])
     return float((np.linalg.det(maps) * [-2 / 15, *[3 / 40] * 4]).sum())
 
 
 def worst_element(mesh: VolumeMesh) -> tuple[float, np.ndarray]:
-    """Least relative determinant of any element (see :func:`jacobians`), negative if inverted, and its position."""
+    """Least relative determinant of any element (see :func:`jacobians`), negative if inverted, and its position.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of quadratic tetrahedra.
+
+    Returns
+    -------
+    determinant : float
+        The least of all.
+    position : (3,) ndarray
+        Centre of that element, mm.
+    """
     corner = mesh.points[mesh.tets[:, 1:4]] - mesh.points[mesh.tets[:, :1]]
     quality = jacobians(mesh.points, mesh.tets).min(axis=1) * np.sign(np.linalg.det(corner))
     worst = int(np.argmin(quality))

@@ -10,6 +10,17 @@ class GeometryError(Exception):
 
 
 def place(point: np.ndarray) -> str:
-    """A point (3,) in mm as text."""
+    """A point as text.
+
+    Parameters
+    ----------
+    point : (3,) ndarray
+        In mm.
+
+    Returns
+    -------
+    str
+        To a micrometre.
+    """
     x, y, z = (float(f"{coordinate:.3f}") + 0.0 for coordinate in point)
     return f"({x:g}, {y:g}, {z:g}) mm"

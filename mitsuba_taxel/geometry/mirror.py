@@ -50,7 +50,20 @@ MIRRORS = (ACROSS_X, ACROSS_Y, ACROSS_SECOND_DIAGONAL, ACROSS_DIAGONAL)
 
 
 def mirrored(mesh: VolumeMesh, mirror: Mirror) -> VolumeMesh:
-    """The mesh and its image, joined at the nodes on the plane."""
+    """The mesh and its image, joined at the nodes on the plane.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        On one side of the plane.
+    mirror : Mirror
+        The plane, on which nodes lie exactly.
+
+    Returns
+    -------
+    VolumeMesh
+        The nodes of the given one come first.
+    """
     on_plane = mirror.side(mesh.points) == 0
     image = np.arange(len(mesh.points))
     image[~on_plane] = len(mesh.points) + np.arange(np.count_nonzero(~on_plane))

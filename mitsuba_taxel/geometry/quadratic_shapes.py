@@ -8,13 +8,35 @@ from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES
 
 
 def shape_functions(barycentric: np.ndarray) -> np.ndarray:
-    """(Q, 6) or (Q, 10) values at barycentric coordinates (Q, 3) of a triangle or (Q, 4) of a tetrahedron."""
+    """Values of the quadratic shape functions.
+
+    Parameters
+    ----------
+    barycentric : (Q, 3) or (Q, 4) ndarray
+        Coordinates in a triangle or in a tetrahedron.
+
+    Returns
+    -------
+    (Q, 6) or (Q, 10) ndarray
+        For each node.
+    """
     i, j = np.array(FACE_EDGES if barycentric.shape[1] == 3 else TET_EDGES).T
     return np.concatenate([barycentric * (2 * barycentric - 1), 4 * barycentric[:, i] * barycentric[:, j]], axis=1)
 
 
 def shape_slopes(barycentric: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(Q, 6) derivatives in a triangle along the sides from the first corner to the second and to the third."""
+    """Derivatives of the quadratic shape functions of a triangle.
+
+    Parameters
+    ----------
+    barycentric : (Q, 3) ndarray
+        Coordinates in the triangle.
+
+    Returns
+    -------
+    to_second, to_third : (Q, 6) ndarray
+        Along the sides from the first corner to the second and to the third.
+    """
     a, b, c = barycentric.T
     zero = np.zeros_like(a)
     to_second = np.stack([1 - 4 * a, 4 * b - 1, zero, 4 * (a - b), 4 * c, -4 * c], axis=1)
@@ -23,7 +45,18 @@ def shape_slopes(barycentric: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shape_gradients(xi: np.ndarray) -> np.ndarray:
-    """Gradients (Q, 10, 3) of the quadratic shape functions at reference points (Q, 3)."""
+    """Gradients of the quadratic shape functions of a tetrahedron.
+
+    Parameters
+    ----------
+    xi : (Q, 3) ndarray
+        Points of the reference element.
+
+    Returns
+    -------
+    (Q, 10, 3) ndarray
+        By the reference coordinates, for each node.
+    """
     barycentric = tet_coordinates(xi)
     slope = np.array([[-1, -1, -1], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
     gradients = np.empty((len(xi), 10, 3))
@@ -34,12 +67,34 @@ def shape_gradients(xi: np.ndarray) -> np.ndarray:
 
 
 def tet_coordinates(xi: np.ndarray) -> np.ndarray:
-    """Barycentric coordinates (..., 4) of reference points (..., 3) of a tetrahedron."""
+    """Barycentric coordinates in a tetrahedron.
+
+    Parameters
+    ----------
+    xi : (..., 3) ndarray
+        Points of the reference element.
+
+    Returns
+    -------
+    (..., 4) ndarray
+        Of sum 1.
+    """
     return np.concatenate([1 - xi.sum(axis=-1, keepdims=True), xi], axis=-1)
 
 
 def control_points(nodes: np.ndarray) -> np.ndarray:
-    """Bezier control points of triangles (M, 6, 3) or tetrahedra (M, 10, 3): their convex hull contains the element."""
+    """Bezier control points of quadratic elements: their convex hull contains the element.
+
+    Parameters
+    ----------
+    nodes : (M, 6, 3) or (M, 10, 3) ndarray
+        Of triangles or tetrahedra, mm.
+
+    Returns
+    -------
+    ndarray
+        In mm, of the same shape.
+    """
     edges = FACE_EDGES if nodes.shape[1] == 6 else TET_EDGES
     i, j = np.array(edges).T
     corners = nodes.shape[1] - len(edges)
@@ -47,8 +102,20 @@ def control_points(nodes: np.ndarray) -> np.ndarray:
 
 
 def hull_boxes(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corners (M, 3) of boxes around the control points of triangles (M, 6) or tetrahedra (M, 10)
-    of ``nodes``, which are not all in memory at once."""
+    """Boxes around the control points of quadratic elements, which are not all in memory at once.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        In mm.
+    nodes : (M, 6) or (M, 10) ndarray of int
+        Of triangles or tetrahedra.
+
+    Returns
+    -------
+    low, high : (M, 3) ndarray
+        Lowest and highest corners, mm.
+    """
     edges = FACE_EDGES if nodes.shape[1] == 6 else TET_EDGES
     corners = [points[nodes[:, k]] for k in range(nodes.shape[1] - len(edges))]
     low, high = np.minimum.reduce(corners), np.maximum.reduce(corners)

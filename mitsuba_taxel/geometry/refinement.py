@@ -17,7 +17,21 @@ from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 
 
 def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: float = math.inf) -> VolumeMesh:
-    """The mesh refined until no edge is longer than the ``size`` (n,) in mm at its middle (n, 3).
+    """The mesh refined by bisection until no edge is too long.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of straight elements, mm.
+    size : Callable
+        Largest length (n,) of edges in mm at their middles (n, 3).
+    most : float
+        Elements that there may be.
+
+    Returns
+    -------
+    VolumeMesh
+        With the same surface.
 
     Raises
     ------

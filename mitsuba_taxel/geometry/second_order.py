@@ -18,7 +18,22 @@ _SIDES = np.array(
 
 
 def positive(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The points (N, 3) used by tetrahedra (M, 4), and the tetrahedra, all positively oriented."""
+    """The points that tetrahedra use, and the tetrahedra, all positively oriented.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        In mm.
+    tets : (M, 4) ndarray of int
+        Corners of each tetrahedron.
+
+    Returns
+    -------
+    points : (C, 3) ndarray
+        Those that are used.
+    tets : (M, 4) ndarray of int
+        Their corners among these.
+    """
     used, tets = np.unique(tets, return_inverse=True)
     points, tets = points[used], tets.reshape(-1, 4).astype(np.int64)
     corners = points[tets]
@@ -27,9 +42,23 @@ def positive(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def second_order(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes (N, 3), tetrahedra (M, 10) and boundary triangles (B, 6) as in a `VolumeMesh`, with straight edges.
+    """Quadratic elements with straight edges.
 
-    ``points`` (C, 3) are the corners of ``tets`` (M, 4), which are positively oriented; they come first.
+    Parameters
+    ----------
+    points : (C, 3) ndarray
+        The corners, which come first among the nodes, mm.
+    tets : (M, 4) ndarray of int
+        Corners of each tetrahedron, positively oriented.
+
+    Returns
+    -------
+    nodes : (N, 3) ndarray
+        In mm.
+    tets : (M, 10) ndarray of int
+        Nodes of each tetrahedron, as in a `VolumeMesh`.
+    faces : (B, 6) ndarray of int
+        Nodes of each triangle of the boundary.
     """
     edges = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)
     first, number = unique_rows(edges)
@@ -38,7 +67,18 @@ def second_order(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def boundary_triangles(tets: np.ndarray) -> np.ndarray:
-    """Corners (B, 3) of the faces that belong to only one of ``tets`` (M, 4), counter-clockwise seen from outside."""
+    """Faces that belong to only one tetrahedron.
+
+    Parameters
+    ----------
+    tets : (M, 4) ndarray of int
+        Corners of each tetrahedron.
+
+    Returns
+    -------
+    (B, 3) ndarray of int
+        Their corners, counter-clockwise seen from outside.
+    """
     return _once(tets[:, _SIDES[:, :3]].reshape(-1, 3))
 
 
@@ -49,7 +89,18 @@ def _once(sides: np.ndarray) -> np.ndarray:
 
 
 def edge_ends(tets: np.ndarray) -> np.ndarray:
-    """Corners (E, 2) of each mid-edge node, in the order of these nodes, which follow the corners."""
+    """Ends of the edge of each mid-edge node.
+
+    Parameters
+    ----------
+    tets : (M, 10) ndarray of int
+        Nodes of each tetrahedron; corners have the smaller numbers.
+
+    Returns
+    -------
+    (E, 2) ndarray of int
+        Corners, in the order of the mid-edge nodes.
+    """
     nodes, first = np.unique(tets[:, 4:], return_index=True)
     assert nodes[0] == tets[:, :4].max() + 1 and len(nodes) == nodes[-1] - nodes[0] + 1
     return tets[:, np.array(TET_EDGES)].reshape(-1, 2)[first]

@@ -38,10 +38,24 @@ class Slices:
 
 
 def sliced(height: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) -> Slices:
-    """Cut the ``chosen`` (T,) triangles (T, 3) where ``height`` (V,), linear on each, is a whole number.
+    """Cut triangles where a height, linear on each, is a whole number.
 
-    The other triangles are split only where they share an edge with a chosen one, so that a closed mesh stays closed. A
-    triangle that lies in a plane belongs to the band above it.
+    Triangles that are not chosen are split only where they share an edge with a chosen one, so that a closed mesh stays
+    closed. A triangle that lies in a plane belongs to the band above it.
+
+    Parameters
+    ----------
+    height : (V,) ndarray
+        Of each vertex, in units of the distance between planes.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+    chosen : (T,) ndarray of bool
+        Which triangles are cut.
+
+    Returns
+    -------
+    Slices
+        The pieces, and how their vertices follow from the given ones.
     """
     whole = np.rint(height)
     height = np.where(np.abs(height - whole) < SNAP, whole, height)

@@ -10,7 +10,20 @@ from mitsuba_taxel.geometry.box_tree import overlapping
 
 
 def area_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Normals (T, 3) of triangles, with their areas as lengths."""
+    """Normals of triangles, with their areas as lengths.
+
+    Parameters
+    ----------
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle, counter-clockwise from outside.
+
+    Returns
+    -------
+    (T, 3) ndarray
+        In mm².
+    """
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     return 0.5 * np.cross(b - a, c - a)
 
@@ -29,12 +42,38 @@ def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
 
 
 def half_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directed edges (3 T, 2) of triangles, and the numbers (3 T,) of these triangles."""
+    """Directed edges of triangles.
+
+    Parameters
+    ----------
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+
+    Returns
+    -------
+    edges : (3 T, 2) ndarray of int
+        Start and end of each edge.
+    owner : (3 T,) ndarray of int
+        Number of its triangle.
+    """
     return triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), np.repeat(np.arange(len(triangles)), 3)
 
 
 def neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges (E, 2) shared by exactly two triangles, and the numbers (E, 2) of these."""
+    """Edges that exactly two triangles share.
+
+    Parameters
+    ----------
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+
+    Returns
+    -------
+    edges : (E, 2) ndarray of int
+        Vertices at their ends, the smaller number first.
+    owners : (E, 2) ndarray of int
+        Numbers of the two triangles.
+    """
     edges, owner = half_edges(triangles)
     edges = np.sort(edges, axis=1).astype(np.int64)
     key = edges[:, 0] * (int(triangles.max(initial=0)) + 1) + edges[:, 1]
@@ -45,15 +84,40 @@ def neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def components(count: int, pairs: np.ndarray) -> np.ndarray:
-    """Number (count,) of the connected component of each of ``count`` nodes, with ``pairs`` (P, 2) as edges."""
+    """Connected components of a graph.
+
+    Parameters
+    ----------
+    count : int
+        Number of nodes.
+    pairs : (P, 2) ndarray of int
+        Nodes at the ends of each edge.
+
+    Returns
+    -------
+    (count,) ndarray of int
+        Number of the component of each node.
+    """
     graph = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
 
 def closest_on_triangles(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Point (N, 3) of each triangle (N, 3, 3) closest to a point (N, 3).
+    """The nearest point of a triangle to a point, pair by pair.
 
     It is the projection onto the plane if that lies in the triangle, else the nearest of those on the three edges.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        In mm.
+    corners : (N, 3, 3) ndarray
+        Of the triangles, mm.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        On the triangles, mm.
     """
     a, b, c = (corners[:, k] for k in range(3))
     normal = unit(np.cross(b - a, c - a))
@@ -71,7 +135,20 @@ def closest_on_triangles(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def closest_on_segments(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Point (N, 3) of each segment from ``start`` (N, 3) to ``end`` (N, 3) closest to a point (N, 3)."""
+    """The nearest point of a segment to a point, pair by pair.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        In mm.
+    start, end : (N, 3) ndarray
+        Of the segments, mm.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        On the segments, mm.
+    """
     along = end - start
     square = np.einsum("ij,ij->i", along, along)
     fraction = np.einsum("ij,ij->i", points - start, along) / np.where(square > 0, square, 1.0)
@@ -79,13 +156,40 @@ def closest_on_segments(points: np.ndarray, start: np.ndarray, end: np.ndarray) 
 
 
 def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs of a point (N, 3) and a triangle, segment or point (M, K, 3) whose bounding boxes are within
-    ``reach``."""
+    """All pairs of a point and a triangle, segment or point whose bounding boxes are near each other.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        In mm.
+    corners : (M, K, 3) ndarray
+        Of triangles, segments or points, mm.
+    reach : float
+        Largest distance along an axis, mm.
+
+    Returns
+    -------
+    point, other : (P,) ndarray of int
+        Numbers of the two of each pair.
+    """
     return overlapping(points - reach, points + reach, corners.min(axis=1), corners.max(axis=1))
 
 
 def first_of_each(keys: np.ndarray, cost: np.ndarray) -> np.ndarray:
-    """Index of the entry of least ``cost`` (P,) for each value of ``keys`` (P,), by ascending value."""
+    """The entry of least cost for each key.
+
+    Parameters
+    ----------
+    keys : (P,) ndarray of int
+        From 0 on.
+    cost : (P,) ndarray
+        Of each entry.
+
+    Returns
+    -------
+    ndarray of int
+        Rows of these entries, by ascending key.
+    """
     order = np.lexsort((cost, keys))
     return order[np.diff(keys[order], prepend=-1) > 0]
 

@@ -192,7 +192,18 @@ def _stated_in(cls: Any) -> Mapping[str, Parameter]:
 
 
 def check(part: Any) -> None:
-    """Check a frozen dataclass, and set defaults of parameters that were not given; raises `InputError`."""
+    """Check a frozen dataclass, and set defaults of parameters that were not given.
+
+    Parameters
+    ----------
+    part : dataclass instance
+        Whose fields are parameters.
+
+    Raises
+    ------
+    InputError
+        if a value is missing, not allowed, or of no effect.
+    """
     missing = []
     for name, parameter in parameters_of(type(part)).items():
         value = getattr(part, name)

@@ -439,7 +439,20 @@ def nested(kind: str, made_of: type, default: Any, doc: str, **about: Any) -> An
 
 
 def stated(parameter: Parameter, **changes: Any) -> Any:
-    """A field for a parameter, with changes."""
+    """A field for a parameter, with changes.
+
+    Parameters
+    ----------
+    parameter : Parameter
+        As another class states it.
+    **changes : Any
+        To its attributes, by name.
+
+    Returns
+    -------
+    Any
+        For the body of a dataclass.
+    """
     parameter = replace(parameter, **changes)
     default = None if parameter.is_conditional or parameter.default is REQUIRED else parameter.default
     return field(default=default, metadata={"parameter": parameter})

@@ -10,6 +10,16 @@ from mitsuba_taxel.base.errors import InputError
 def similarity_scale(matrix: np.ndarray) -> float:
     """Uniform scale of a (4, 4) rigid motion with scale.
 
+    Parameters
+    ----------
+    matrix : (4, 4) ndarray
+        In homogeneous coordinates.
+
+    Returns
+    -------
+    float
+        Above 0.
+
     Raises
     ------
     InputError

@@ -114,7 +114,18 @@ def mirror_curve(part: Part, heights: Any) -> np.ndarray:
 
 
 def leaving_share(part: Part) -> float:
-    """Share of the light that leaves the emitter's window, of what its die sends into the resin."""
+    """Fraction of the light of the die that leaves the emitter's window.
+
+    Parameters
+    ----------
+    part : Part
+        Of which the emitter counts.
+
+    Returns
+    -------
+    float
+        Of what the die sends into the resin.
+    """
     emitter = part.emitter
     start, heading, sine = emitted_rays(emitter, sobol_points(4))
     beneath = sine / np.sqrt(part.resin_index**2 - sine**2)

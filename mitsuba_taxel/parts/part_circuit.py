@@ -31,6 +31,16 @@ def circuit_of_part(part: Part) -> Circuit:
     distance and LED current, is the typical collector current. The load is the largest of the E12 series with which
     the largest current that the datasheet allows, under its reflector at the brightest distance, does not saturate.
 
+    Parameters
+    ----------
+    part : Part
+        With its electrical figures.
+
+    Returns
+    -------
+    Circuit
+        With a supply of `SUPPLY`.
+
     Raises
     ------
     InputError
