@@ -6,11 +6,11 @@ changes along the path: from the first load to the last by `COURSE` of its size,
 strains up to 0.11 (docs/theory/errors.md). The course of that change is not known, so it is taken as random. With the
 stated size s(F) of a reading's error, the error is
 
-    s(F) (sqrt(1 - w) z + sqrt(COURSE^2 + w) g(F)),
+    s(F) (c z + sqrt(1 - c^2) g(F)),    c^2 = (1 - COURSE^2) a^2,
 
 where z is a normal number of the whole path, and g a Gaussian process of unit variance and of the correlation
 exp(-|F - F'|^2 / (2 L^2)), L being the largest load of the study. Where the deviation changes its sign along the path,
-two meshes do not tell a common share: 1 - w is the square of its sum over the path relative to that of its magnitudes.
+two meshes do not tell a common share: a is the magnitude of its sum over the path, relative to the sum of magnitudes.
 The kernel of g is a sum of products of
 
     phi_m(F) = exp(-|x|^2 / 2) x_1^m_1 x_2^m_2 x_3^m_3 / sqrt(m_1! m_2! m_3!),    x = (F - F_middle) / L
@@ -37,6 +37,7 @@ from mitsuba_taxel.characterise.roles import with_forces_named
 
 COURSE = 0.1
 """Standard deviation of the random course of an error along a path, relative to the size of the error."""
+COMMON = math.sqrt(1 - COURSE**2)
 DEGREE = 2
 """Largest sum of the exponents m: on a path from rest, what is left out has 0.2 % of the variance at its ends."""
 VARIANTS = math.exp(-1 / 8)
@@ -100,7 +101,7 @@ def with_shape(
 
 
 def besides_shape(error: np.ndarray, shifts: Iterable[np.ndarray]) -> np.ndarray:
-    """Errors of derivatives beyond what modes of the shape change, so that both in squares are as in :func:`with_shape`."""
+    """Errors of derivatives beyond the changes by modes of the shape; with these in squares they are as stated."""
     return np.sqrt(np.maximum(error**2 - sum(shift**2 for shift in shifts), 0.0))
 
 
@@ -130,8 +131,8 @@ def _changed(
     sizes = _sizes(named) if sizes is None else sizes
     kind, *powers = mode
     if kind == RANDOM:
-        square = sum((COURSE**2 + 1 - common**2) * size**2 for size, common in sizes.values())
-        change = np.sqrt(square) * _course(named, powers)
+        square = sum(((1 - common**2) * size**2 for size, common in sizes.values()), xr.DataArray(0.0))
+        change = square**0.5 * _course(named, powers)
     elif kind in sizes:
         size, common = sizes[kind]
         change = size * common
@@ -141,8 +142,8 @@ def _changed(
 
 
 def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
-    """By kind of error: the stated error of each reading, with one sign along a path, and the share of it, as a factor
-    of its size, that is common to the path.
+    """By kind of error: the stated error of each reading, with one sign along a path, and the part of its size that is
+    common to the path.
 
     That by the mechanics is as in `Readings.mechanics_error`; its sign is that of most of the deviation. That of the
     facets is the same share of the power along a curve. Readings of unknown error have none; the study's notes say so.
@@ -158,12 +159,12 @@ def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
         sign = xr.where(total < 0, -1.0, 1.0)
         size = ERROR_SHARE * sign * xr.where(power > 0, power * share, np.abs(deviation))
         square = (most**2).sum("taxel")
-        common = np.sqrt((total**2).sum("taxel") / square.where(square > 0)).fillna(1.0)
-        sizes["deviation"] = (size, common)
+        agreed = np.sqrt((total**2).sum("taxel") / square.where(square > 0)).fillna(1.0)
+        sizes["deviation"] = (size, COMMON * agreed)
     if "geometry_error" in study:
         share = study.geometry_error / lit
         alike = [dim for dim in (study.attrs["curve"], "taxel") if dim in share.dims]
-        sizes["geometry_error"] = (power * share.mean(alike).fillna(0.0), xr.DataArray(1.0))
+        sizes["geometry_error"] = (power * share.mean(alike).fillna(0.0), xr.DataArray(COMMON))
     return sizes
 
 
@@ -172,13 +173,13 @@ def _with_change(study: xr.Dataset, named: xr.Dataset, change: xr.DataArray) -> 
     changed = {"replicate_power": named.replicate_power + change}
     if "derivative" in named:
         changed |= {"smooth_power": named.smooth_power + change, "derivative": named.derivative}
-        for dim in {dim for name in _varied(named) for dim in named[name].dims}:
+        for dim in {str(dim) for name in _varied(named) for dim in named[name].dims}:
             names = [name for name in _varied(named) if dim in named[name].dims and name in named.parameter.values]
             if named.sizes[dim] < 2 or not names:
                 continue
             # Along a path in which several forces change, the slope is that in the direction of the step.
             steps = {name: _steps(named[name], dim) for name in names}
-            square = sum(step**2 for step in steps.values())
+            square = sum((step**2 for step in steps.values()), xr.DataArray(0.0))
             slope = _steps(change, dim) / square.where(square > 0)
             for name, step in steps.items():
                 which = named.parameter == name

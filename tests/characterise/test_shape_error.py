@@ -73,7 +73,7 @@ def test_a_common_share_changes_no_nonlinearity_but_by_its_random_course():
     deviation = c * (power - power[:, :1]) / ERROR_SHARE
     common = by_figure(study_of(power, deviation)).error["nonlinearity"].item()
     turned = by_figure(study_of(power, deviation * np.array([1, 1, 1, -1, -1]))).error["nonlinearity"].item()
-    assert common / turned == pytest.approx(COURSE / np.hypot(1, COURSE), rel=0.2)
+    assert common / turned == pytest.approx(COURSE, rel=0.2)
     assert turned > 5 * common
 
 
@@ -95,13 +95,12 @@ def test_differences_of_variants_have_errors_that_hold():
 
 
 def test_errors_of_a_straight_curve_have_a_closed_form():
-    """If readings are off by the share c of their change, the mean slope is off by c of itself, with the variance
-    1 + COURSE^2; the nonlinearity at the middle by the random course, c (g(F/2) - g(F)) / 2, whose variance the
-    correlation of these gives."""
+    """If readings are off by the share c of their change, the mean slope is off by c of itself; the nonlinearity at the
+    middle by the random course, c (g(F/2) - g(F)) / 2, whose variance the correlation of these gives."""
     x, c = LOADS / LOADS[-1], 0.01
     power = (1 + 0.2 * x)[None]
     found = by_figure(study_of(power, c * 0.2 * x[None] / ERROR_SHARE))
-    assert found.error["mean_slope"].item() == pytest.approx(c * 0.1 * np.hypot(1, COURSE), rel=5e-3)
+    assert found.error["mean_slope"].item() == pytest.approx(c * 0.1, rel=5e-3)
     middle = 100 * COURSE * c * np.sqrt(2 * (1 - np.exp(-1 / 8))) / 2
     assert found.error["nonlinearity"].item() == pytest.approx(middle, rel=5e-2)
 
@@ -119,7 +118,7 @@ def test_slopes_from_derivatives_have_the_larger_of_two_estimates():
         )
         found = by_figure(study.assign_coords(parameter=["fz"]))
         for figure in ("mean_slope", "max_slope", "zero_slope"):
-            larger = 0.1 * max(least, c * np.hypot(1, COURSE))
+            larger = 0.1 * max(least, c)
             assert found.error[figure].item() == pytest.approx(larger, rel=0.06)
             assert found.value[figure].item() == pytest.approx(-0.1)
         assert found.error["nonlinearity"].item() < 0.05
@@ -148,4 +147,4 @@ def test_errors_of_diagonal_loads_change_slopes_along_the_load():
     table = characteristics(found.experiments, found.off).set_index("figure")
     for figure in ("mean_slope", "max_slope", "zero_slope"):
         assert table.value[figure] == pytest.approx(slope)
-        assert table.error[figure] == pytest.approx(c * slope * np.hypot(1, COURSE), rel=0.06)
+        assert table.error[figure] == pytest.approx(c * slope, rel=0.06)

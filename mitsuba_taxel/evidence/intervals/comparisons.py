@@ -47,7 +47,8 @@ def _kinds() -> list[tuple[str, str, str]]:
 
 def _sizes(errors: str) -> dict[str, float]:
     """Errors of the figures in %/N and %, about; of those of elements, a nonlinearity has the random course alone."""
-    return {"relative_slope": 100 * CHANGE * ERROR / 2, "nonlinearity": 13 * ERROR * (1 if "light" in errors else COURSE)}
+    course = 1.0 if "light" in errors else COURSE
+    return {"relative_slope": 100 * CHANGE * ERROR / 2, "nonlinearity": 13 * ERROR * course}
 
 
 def _behind(by: str, errors: str, seed: int) -> dict[str, float]:
