@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.studies.plan.vary import Axis
 from mitsuba_taxel.studies.store.dataset import assemble
