@@ -28,11 +28,12 @@ FORCE_COLUMNS = ({"force"}, {"fx"}, {"fy"}, {"fz"}, {"fx", "fy", "fz"})
 class Measurement:
     """A record of a bench.
 
-    ``time`` (rows,) in s; ``force`` (rows, 1 or 3) in N, its columns named by ``force_names``; ``voltage``
-    (rows, taxels) in V; ``taxel`` (taxels,) their numbers; ``file`` where it comes from, for messages.
+    ``time`` (rows,) in s, or None if the record has no column of it; ``force`` (rows, 1 or 3) in N, its columns named
+    by ``force_names``; ``voltage`` (rows, taxels) in V; ``taxel`` (taxels,) their numbers; ``file`` where it comes
+    from, for messages.
     """
 
-    time: np.ndarray
+    time: np.ndarray | None
     force: np.ndarray
     force_names: tuple[str, ...]
     voltage: np.ndarray
@@ -47,7 +48,8 @@ def read_measurement(file: str | Path) -> Measurement:
     Every heading is a name and a unit, such as ``v1_V``, ``v1 [V]`` or ``v1 (V)``, or the units are a line of their
     own; names are case-insensitive, in any order:
 
-    - ``time`` or ``t`` in s or ms, or ``millis``, rising from row to row;
+    - ``time`` or ``t`` in s or ms, or ``millis``, rising from row to row; without it, rows are in the order of the
+      record;
     - ``force`` or ``f``, or one of ``fx``, ``fy``, ``fz``, or all three of these, in N, mN, kN, g or kg of weight;
     - ``v1``, ``v2``, ... or ``voltage1``, ... in V or mV, with the number of the taxel.
 
@@ -72,21 +74,23 @@ def read_measurement(file: str | Path) -> Measurement:
     shown = f"{', '.join(headings)} (separated by {table.separator})"
     if len(set(names)) < len(names):
         refuse(f": columns {shown} are not allowed: each must occur once.")
-    if "time" not in names or set(forces) not in FORCE_COLUMNS or not taxels:
-        refuse(f": columns {shown} are not enough: time_s, force_N (or fx_N, fy_N, fz_N), v1_V, ... are needed.")
+    if set(forces) not in FORCE_COLUMNS or not taxels:
+        refuse(f": columns {shown} are not enough: force_N (or fx_N, fy_N, fz_N) and v1_V, ... are needed.")
     if len(table.lines) < FEWEST_ROWS:
         refuse(f" holds {len(table.lines)} rows of numbers: at least {FEWEST_ROWS} are needed.")
     data = np.stack([table.numbers(column) for column in table.columns], axis=1)
-    late = np.flatnonzero(np.diff(data[:, names.index("time")]) <= 0)
-    if len(late):
-        refuse(f", line {table.lines[late[0] + 1]}: {headings[names.index('time')]} does not rise from the row before.")
+    if "time" in names:
+        clock = names.index("time")
+        late = np.flatnonzero(np.diff(data[:, clock]) <= 0)
+        if len(late):
+            refuse(f", line {table.lines[late[0] + 1]}: {headings[clock]} does not rise from the row before.")
     for name, column, numbers in zip(names, table.columns, data.T, strict=True):
         if forces == (name,):
             ask_for_grams(f"measurement {str(file)!r}", column, numbers)
     data *= [float(UNITS[column.unit][1]) for column in table.columns]
     of = {name: data[:, number] for number, name in enumerate(names)}
     return Measurement(
-        of["time"],
+        of.get("time"),
         np.stack([of[name] for name in forces], axis=1),
         forces,
         np.stack([of[taxel] for taxel in taxels], axis=1),

@@ -152,9 +152,11 @@ def _in_cells(body: Boxes, pads: list[ScenePart]) -> Iterator[Finding]:
             yield from _cells_not_read(body, pad, number[near & free] + 1)
     if not np.all(stand):
         count = f"{np.count_nonzero(~stand)} of {len(stand)} packages of photo_reflector stand"
-        yield body.part.finding(
-            "warning", f"{count} beside the {PAD}, in no cell: check rows, columns, pitch and to_world of both."
-        )
+        remedies = ["check rows, columns, pitch and to_world of both"]
+        for pad in pads:
+            if pad.made.cell_boxes is not None:
+                remedies.append(pad.made.pad.placement.advice(pad.made.extent, pad.made.cell_boxes))
+        yield body.part.finding("warning", f"{count} beside the {PAD}, in no cell: {'; '.join(remedies)}.")
 
 
 def _reach_into(corners: np.ndarray, boxes: np.ndarray) -> np.ndarray:

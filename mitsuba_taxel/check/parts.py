@@ -15,7 +15,7 @@ from mitsuba_taxel.backend.plugin_objects import found
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.document import KINDS, Element, filled_in
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.check.pads import cells_of_file, refuse_finish
+from mitsuba_taxel.check.pads import extents_in_file, refuse_finish
 from mitsuba_taxel.check.parameters import error_in, error_in_plugin
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
 from mitsuba_taxel.pads import PadFile
@@ -45,10 +45,11 @@ class UndeformedPad:
         From the pad's frame, in mm.
     objects : dict[str, object]
         Nested objects, by name.
-    cell_boxes : (K, 2, 3) ndarray or None
-        Lowest and highest coordinates of the cells of a pad from a file, in the pad's frame.
+    extent, cell_boxes : (2, 3) ndarray, (K, 2, 3) ndarray, or None
+        Lowest and highest coordinates of a pad from a file, and of its cells, in the pad's frame.
     """
 
+    extent: np.ndarray | None = None
     cell_boxes: np.ndarray | None = None
 
     def __init__(self, props: Any) -> None:
@@ -258,7 +259,7 @@ class _Maker:
         try:
             check_mirrors(pad.pad, mirrors(wall) if wall is not None else [], stated.subdivision)
             if isinstance(pad.pad, PadFile):
-                pad.cell_boxes = cells_of_file(pad.pad, stated.mesh_size)
+                pad.extent, pad.cell_boxes = extents_in_file(pad.pad, stated.mesh_size)
                 cells = len(pad.cell_boxes)
             else:
                 check_triangles(stated.subdivision, LEAST_FACES * (len(numbers) or pad.pad.rows * pad.pad.columns))

@@ -22,7 +22,8 @@ from .options import circuit_option, debug_option, json_option
 def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bool) -> None:
     """Characterise the study in DIR, or a bench measurement.
 
-    FILE.csv has time, force and one voltage per taxel, with headings such as time_s,force_N,v1_V,v2_V. Tables and plots
+    FILE.csv has force and one voltage per taxel, and time where it was recorded, with headings such as
+    time_s,force_N,v1_V,v2_V. Tables and plots
     are written beside it, or into DIR.
     """
     from mitsuba_taxel import open_study

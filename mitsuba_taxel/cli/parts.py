@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from .options import debug_option, json_option
+
+CLEARLY = 0.05
+"""Smaller difference of a datasheet's curve, relative to its peak, for which another reflector is proposed."""
 
 
 @click.command(short_help="Photo-reflectors from datasheets.")
@@ -81,6 +85,10 @@ def _curve(part) -> list[tuple[float, float, float]]:
     return list(zip(heights.tolist(), given.tolist(), (model / max(most, model.max())).tolist(), strict=True))
 
 
+def _largest_difference(curve: list[tuple[float, float, float]]) -> float:
+    return max(abs(given - model) for _, given, model in curve)
+
+
 def _edges(part, height: float | None) -> dict[str, list[float]]:
     """Positions of an edge for 10, 50 and 90 % of the current, by axis; none without a height."""
     from mitsuba_taxel.parts import edge_positions
@@ -98,6 +106,7 @@ def _show_edges(edges: dict[str, list[float]], height: float) -> None:
 
 def _show(part) -> None:
     from mitsuba_taxel.parts import leaving_share
+    from mitsuba_taxel.parts.part import REFLECTORS
 
     from .tables import print_table, print_text_table
 
@@ -136,4 +145,9 @@ def _show(part) -> None:
         print_table(
             ("height [mm]", "datasheet", "these dies"), ((f"{z:g}", f"{a:.1%}", f"{b:.1%}") for z, a, b in curve)
         )
-        print(f"Largest difference: {max(abs(a - b) for _, a, b in curve):.1%} of the peak")
+        difference = _largest_difference(curve)
+        print(f"Largest difference: {difference:.1%} of the peak")
+        for other in REFLECTORS:
+            under_other = _largest_difference(_curve(replace(part, distance_reflector=other)))
+            if under_other < difference - CLEARLY:
+                print(f"It is {under_other:.1%} if the curve is of a {other}: distance_reflector = {other!r} says so.")

@@ -92,6 +92,8 @@ def command(
 
         write_irradiance(readings, output)
     (_print_json if as_json else _print_tables)(readings, volts, matrix, book, lines)
+    if not as_json and (readings.power <= 0).any():
+        print(f"taxel check {scene} may say why a taxel is dark.")
     if target_error is not None:
         tables.end_beyond_target(readings.notes)
 

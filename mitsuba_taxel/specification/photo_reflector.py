@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -201,6 +202,13 @@ class PhotoReflector(Specification):
         closest = 0.5 * (led.size + phototransistor.width)
         furthest = length - max(led.size, phototransistor.width)
         slack = 1 + _ROUNDING
+        if self.spacing is not None and closest > furthest * slack:
+            sides = ("size", "LED", led.size), ("width", "phototransistor", phototransistor.width)
+            name, face, side = max(sides, key=itemgetter(2))
+            raise InputError(
+                f"{name} = {side:g} of the {face} is not allowed: side by side, LED and phototransistor "
+                f"need a body of x extent {closest + length - furthest:g}, and it has {length:g}."
+            )
         if self.spacing is not None and not closest / slack <= self.spacing <= furthest * slack:
             raise InputError(
                 f"spacing = {self.spacing:g} is not allowed: from {closest:g} (LED and phototransistor touch) "

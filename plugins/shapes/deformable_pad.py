@@ -272,7 +272,10 @@ class DeformablePad(mi.Mesh):
             state = self.state_under(self.value, obstacles)
         except InputError as error:  # undeformed
             if isinstance(self.pad, PadFile):
-                advice = self.pad.placement.advice(self.state.mesh)
+                from mitsuba_taxel.pads.imported.regions import extents_of
+
+                mesh = self.state.mesh
+                advice = self.pad.placement.advice(*extents_of(mesh.points[mesh.faces], mesh.face_cell))
             else:
                 advice = self._room_needed(obstacles)
             raise InputError(f"{str(error).removesuffix('.')}; {advice}.") from error

@@ -46,6 +46,16 @@ def test_columns_in_any_order_and_three_forces(tmp_path):
     np.testing.assert_allclose(read.voltage[3], -3)
 
 
+def test_a_table_of_weights_has_no_time(tmp_path):
+    """As `fit` reads it: semicolons, decimal commas, millivolts, rows in the order of the record."""
+    file = tmp_path / "weights.csv"
+    file.write_text("fz_N;v1_mV\n" + "\n".join(f"-0,{row};{100 - row},00" for row in range(10)) + "\n")
+    read = read_measurement(file)
+    assert read.time is None and read.force_names == ("fz",)
+    np.testing.assert_allclose(read.force[:, 0], -0.1 * np.arange(10))
+    np.testing.assert_allclose(read.voltage[:, 0], 0.1 - 1e-3 * np.arange(10))
+
+
 GOOD = "time_s,force_N,v1_V,v2_V"
 BAD = {
     "no headings": ((ROWS[0], ROWS), "has no headings: a first line such as time_s,force_N,v1_V,v2_V is needed"),
@@ -53,7 +63,7 @@ BAD = {
     "no unit": (("time_s,force_N,v1_V,v2", ROWS), "'v2'"),
     "wrong unit": (("time_s,force_V,v1_V,v2_V", ROWS), "'force_V'"),
     "column twice": (("time_s,force_N,v1_V,v1_mV", ROWS), "once"),
-    "no time": (("fx_N,force_N,v1_V,v2_V", ROWS), "time_s"),
+    "two kinds of force": (("fx_N,force_N,v1_V,v2_V", ROWS), "force_N (or fx_N, fy_N, fz_N) and v1_V, ... are"),
     "two of three forces": (("time_s,fx_N,fy_N,v1_V", ROWS), "fx_N, fy_N, fz_N"),
     "no voltage": (("time_s,fx_N,fy_N,fz_N", ROWS), "v1_V"),
     "few rows": ((GOOD, ROWS[:9]), "9 rows"),

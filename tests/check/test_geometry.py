@@ -149,3 +149,5 @@ def test_packages_beside_the_cells_of_a_file(tmp_path, suffix, x, beside):
     said = "1 of 1 packages of photo_reflector stand beside the deformable_pad, in no cell"
     assert [(f.severity, f.line) for f in findings] == [("warning", 5)] * beside
     assert all(f.message.startswith(said) for f in findings)
+    where = f"the pad is 8 x 4 x 4 mm, with cells at ({x + 2:g}, 0) mm; file_up = 'z' centres it, from ({x:g}, 0)"
+    assert suffix == ".stl" or all(where in f.message for f in findings)

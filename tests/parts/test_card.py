@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -54,6 +55,12 @@ def test_the_part_says_under_what_its_curve_was_measured(tmp_path):
     assert not np.allclose(card_curve(part, heights), mirror_curve(part, heights), rtol=0.2)
     shown = run_program(tmp_path, "parts", "part.toml").stdout
     assert "Current under a white card, relative to the largest" in shown
+    under_card = card_curve(part, heights) / card_curve(part, heights).max()
+    curve = ", ".join(f"[{z}, {power:.4f}]" for z, power in zip(heights, under_card, strict=True))
+    (tmp_path / "curve.toml").write_text(re.sub(r"distance_curve = .*", f"distance_curve = [{curve}]", text))
+    shown = run_program(tmp_path, "parts", "curve.toml").stdout
+    said = r"It is (\d.\d)% if the curve is of a white card: distance_reflector = 'white card' says so."
+    assert float(re.search(said, shown)[1]) < 5  # the largest lies between these heights
     (tmp_path / "part.toml").write_text(text.replace('= "mirror"', '= "paper"'))
     with pytest.raises(InputError, match="distance_reflector = 'paper' is not allowed: 'mirror' or 'white card'"):
         read_part(tmp_path / "part.toml")

@@ -297,6 +297,13 @@ ROUGH = '<bsdf type="wall"> <string name="scattering" value="rough_mirror"/>{}</
             "spacing = 1 is not allowed: from 0.385 .* to 0.94",
         ),
         (
+            '<shape type="photo_reflector">'
+            + LED.format("")
+            + SENSOR.format('<float name="width" value="9"/>')
+            + "</shape>",
+            "width = 9 of the phototransistor is not allowed: side by side, .* need a body of x extent 13.6",
+        ),
+        (
             f'<shape type="photo_reflector"> <float name="spacing" value="0.3"/> {BOTH} </shape>',
             "spacing = 0.3",
         ),

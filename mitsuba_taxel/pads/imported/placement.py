@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsuba_taxel.geometry.geometry_error import GeometryError
-from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
 AS_DRAWN = "as drawn"
 DIRECTIONS = {
@@ -101,15 +100,19 @@ class Placement(NamedTuple):
         ]
         return f" (if the file is {'; '.join(words)})" if words else ""
 
-    def advice(self, mesh: VolumeMesh) -> str:
-        """Size of a pad and centres of its cells, and the parameters that may place it as it was meant."""
-        low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-        centres = []
-        for number in range(1, int(mesh.face_cell.max()) + 1):
-            corners = mesh.points[mesh.faces[mesh.face_cell == number]].reshape(-1, 3)
-            centres.append(0.5 * (corners.min(axis=0) + corners.max(axis=0))[:2])
-        shown = ", ".join(f"({x:.3g}, {y:.3g})" for x, y in np.array(centres[:MOST_CENTRES]) + 0.0)
-        more = ", ..." if len(centres) > MOST_CENTRES else ""
+    def advice(self, extent: np.ndarray, cells: np.ndarray) -> str:
+        """Size of a pad and centres of its cells, and the parameters that may place it as it was meant.
+
+        Parameters
+        ----------
+        extent : (2, 3) array_like
+            Lowest and highest coordinates of the pad, mm.
+        cells : (K, 2, 3) array_like
+            Those of its cells.
+        """
+        low, high = np.asarray(extent)
+        shown = ", ".join(f"({x:.3g}, {y:.3g})" for x, y in np.mean(cells, axis=1)[:MOST_CENTRES, :2] + 0.0)
+        more = ", ..." if len(cells) > MOST_CENTRES else ""
         words = f"the pad is {' x '.join(f'{size:.3g}' for size in high - low)} mm, with cells at {shown}{more} mm"
         if self.scale == 1:
             words += self.other_units(float((high - low).max()))

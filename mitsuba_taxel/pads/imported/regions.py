@@ -55,6 +55,26 @@ class FacedSurface:
     names: Sequence[str] = ()
 
 
+def extents_of(corners: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Extents of a pad and of its cells.
+
+    Parameters
+    ----------
+    corners : (T, C, 3) ndarray
+        Places on the faces of its surface, mm.
+    cell : (T,) ndarray
+        Number of the cell of each, 0 for none.
+
+    Returns
+    -------
+    (2, 3) ndarray, (K, 2, 3) ndarray
+        Lowest and highest coordinates of the pad and of each cell, mm.
+    """
+    cells = [corners[cell == number].reshape(-1, 3) for number in range(1, int(cell.max()) + 1)]
+    boxes = np.array([[places.min(axis=0), places.max(axis=0)] for places in cells]).reshape(-1, 2, 3)
+    return np.array([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))]), boxes
+
+
 def tagged(
     surface: FacedSurface, rules: Sequence[Rule], placement: Placement = UNMOVED
 ) -> tuple[np.ndarray, np.ndarray]:

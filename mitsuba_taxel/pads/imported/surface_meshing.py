@@ -87,14 +87,21 @@ class SurfacePart:
         return exactly_on(points, planes_of(self.mirrors), float(self.vertices[:, 2].max()), ROUNDING * self.diagonal)
 
 
+@kept(4)
+def surface_of(content: bytes, suffix: str, rules: tuple[Rule, ...], placement: Placement) -> SurfacePart:
+    """The whole surface of the pad in a file, repaired, with regions and cells."""
+    vertices, triangles = repaired(*read_surface(content, suffix, placement))
+    region, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), rules, placement)
+    return SurfacePart((), vertices, triangles, region, cell)
+
+
 @kept(4)  # for the second mesh, of the error estimate
 def parts_of(
     content: bytes, suffix: str, rules: tuple[Rule, ...], placement: Placement
 ) -> tuple[SurfacePart, SurfacePart, SingularEdges]:
     """The pad in a file, the part of it that is meshed, and where the stress is singular in the whole."""
-    vertices, triangles = repaired(*read_surface(content, suffix, placement))
-    region, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), rules, placement)
-    surface = SurfacePart((), vertices, triangles, region, cell)
+    surface = surface_of(content, suffix, rules, placement)
+    vertices, triangles, region, cell = surface.vertices, surface.triangles, surface.region, surface.cell
     patches = Patches(vertices, triangles, region, cell)
     edges = SingularEdges(patches, region, patches.patch)
     mirrors = mirrors_of(vertices, triangles, region)
