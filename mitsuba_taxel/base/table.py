@@ -38,9 +38,10 @@ BY_UNDERSCORE = {*UNITS} - {"m", "g", "A", "bar", "rad", "min", "counts", "count
 """Units that a heading of any name may end in after an underscore."""
 LEAST_GRAMS = 50
 """Largest of round forces in N from which they may be weights in g."""
-SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas"}
+SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars"}
 _BRACKETED = re.compile(r"(?P<name>.*?)[ _]*(?:\[(?P<a>[^\]]*)\]|\((?P<b>[^)]*)\))")
 _APPENDED = re.compile(r"(?P<name>.+?)(?:[ _]|\s*/\s*)(?P<unit>[^\s_/]+)")
+_DIGITS = re.compile(r"[+-]?\d*")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
@@ -102,9 +103,9 @@ class Table:
 def read_table(what: str, file: Path, known: Collection[str] = ()) -> Table:
     """The table in a text file.
 
-    Columns are separated by tabs, semicolons, commas or blanks, numbers have decimal points or, unless commas separate
-    the columns, decimal commas. ``#`` begins a comment. The first line with as many fields as most lines has the
-    headings; a line of units may follow. Units are in brackets, or appended by ``_``, a blank or ``/``.
+    Columns are separated by tabs, semicolons, commas, bars or blanks. Numbers have decimal points or, unless commas
+    separate the columns, decimal commas. ``#`` begins a comment. The first line with as many fields as most lines has
+    the headings; a line of units may follow. Units are in brackets, or appended by ``_``, a blank or ``/``.
 
     Parameters
     ----------
@@ -127,7 +128,7 @@ def read_table(what: str, file: Path, known: Collection[str] = ()) -> Table:
     shown = SEPARATORS.get(mark, "blanks")
     count = Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
     first = next((number for number, row in enumerate(rows) if len(row) == count), 0)
-    if mark == "," and rows and len(rows[0]) > 1 and count == 2 * len(rows[0]):
+    if mark == "," and rows and 1 < len(rows[0]) < count and all(map(_DIGITS.fullmatch, rows[first])):
         raise InputError(
             f"{what} is ambiguous: it has {len(rows[0])} headings and {count} values in a row, as if commas were both "
             "separators and decimal marks; decimal points, or semicolons between columns, are needed."
@@ -237,9 +238,10 @@ def separated(what: str, lines: list[str]) -> tuple[str, list[list[str]]]:
         if alike > best[0]:
             best = alike, mark, rows
     if best[0] <= len(lines) / 2:
-        blanks = [line.split() for line in lines]
-        if lines and len({len(row) for row in blanks}) == 1 and len(blanks[0]) > 1:
-            return " ", blanks
+        for blank in (r"\s+", r"\s{2,}"):  # the latter for headings of several words
+            blanks = [re.split(blank, line.strip()) for line in lines]
+            if lines and len({len(row) for row in blanks}) == 1 and len(blanks[0]) > 1:
+                return " ", blanks
         if len(lines) > 2 and best[0] <= 1:
             return "", [[line.strip()] for line in lines]
     return best[1], best[2]

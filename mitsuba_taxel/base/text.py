@@ -1,7 +1,8 @@
-"""Files as users name them: regular ones of a sane size, whose text is UTF-8."""
+"""Files as users name them: regular ones of a sane size, whose text is UTF-8 or what spreadsheets make of it."""
 
 from __future__ import annotations
 
+import codecs
 import errno
 import os
 import stat
@@ -11,6 +12,8 @@ from mitsuba_taxel.base.errors import InputError
 
 LARGEST_TEXT = 1 << 28
 """Bytes of the largest text that is read."""
+_LATIN = frozenset("µ°".encode("latin-1"))
+"""Signs of units in the encoding of spreadsheets on Windows."""
 
 
 def check_regular(file: Path, largest: int) -> None:
@@ -58,6 +61,9 @@ def read_bytes(file: Path, largest: int = LARGEST_TEXT) -> bytes:
 def read_text(what: str, file: Path, needed: str = "a CSV file") -> str:
     """The text of a file in UTF-8, without a byte order mark; messages begin with ``what``.
 
+    Files in UTF-16 with such a mark, as spreadsheets write them, and those whose only letters beyond ASCII are the
+    signs of µA and degrees in Latin-1, are read as well.
+
     Parameters
     ----------
     what : str
@@ -78,9 +84,15 @@ def read_text(what: str, file: Path, needed: str = "a CSV file") -> str:
         if it cannot be read, or is not text.
     """
     try:
-        return read_bytes(file).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{what} is not text: {needed} is needed.") from error
+        content = read_bytes(file)
     except (OSError, ValueError) as error:  # the latter of names that no file can have
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{what} cannot be read ({reason}): {needed} is needed.") from error
+    encoding = "utf-16" if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError as error:
+        if not {byte for byte in content if byte > 127} <= _LATIN:
+            raise InputError(f"{what} is not text: {needed} is needed.") from error
+        text = content.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -31,6 +31,8 @@ DIALECTS = {
     "semicolons": (["time_s;fz_N;v1_V"], ";"),
     "tabs": (["time_s\tfz_N\tv1_V"], "\t"),
     "blanks": (["time_s fz_N v1_V"], " "),
+    "bars": (["time_s|fz_N|v1_V"], "|"),
+    "wide blanks": (["  Time [s]   Force Z [N]   Voltage 1 [V]"], "   "),
     "decimal commas": (["time_s;fz_N;v1_V"], ";", ","),
     "decimal commas and tabs": (["time_s\tfz_N\tv1_V"], "\t", ","),
     "a spreadsheet's mark": (["sep=;", "time_s;fz_N;v1_V"], ";"),
@@ -51,6 +53,16 @@ def test_every_dialect_has_the_same_numbers(tmp_path, dialect):
     np.testing.assert_allclose(read.time, TIME, atol=2e-6)
     np.testing.assert_allclose(read.force[:, 0], FORCE, atol=2e-6 if "kN" not in dialect[0][-1] else 1e-3)
     np.testing.assert_allclose(read.voltage[:, 0], VOLTAGE, atol=2e-6)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+def test_spreadsheets_write_other_encodings(tmp_path, encoding):
+    file = written(tmp_path, ["Time (s);Fz (N);Voltage 1 (µV)"], ";", ",", (1, 1, 1e6))
+    file.write_bytes(file.read_text("utf-8").encode(encoding))
+    np.testing.assert_allclose(read_measurement(file).voltage[:, 0], VOLTAGE, atol=2e-6)
+    file.write_bytes("time_s;fz_N;Spannung für v1_V\n".encode("latin-1"))
+    with pytest.raises(InputError, match="is not text: a CSV file is needed"):
+        read_measurement(file)
 
 
 @pytest.mark.parametrize("name", ["commas", "decimal commas", "tabs", "bare units in a line", "kilonewtons"])
@@ -75,6 +87,7 @@ def test_units_of_steps_are_converted_exactly_and_words_stay(tmp_path):
 
 REFUSED = {
     "decimal commas between commas": ("fz_N,v1_mV\n-0,0,100,00\n-0,1,98,05\n", "2 headings and 4 values .* semicolons"),
+    "decimal commas but for the time": ("time_s,fz_N,v1_V\n0,-0,2,1,5\n1,-0,4,1,6\n", "3 headings and 5 values"),
     "both marks": ("a;b\n1.5;2,5\n1,5;2.5\n", "'1,5' is ambiguous: one decimal mark"),
     "thousands": ("a;b\n950;1\n1,050;2\n", "'1,050' is ambiguous"),
     "thousands with a fraction": ("a;b\n1.050,5;1\n", r"'1\.050,5' is ambiguous"),
