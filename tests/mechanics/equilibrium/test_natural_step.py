@@ -24,7 +24,8 @@ def strip(fresh, monkeypatch, symmetric_block):
 
     def clamped(slenderness):
         thickness = SPAN / slenderness
-        mesh = symmetric_block((SPAN, 2.0, thickness), (8 if slenderness < 100 else 16, 1, 1))
+        along, through = (16, 2) if slenderness < 10 else (8, 1) if slenderness < 100 else (16, 1)
+        mesh = symmetric_block((SPAN, 2.0, thickness), (along, 1, through))
         ends = (np.abs(mesh.points[mesh.faces, 0]) == SPAN / 2).all(axis=1)
         region = np.where(mesh.face_region == REGIONS["bottom"], REGIONS["roof"], mesh.face_region)
         region = np.where(ends, REGIONS["bottom"], region)
@@ -89,12 +90,12 @@ def test_plates_under_small_loads(strip, slenderness):
     pressure = 1e-3 * thickness * 32 * MODULUS * thickness**3 / SPAN**4
     force = (0.0, 0.0, -pressure * SPAN * 2.0)
     (spread,) = load_path(PAD, LAW, [force], mesh_size=1.0)
-    allowed = max(0.03, 2.5 / slenderness**2)  # the theory leaves out the square of the thickness over the span
-    assert deflection(spread) == pytest.approx(small_deflection(pressure, thickness), rel=allowed)
+    assert deflection(spread) == pytest.approx(small_deflection(pressure, thickness), rel=0.03)
     (narrow,) = load_path(PAD, LAW, [force], load=PatchForce((0.0, 0.0), (0.01 * SPAN, 2.0)), mesh_size=1.0)
     line = -force[2] / 2.0  # N per mm of the width
     bent = line * SPAN**3 / (16 * MODULUS * thickness**3) + line * SPAN / (4 * 5 / 6 * MODULUS / 2 * thickness)
-    assert deflection(narrow) == pytest.approx(bent, rel=allowed)
+    bent -= 0.21 * line / MODULUS  # near the force (S. Timoshenko and J. N. Goodier, Theory of Elasticity, section 40)
+    assert deflection(narrow) == pytest.approx(bent, rel=0.03)
 
 
 def test_a_plate_is_pushed_along_its_span_as_well(strip):
