@@ -204,6 +204,7 @@ def _draw_against(
     numeric = all(isinstance(row[0], (int, float)) for row in found)
     found.sort(key=lambda row: row[0]) if numeric else None
     x, *values = zip(*found, strict=True)
+    joined = numeric and name != "step"  # rows of a table may be in any order
     for ax, value, error in zip(places, values[::2], values[1::2], strict=False):
         look = style(number)
         known = np.isfinite(error).all()
@@ -214,7 +215,7 @@ def _draw_against(
             label=label or None,
             markersize=4,
             linewidth=0.8,
-            **(look if numeric else {**look, "linestyle": ""}),
+            **(look if joined else {**look, "linestyle": ""}),
         )
 
 

@@ -86,5 +86,7 @@ def test_several_experiments_are_lines_of_the_taxel_that_changes_most():
     drawn = [line.get_ydata() for line in change.lines if len(line.get_ydata()) == len(UP)]
     for line, one in zip(drawn, pair, strict=True):
         np.testing.assert_allclose(line, one.runs[0].value[:, 8])
+    table = plot_against([replace(one, where={"step": n}) for n, one in enumerate(pair)]).axes[0]
+    assert table.lines[0].get_linestyle() == "None"  # rows of a table are in any order
     against = plot_against([replace(one, where={"nu": n}) for n, one in enumerate(pair)]).axes[0]
     assert against.get_title() == "taxel 9" and "taxel 9" in change.get_ylabel()

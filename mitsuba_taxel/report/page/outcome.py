@@ -161,7 +161,8 @@ def _section(kind: Outcome, folder: Path) -> str:
     for number, (name, caption) in enumerate(kind.tables.items()):
         if (file := folder / f"{name}.csv").is_file():
             made = _table(file, caption)
-            parts.append(made if number < 2 and printed is None else folded(caption, made))
+            is_open = number < 2 and printed is None and kind.file != "train.csv"  # its rows are many and alike
+            parts.append(made if is_open else folded(caption, made))
     return section(kind.title.lower(), kind.title, *parts)
 
 
@@ -196,4 +197,9 @@ def _table(file: Path, caption: str) -> str:
     more = [f"{len(content) - MOST_ROWS} more rows"] if len(content) > MOST_ROWS else []
     more += [f"{content.shape[1] - MOST_COLUMNS} more columns"] if content.shape[1] > MOST_COLUMNS else []
     caption += f" ({' and '.join(more)} in {file.name})" if more else ""
-    return table(caption, [str(name).replace("_", " ") for name in content.columns[:MOST_COLUMNS]], rows)
+    headings = [str(name) for name in content.columns[:MOST_COLUMNS]]
+    if file.name == "correlation.csv":  # of parameters with each other: the first column has no name
+        headings[0] = ""
+    else:
+        headings = [heading.replace("_", " ") for heading in headings]
+    return table(caption, headings, rows)

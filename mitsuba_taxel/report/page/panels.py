@@ -43,6 +43,9 @@ def viewer_panels(
     """
     curve = study.attrs["curve"]
     others = [str(dim) for dim in study.mesh.dims if dim != curve]
+    # Of a table of steps, a panel has the number of its row, and its scene the values there.
+    given = [str(name) for name, values in study.mesh.coords.items() if values.dims and {*values.dims} <= {*others}]
+    given = [name for name in given if name != "step"]
     stacked = study.mesh.stack(panel=others) if others else study.mesh.expand_dims("panel")
     filled = stacked.transpose("panel", curve).values != ""
     full = np.flatnonzero(filled.any(axis=1))
@@ -55,9 +58,12 @@ def viewer_panels(
     panels: list[dict[str, Any]] = []
     for one, places in chosen:
         where = {name: _word(one[name].item()) for name in others}
+        row = {name: _word(one[name].item()) for name in given}
         steps = [one.isel({curve: place}) for place in places]
         done = sum(len(panel["steps"]) for panel in panels)
-        panels.append(_panel(where, steps, study, folder, batch, left_out, partial(_report, progress, done, total)))
+        panels.append(
+            _panel(where, row, steps, study, folder, batch, left_out, partial(_report, progress, done, total))
+        )
     return panels
 
 
@@ -74,6 +80,7 @@ def _selection(places: np.ndarray) -> np.ndarray:
 
 def _panel(
     where: dict[str, str],
+    row: dict[str, str],
     steps: list[xr.DataArray],
     study: xr.Dataset,
     folder: Path,
@@ -115,7 +122,7 @@ def _panel(
             pressure = surface.pressure[topologies.coarse[place].kept]
             panel["steps"][-1]["pressure"] = packing.shares(pressure, most_pressure)
         if batch is not None:
-            values = {**where, **{name: _word(step[name].item()) for name in along if name != "step"}}
+            values = {**row, **{name: _word(step[name].item()) for name in along if name != "step"}}
             _light(panel, number, batch, values, box, packing, left_out)
         progress(number + 1)
     panel["most"] = float(f"{max(largest for largest in moved if largest is not None):.3g}")

@@ -31,6 +31,7 @@ def test_the_page_of_a_fit_has_its_unknowns_residuals_and_warnings(tmp_path, llv
         f"<li>warning: {line}</li>" in page.replace("&#x27;", "'") for line in result.warnings
     )
     assert page.count("<h2") == 1 and "Residuals" in page
+    assert "<th></th><th>gain</th>" in page.replace(' scope="col"', "")  # of the correlation
 
 
 def test_the_page_of_tolerances_has_spreads_and_indices_and_the_shortened_samples(tmp_path):
@@ -75,6 +76,7 @@ def test_folders_of_comparisons_and_training_sets_have_pages(tmp_path):
     write_report(tmp_path / "other", tmp_path / "other.html")
     one, other = ((tmp_path / f"{name}.html").read_text() for name in ("one", "other"))
     assert "data:image/png;base64,cGljdHVyZQ==" in one and "<li>a note</li>" in one and "<td>a</td>" in one
+    assert "<summary>Training</summary>" in other  # rows that are many and alike do not fill the page
     assert "<p>Rows: train 1</p>" in other and "<li>a caveat</li>" in other and "2 more columns in train.csv" in other
 
 

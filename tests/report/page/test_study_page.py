@@ -7,10 +7,12 @@ import json
 import re
 import shutil
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+import xarray as xr
 
 from mitsuba_taxel import Circuit, InputError, open_study, sweep
 from mitsuba_taxel.characterise import volts_table
@@ -87,6 +89,17 @@ def test_no_triangle_is_folded_over(study_folder, most):
 
 def numbers(packed, kind):
     return np.frombuffer(base64.b64decode(packed), dtype=kind).reshape(-1, 3)
+
+
+def test_scenes_of_a_table_have_the_values_of_its_rows(monkeypatch):
+    """As of tolerances: a row has a number, which is no parameter of the scene."""
+    where = {"step": [1, 2], "fz": [0, -1], "spacing": ("step", [0.8, 0.9])}
+    files = xr.DataArray([["a", "b"], ["c", "d"]], dims=("step", "fz"), coords=where)
+    study = xr.Dataset({"mesh": files}, attrs={"curve": "fz"})
+    monkeypatch.setattr(panels, "_panel", lambda where, row, steps, *_: {"where": where, "row": row, "steps": steps})
+    shown = panels.viewer_panels(study, Path(), None, 9, [], lambda *_: None)
+    assert [panel["where"] for panel in shown] == [{"step": "1"}, {"step": "2"}]
+    assert [panel["row"] for panel in shown] == [{"spacing": "0.8"}, {"spacing": "0.9"}]
 
 
 def test_the_viewer_gets_the_pads_of_the_study(page, study_folder):
