@@ -2,7 +2,7 @@
 
 Small displacements and their errors are linear in the load, so that a coarse mesh changes all readings of a path by
 nearly the same share of their change from rest: that of the deviation of a second mesh. At finite strains the share
-changes along the path: from the first load to the last by `COURSE` of its size, in the root mean square over scenes of
+changes along the path: from the first load to the last by 8 % of its size, in the root mean square over sweeps of
 strains up to 0.11 (docs/theory/errors.md). The course of that change is not known, so it is taken as random. With the
 stated size s(F) of a reading's error, the error is
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import replace
 
@@ -21,6 +22,8 @@ def test_scenes_are_of_every_kind_and_the_same_for_a_seed():
     names = [case.name for case in cases]
     assert names == [case.name for case in figure_cases.figure_cases()]
     assert names != [case.name for case in figure_cases.figure_cases(1)] and len(set(names)) == 41
+    # A change of the draw would choose other scenes after results are known.
+    assert hashlib.sha256("\n".join(names).encode()).hexdigest()[:16] == "9e0582ba99378a59"
     kinds = [name[3:].partition(":")[0] for name in names]
     assert {kind: kinds.count(kind) for kind in kinds} == {
         "normal force": 28, "tangential force": 4, "random paths": 4, "viscoelastic": 4, "thin roof": 1,
@@ -70,6 +73,7 @@ def test_slopes_of_the_truth_are_those_of_its_curve():
 
 def made_up_row(case, off, **changed):
     numbers = {"mean_slope_true": 1.0, "mean_slope_noise": 0.0, "nonlinearity_true": 2.0, "nonlinearity_noise": 0.3}
+    numbers |= {"mean_slope_further": 0.001, "nonlinearity_further": 0.0}
     for target in figures.TARGETS:
         numbers |= {f"mean_slope_{target}_value": 1 + 0.1 * off, f"mean_slope_{target}_error": 0.1}
         numbers |= {f"nonlinearity_{target}_value": 2 + 0.5 * off, f"nonlinearity_{target}_error": 0.4}
@@ -88,7 +92,28 @@ def test_the_page_counts_what_holds(monkeypatch, tmp_path):
     assert again.exit_code == 0 and again.stdout == result.stdout
     text = page.read_text()
     assert "12 of 18 figures (66.7%) of 3 scenes are within twice" in text
-    assert "| nonlinearity | 0.2 % | 3 | 1 | 2 | 0.7 | 4.00 |" in text and str(rows) in text
+    assert "| nonlinearity | 0.2 % | 3 | 0 | 1 | 2 | 0.7 | 4.00 |" in text and str(rows) in text
+
+
+def test_the_error_of_the_truth_counts():
+    """Half of what is extrapolated, at least 0.2 % of a slope, and the noise of random paths."""
+    case = figure_cases.figure_cases()[0]
+    row = made_up_row(case, 1.0, mean_slope_further=-0.15, nonlinearity_further=0.8)
+    assert row.truth_error("mean_slope") == pytest.approx(0.075)
+    assert row.weakness("mean_slope", "default") == pytest.approx(0.75)
+    assert row.deviation("mean_slope", "default") == pytest.approx(0.1 / 0.125)
+    assert row.truth_error("nonlinearity") == pytest.approx(0.5)
+    assert made_up_row(case, 1.0).truth_error("mean_slope") == pytest.approx(0.002)
+
+
+def test_what_the_truth_cannot_judge_is_no_success_but_may_fail():
+    """Its error is 0.5 beside 0.4: deviations of 1 and 2.3 of both are not judged, and beyond."""
+    case = figure_cases.figure_cases()[0]
+    rows = [made_up_row(case, off, nonlinearity_further=0.8) for off in (1.28, 2.95)]
+    assert figures.deviations(rows[:1], "nonlinearity", "default") == ([], 1)
+    values, others = figures.deviations(rows, "nonlinearity", "default")
+    assert others == 1 and values == [pytest.approx(0.5 * 2.95 / math.hypot(0.4, 0.5))]
+    assert "3 figures are not judged" in figures.summary(rows)
 
 
 def test_a_scene_that_cannot_be_read_is_named():
