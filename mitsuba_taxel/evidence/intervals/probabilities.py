@@ -106,11 +106,34 @@ class ProbabilityCase:
 def probability_rows(
     only: str | None = None, starting: Callable[[str], None] | None = None
 ) -> Iterator[ProbabilityRow]:
-    """Rows of the table as they are measured, of cases whose name contains a pattern."""
-    for case in chosen_cases(only):
+    """Rows of the table as they are measured, of cases whose name contains a pattern; of several, those of all last."""
+    made: list[ProbabilityRow] = []
+    for case in (cases := chosen_cases(only)):
         if starting:
             starting(f"{case.name}, probabilities")
-        yield from case.measured()
+        rows = case.measured()
+        made += rows
+        yield from rows
+    if len(cases) > 1:
+        yield from pooled(made)
+
+
+def pooled(rows: Sequence[ProbabilityRow]) -> list[ProbabilityRow]:
+    """Rows of all kinds together, by figure and range.
+
+    A kind alone has some 15 probabilities in a range, whose share that comes true has a standard error of 12 points.
+    """
+    groups: dict[tuple[str, str], list[ProbabilityRow]] = {}
+    for row in rows:
+        groups.setdefault((row.figure, row.stated), []).append(row)
+    together = []
+    for (figure, stated), each in sorted(groups.items(), key=lambda group: (group[0][0] != "first", group[1][0].mean)):
+        count = np.array([row.made for row in each])
+        mean, true = (float(count @ [getattr(row, name) for row in each] / count.sum()) for name in ("mean", "true"))
+        noise = math.sqrt(float(np.sum((count * [row.noise for row in each]) ** 2))) / float(count.sum())
+        seconds = sum(row.seconds for row in each)
+        together.append(ProbabilityRow("all kinds", figure, stated, float(count.sum()), mean, true, noise, seconds))
+    return together
 
 
 def chosen_cases(only: str | None = None) -> list[ProbabilityCase]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.evidence.intervals.comparisons import comparison_cases, probability_cases
-from mitsuba_taxel.evidence.intervals.probabilities import ProbabilityCase, ProbabilityRow, summary
+from mitsuba_taxel.evidence.intervals.probabilities import ProbabilityCase, ProbabilityRow, pooled, summary
 
 
 @pytest.mark.parametrize("name", ["relative_slope, errors of elements", "nonlinearity, errors of light"])
@@ -36,4 +36,8 @@ def test_ranges_are_counted():
     assert (low.stated, low.made, low.true) == ("2 to 20 %", 50, 0.0) and (high.mean, high.true) == (0.9, 0.9)
     assert low.noise == pytest.approx(np.sqrt(0.1 * 0.9 / 50)) and low.holds and high.holds
     assert not ProbabilityRow("made", "first", "60 to 80 %", 100, 0.7, 0.5, 0.045).holds
+    together = pooled([low, high, low, ProbabilityRow("other", "first", "80 to 98 %", 150, 0.8, 0.85, 0.03)])
+    assert [row.stated for row in together] == ["2 to 20 %", "80 to 98 %"] and together[1].made == 200
+    assert (together[1].mean, together[1].true) == pytest.approx((0.825, 0.8625))
+    assert together[0].noise == pytest.approx(np.sqrt(0.1 * 0.9 / 100))
     assert summary([low, high]).startswith("Of 2 ranges of probabilities, 2 come true")
