@@ -145,8 +145,9 @@ def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
     """By kind of error: the stated error of each reading, with one sign along a path, and the part of its size that is
     common to the path.
 
-    That by the mechanics is as in `Readings.mechanics_error`; its sign is that of most of the deviation. That of the
-    facets is the same share of the power along a curve. Readings of unknown error have none; the study's notes say so.
+    That by the mechanics is as in `Readings.mechanics_error`, or larger as in :func:`_by_derivatives`; its sign is that
+    of most of the deviation. That of the facets is the same share of the power along a curve. Readings of unknown error
+    have none; the study's notes say so.
     """
     power = study.replicate_power.mean("replicate")
     lit = power.where(power > 0)
@@ -159,6 +160,7 @@ def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
         sign = xr.where(total < 0, -1.0, 1.0)
         size = ERROR_SHARE * sign * xr.where(power > 0, power * share, np.abs(deviation))
         square = (most**2).sum("taxel")
+        size = size * _by_derivatives(study, size)
         agreed = np.sqrt((total**2).sum("taxel") / square.where(square > 0)).fillna(1.0)
         sizes["deviation"] = (size, COMMON * agreed)
     if "geometry_error" in study:
@@ -166,6 +168,31 @@ def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
         alike = [dim for dim in (study.attrs["curve"], "taxel") if dim in share.dims]
         sizes["geometry_error"] = (power * share.mean(alike).fillna(0.0), xr.DataArray(COMMON))
     return sizes
+
+
+def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
+    """Factor of the sizes of the errors of readings along a path, 1 or more.
+
+    Errors of derivatives by the forces, added up along the path, are another estimate of the same error: in cells of
+    thin roofs, two meshes may agree in the readings alone. The larger one counts.
+    """
+    factor = xr.DataArray(1.0)
+    if "derivative_error" not in study:
+        return factor
+    error = study.derivative_error.fillna(0.0)
+    for dim in {str(dim) for name in _varied(study) for dim in study[name].dims}:
+        names = [name for name in _varied(study) if dim in study[name].dims and name in study.parameter.values]
+        if study.sizes[dim] < 2 or not names:
+            continue
+        ends = (slice(None, -1), slice(1, None))
+        middle = sum((error.isel({dim: end}).drop_vars(dim, errors="ignore") for end in ends), xr.DataArray(0.0)) / 2
+        lengths = {name: abs(_steps(study[name], dim)).isel({dim: ends[1]}) for name in names}
+        parts = (length * middle.sel(parameter=name, drop=True) for name, length in lengths.items())
+        by_slopes = sum(parts, xr.DataArray(0.0)).sum(dim)
+        by_readings = abs(_steps(size, dim)).isel({dim: ends[1]}).sum(dim)
+        ratio = (by_slopes / by_readings.where(by_readings > 0)).fillna(1.0)
+        factor = xr.where(ratio > factor, ratio, factor)
+    return factor
 
 
 def _with_change(study: xr.Dataset, named: xr.Dataset, change: xr.DataArray) -> xr.Dataset:

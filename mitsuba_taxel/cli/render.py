@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 
@@ -182,7 +183,11 @@ def crosstalk_as_json(matrix) -> dict[str, object]:
     if matrix is None:
         return {}
     power, error = matrix.power.tolist(), matrix.standard_error.tolist()
-    return {"crosstalk": {"power_W": power, "standard_error_W": error, "points": matrix.points}}
+    found = {"power_W": power, "standard_error_W": error, "points": matrix.points}
+    if matrix.deviation is not None:
+        error = matrix.mechanics_error.tolist()
+        found["mechanics_error_W"] = None if math.isnan(error[0][0]) else error
+    return {"crosstalk": found}
 
 
 def audit_as_json(audit) -> dict[str, object]:

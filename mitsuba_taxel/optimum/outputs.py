@@ -65,6 +65,7 @@ def printed_optimum(result: Optimum) -> Printed:
     """The result as it is printed."""
     finer = "best_finer" in result.figures
     columns = ["before", "best", *(["before_finer", "best_finer"] if finer else [])]
+    columns += ["error"] if result.figures.error.notna().any() else []
     figures = [
         [
             row["figure"],

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mitsuba_taxel.base.convergence import ORDER
 from mitsuba_taxel.electronics import saturation_force, total_noise
 from mitsuba_taxel.electronics.noise import resolution_notes
 from mitsuba_taxel.electronics.response import lit
-from mitsuba_taxel.optimum.again import Again, Beyond
+from mitsuba_taxel.optimum.again import FINER, Again, Beyond
 from mitsuba_taxel.optimum.course import HELD, Course, with_rates, worst_of
 from mitsuba_taxel.optimum.designs import Read
 from mitsuba_taxel.optimum.figures import SATURATION, TO_THE_END, Seen, end_of, noise_equivalent_force
@@ -21,6 +22,9 @@ from mitsuba_taxel.optimum.search import BALANCED, Stationarity
 
 if TYPE_CHECKING:
     import pandas
+
+EXTRAPOLATED = 1 / (1 - FINER**ORDER)
+"""Error of a figure, relative to its change on the finer mesh."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +37,9 @@ class Optimum:
         Parameters of the original scene, and of the best design.
     figures : DataFrame
         One row for the objective and each constraint: ``unit``; ``before`` and ``best``, their worst components;
-        ``before_finer`` and ``best_finer``, the same on a finer mesh; ``error``, the change of ``best`` by that mesh,
-        NaN if there is none; ``multiplier``, the relative gain of the objective if the bound were relaxed by its own
-        size: above 0 if the constraint binds.
+        ``before_finer`` and ``best_finer``, the same on a finer mesh; ``error``, that of ``best`` by its elements and
+        the noise of its light, extrapolated from the change by that mesh, NaN if there is none; ``multiplier``, the
+        relative gain of the objective if the bound were relaxed by its own size: above 0 if the constraint binds.
     variables : DataFrame
         One row per variable: ``low``, ``high``, ``before``, ``best``, and the active bound, ``at``; NaN where a design
         does not have it.
@@ -122,7 +126,7 @@ def told(course: Course, best: Design, again: Again, trade_offs: pandas.DataFram
             "multiplier": [math.nan, *multipliers],
         }
     )
-    figures["error"] = (figures.best_finer - figures.best).abs() if again.finer else math.nan
+    figures["error"] = EXTRAPOLATED * (figures.best_finer - figures.best).abs() if again.finer else math.nan
     gain, error, probability = _gain(figures, plan.goal.sign)
     base = plan.base
     return Optimum(
@@ -155,7 +159,7 @@ def _ends(course: Course, again: Again, reads: Mapping[str, Read]) -> list[str]:
     finer = "best_finer" if again.finer else "best"
     for figure in {one.words: one for one in course.plan.figures if one.kind in TO_THE_END}.values():
         ends = [figure.components(reads[name].values).real.min() for name in ("best", finer)]
-        error = "" if finer == "best" else f" ± {abs(ends[1] - ends[0]):.2g} (by the finer mesh)"
+        error = "" if finer == "best" else f" ± {EXTRAPOLATED * abs(ends[1] - ends[0]):.2g} (by the finer mesh)"
         notes.append(f"{figure.words}: {ends[0]:.4g}{error} {figure.unit}, {end_of(figure, reads['best'].values)}")
         if figure.told["along"] in course.designs.untold:
             notes.append(f"{figure.words} ends with saturation alone: {course.designs.untold[figure.told['along']]}")

@@ -25,7 +25,7 @@ from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.paths.wavefronts import trace
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.sensing.reading.darkness import dark_errors
-from mitsuba_taxel.sensing.reading.mechanics_error import roof_errors
+from mitsuba_taxel.sensing.reading.mechanics_error import combined, mechanics_deviations, roof_errors
 from mitsuba_taxel.sensing.reading.pad_results import pad_results
 from mitsuba_taxel.sensing.reading.prepared_scenes import (
     FLAT,
@@ -51,7 +51,7 @@ from mitsuba_taxel.sensing.reading.runs import (
     prepare,
 )
 from mitsuba_taxel.sensing.scene.description import Scene
-from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, is_touched
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, is_touched, loaded_pads
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.sensing.targets import (
     NEGLIGIBLE,
@@ -339,13 +339,25 @@ def crosstalk(
         raise InputError("crosstalk needs one of the integrators taxel_tracer, taxel_path and analog_tracer.")
     if points is None:
         points = points_for(ready, target_error or LIGHT_ERROR, seed)
+    count: int = points
     pairs = taxels_of(ready.scene)
     if len(pairs) > 1:
         raise InputError("crosstalk needs all taxels in one photo_reflector.")
     set_wavelength(ready.scene, [pairs[0].led])
-    powers, _, points = trace(ready.integrator, ready.scene, pairs[0], points, seed, REPLICATES, crosstalk=True)
-    dark = dark_errors(ready.scene, ready.integrator, points * REPLICATES, pairs[0].count)
-    return Crosstalk(powers, points, seed, np.broadcast_to(dark, powers.shape[1:]))
+
+    def traced() -> np.ndarray:
+        nonlocal count
+        powers, _, count = trace(ready.integrator, ready.scene, pairs[0], count, seed, REPLICATES, crosstalk=True)
+        return powers
+
+    deviation = None
+    if loaded_pads(ready.scene):
+        powers, changes = mechanics_deviations(ready.scene, traced)
+        deviation = np.full(powers.shape[1:], np.nan) if changes is None else combined(changes.mean(axis=1))
+    else:
+        powers = traced()
+    dark = dark_errors(ready.scene, ready.integrator, count * REPLICATES, pairs[0].count)
+    return Crosstalk(powers, count, seed, np.broadcast_to(dark, powers.shape[1:]), deviation)
 
 
 def _dark_error(ready: Prepared, powers: np.ndarray, points: int) -> np.ndarray | None:

@@ -297,6 +297,21 @@ def test_closed_cells_have_no_crosstalk(llvm_mono, agree, tmp_path, cell, cells,
     assert np.all(matrix.replicates[:, ~np.eye(cells, dtype=bool)] == 0)
 
 
+def test_crosstalk_of_a_loaded_pad_has_the_error_of_its_elements(llvm_mono, tmp_path):
+    """That of the readings, on the diagonal, within the noise of both; without a load there is none."""
+    pad = edited(tmp_path, "pad.xml", *TWO_CELLS)
+    told = {"cell": "parallelepiped", "scattering": "lambertian", "law": "lambertian"}
+    matrix = crosstalk(Scene.from_file(pad, fz=-0.5, **told), points=256, seed=2)
+    share = np.diag(matrix.mechanics_error) / np.diag(matrix.power)
+    reading = measure(Scene.from_file(pad, fz=-0.5, **told), points=256, seed=1)
+    assert share == pytest.approx(reading.mechanics_error / reading.power, rel=0.2) and (share > 0).all()
+    total = np.hypot(matrix.standard_error, matrix.mechanics_error)
+    assert matrix.total_error == pytest.approx(total)
+    assert "light and finite elements" in str(matrix)
+    free = crosstalk(Scene.from_file(pad, **told), points=64)
+    assert free.deviation is None and not free.mechanics_error.any() and "of the light" in str(free)
+
+
 @pytest.mark.parametrize("integrator", ["taxel_tracer", "taxel_path"])
 @pytest.mark.parametrize("led, detector", [(0, 1), (1, 0)])
 def test_crosstalk_under_an_open_plate(llvm_mono, agree, integrator, led, detector):

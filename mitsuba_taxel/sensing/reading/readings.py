@@ -210,12 +210,15 @@ class Crosstalk:
         Seed of the random numbers.
     dark_error : (T, T) ndarray or None
         As in `Readings`.
+    deviation : (T, T) ndarray or None
+        Change of the power in W by coarser finite elements, as in `Readings`; NaN if unknown; None if no pad is loaded.
     """
 
     replicates: np.ndarray
     points: int
     seed: int
     dark_error: np.ndarray | None = None
+    deviation: np.ndarray | None = None
 
     def __str__(self) -> str:
         return crosstalk_text(self)
@@ -227,8 +230,30 @@ class Crosstalk:
 
     @property
     def standard_error(self) -> np.ndarray:
-        """(T, T) one standard deviation of :attr:`power`, in W."""
+        """(T, T) one standard deviation of :attr:`power` due to the light, in W."""
         return or_dark(standard_error(self.replicates), self.power, self.dark_error)
+
+    @property
+    def mechanics_error(self) -> np.ndarray:
+        """(T, T) W, one standard deviation of :attr:`power` due to the finite elements; NaN if unknown.
+
+        It is the same share of the power of all taxels with their own LED, and another one of that of all others: in
+        one pair two meshes may agree by chance.
+        """
+        power, error = self.power, np.zeros_like(self.power)
+        if self.deviation is None:
+            return error
+        own = np.eye(len(power), dtype=bool)
+        for which in (own, ~own):
+            total = np.linalg.norm(power[which])
+            share = np.linalg.norm(self.deviation[which]) / total if total > 0 else 0.0
+            error[which] = ERROR_SHARE * share * power[which]
+        return error
+
+    @property
+    def total_error(self) -> np.ndarray:
+        """(T, T) W, root of the sum of squares of both; that of the facets of curved walls is not in it."""
+        return np.hypot(self.standard_error, self.mechanics_error)
 
 
 def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
@@ -294,11 +319,15 @@ def light_error_line(readings: Readings) -> str:
 
 
 def crosstalk_text(crosstalk: Crosstalk, width: int | None = None) -> str:
-    """The power that each LED brings to each phototransistor, each with its standard error."""
+    """The power that each LED brings to each phototransistor, each with its error by light and finite elements."""
     taxels = [str(taxel) for taxel in range(1, len(crosstalk.power) + 1)]
+    errors, named = crosstalk.total_error, "standard error of light and finite elements, without facets"
+    if crosstalk.deviation is None or np.isnan(errors).any():
+        unknown = ", as that of the finite elements is not known" if crosstalk.deviation is not None else ""
+        errors, named = crosstalk.standard_error, f"standard error of the light{unknown}"
     rows = (
         (led, *(f"{power:.3e} +- {error:.0e}" if error else f"{power:g}" for power, error in zip(*of, strict=True)))
-        for led, *of in zip(taxels, crosstalk.power, crosstalk.standard_error, strict=True)
+        for led, *of in zip(taxels, crosstalk.power, errors, strict=True)
     )
-    title = "Crosstalk: power [W] from each LED (row) on each phototransistor (column), +- standard error"
+    title = f"Crosstalk: power [W] from each LED (row) on each phototransistor (column), +- {named}"
     return f"{title}\n{text_table(('LED', *taxels), rows, width)}"
