@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 from pathlib import Path
 
@@ -49,6 +50,14 @@ def test_tests_have_the_names_of_files(room):
     names = {place.stem for folder in (folder_of(room), ROOT / "scenes") for place in folder.rglob("*")}
     tests = {file.stem.removeprefix("test_") for file in (ROOT / "tests" / room).rglob("test_*.py")}
     assert tests - names == TOGETHER.get(room, set())
+
+
+@pytest.mark.parametrize("stub", sorted((ROOT / "mitsuba_taxel").rglob("__init__.pyi")), ids=lambda s: s.parent.name)
+def test_what_a_room_publishes_is_where_its_stub_says(stub):
+    """Names are loaded lazily, so that a file that has moved is missed by no import."""
+    package = importlib.import_module(".".join(stub.parent.relative_to(ROOT).parts))
+    for name in package.__all__:
+        assert getattr(package, name) is not None
 
 
 def test_units_keep_their_case_at_the_start_of_a_sentence():
