@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.quick
+
 ROOT = Path(__file__).parents[1]
 FLOORS = re.findall(r"^\| `(?:mitsuba_taxel/)?(\w+)` \|", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
 """Rooms in the order of the table of CONTRIBUTING.md: each may import those above it there."""
@@ -16,11 +18,15 @@ TOGETHER = {
     "check": {"broken_scenes"},
     "cli": {"bad_input", "ends", "program"},
     "docs": {"docstrings", "pages"},
-    "mechanics": {"benchmarks_of_the_literature", "closed_forms", "energy", "shape_sensitivities"},
+    "mechanics": {
+        "benchmarks_of_the_literature", "closed_forms", "contact_with_packages", "energy", "shape_sensitivities",
+        "touching_under_indenters",
+    },
     "optimum": {"thin_roof"},
     "pads": {"file_meshing"},
+    "plugins": {"led_on_rectangle"},
     "sensing": {"finish"},
-}
+}  # fmt: skip
 """Tests of what several files of a room do together; all of ``tests/properties`` are."""
 
 
@@ -58,6 +64,18 @@ def test_what_a_room_publishes_is_where_its_stub_says(stub):
     package = importlib.import_module(".".join(stub.parent.relative_to(ROOT).parts))
     for name in package.__all__:
         assert getattr(package, name) is not None
+
+
+@pytest.mark.parametrize("room", TESTED)
+def test_every_room_has_quick_tests(room):
+    """`pytest -m quick` runs them."""
+    texts = [file.read_text() for file in (ROOT / "tests" / room).rglob("test_*.py")]
+    assert any("pytest.mark.quick" in text for text in texts)
+
+
+def test_no_file_of_tests_is_long():
+    lines = {str(file): file.read_text().count("\n") for file in (ROOT / "tests").rglob("*.py")}
+    assert [file for file, count in lines.items() if count > 400] == []
 
 
 def test_units_keep_their_case_at_the_start_of_a_sentence():

@@ -13,6 +13,8 @@ import pytest
 
 from mitsuba_taxel.backend.packets import ALIGNMENT, PACKET, in_packets
 
+pytestmark = pytest.mark.quick
+
 AT_THE_END_OF_MEMORY = dedent("""
     import sys
     import numpy as np, mitsuba as mi, drjit as dr

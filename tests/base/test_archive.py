@@ -10,6 +10,8 @@ import pytest
 
 from mitsuba_taxel.base import archive
 
+pytestmark = pytest.mark.quick
+
 
 def test_arrays_come_back():
     arrays = {"a": np.arange(6.0).reshape(2, 3), "b": np.array("words")}

@@ -10,6 +10,8 @@ import pytest
 
 from mitsuba_taxel.base.caches import Recent, cache_sizes, clear_caches, kept
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture
 def asked():

@@ -10,6 +10,8 @@ import pytest
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.kinds import Kind
 
+pytestmark = pytest.mark.quick
+
 
 class Section(Kind, family="section"):
     sides: ClassVar[int]

@@ -9,6 +9,8 @@ import pytest
 
 from mitsuba_taxel.base import stages
 
+pytestmark = pytest.mark.quick
+
 
 def test_nested_records_that_look_alike_stay_apart():
     with stages.record() as outer:

@@ -14,6 +14,8 @@ from mitsuba_taxel.characterise import read_measurement
 from mitsuba_taxel.fitting.data import read_data
 from mitsuba_taxel.studies import read_steps
 
+pytestmark = pytest.mark.quick
+
 TIME = np.arange(12) * 0.1
 FORCE = -0.02 * np.arange(12)
 VOLTAGE = 0.8 + 0.001 * np.arange(12) ** 1.5

@@ -7,6 +7,8 @@ import pytest
 from mitsuba_taxel import InputError
 from mitsuba_taxel.base.toml import CHAIN, loads, read_toml
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"], ids=["plain", "byte order mark"])
 def test_a_file_is_read(tmp_path, mark):

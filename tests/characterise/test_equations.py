@@ -9,6 +9,8 @@ from mitsuba_taxel import InputError
 from mitsuba_taxel.characterise import Branch, Experiment, hysteresis, nonlinearity, repeatability
 from mitsuba_taxel.characterise.equations import share_forces
 
+pytestmark = pytest.mark.quick
+
 UP = np.linspace(0, 10, 51)
 
 

@@ -8,6 +8,8 @@ import pytest
 from mitsuba_taxel.characterise import Branch, slopes
 from mitsuba_taxel.characterise.experiment import Tangents
 
+pytestmark = pytest.mark.quick
+
 STEPS = np.linspace(0, -20, 41)
 CURVES = {
     "line": lambda f: -2e-5 * f,

@@ -13,6 +13,8 @@ from mitsuba_taxel import Circuit
 from mitsuba_taxel.characterise import experiments, simulated_experiments, volts_notes, volts_table
 from mitsuba_taxel.electronics import in_volts, power_at, saturating_power, total_noise
 
+pytestmark = pytest.mark.quick
+
 CIRCUIT = Circuit(supply=3.3, load_resistance=22e3, transfer=8.0, saturation_voltage=0.1)
 FORCES = np.linspace(0, -10, 21)
 

@@ -13,6 +13,8 @@ from mitsuba_taxel.check.schema import schema, write_schema
 from mitsuba_taxel.sensing.scene.description import shipped_scenes
 from mitsuba_taxel.specification.plugin_pages import plugin_names, plugin_page
 
+pytestmark = pytest.mark.quick
+
 ROOT = Path(__file__).parents[2]
 HEAD = '<scene version="3.9.0">{}</scene>'
 

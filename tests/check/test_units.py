@@ -7,7 +7,7 @@ import re
 import pytest
 from flawed_scene import IN_LED, IN_PAD, IN_REFLECTOR, IN_SENSOR, PAD, change, check, parameter
 
-pytestmark = pytest.mark.usefixtures("static")
+pytestmark = [pytest.mark.usefixtures("static"), pytest.mark.quick]
 
 UNITS = {
     "pad in m": (PAD, IN_PAD, "cell_height", 0.00155, 0.06, "warning", r"odd: .* if it is in m, write 1.55"),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+pytestmark = pytest.mark.quick
+
 MISSPELT = """<scene version="3.9.0">
     <shape type="photo_reflector">
         <float name="spacin" value="0.9"/>

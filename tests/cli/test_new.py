@@ -10,6 +10,8 @@ from taxel_cli.new import command
 
 from mitsuba_taxel import InputError
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize(
     ("words", "name"),

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.quick
+
 DOCS = Path(__file__).parents[2] / "docs"
 TEXT = " ".join((DOCS / "theory" / "errors.md").read_text(encoding="utf-8").split())
 

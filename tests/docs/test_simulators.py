@@ -11,6 +11,8 @@ import xarray as xr
 
 from mitsuba_taxel.surrogates import export
 
+pytestmark = pytest.mark.quick
+
 PAGE = Path(__file__).parents[2] / "docs/howto/simulators.md"
 PRESS = """
 <mujoco>

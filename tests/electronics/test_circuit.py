@@ -10,6 +10,8 @@ import pytest
 from mitsuba_taxel import Circuit, InputError, read_circuit, write_template
 from mitsuba_taxel.electronics.circuit import circuit_of
 
+pytestmark = pytest.mark.quick
+
 NEEDED = {"supply": 3.3, "load_resistance": 22e3, "transfer": 8.0}
 
 

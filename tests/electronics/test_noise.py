@@ -11,6 +11,8 @@ from scipy.integrate import quad
 from mitsuba_taxel.electronics import noise_parts, respond, total_noise
 from mitsuba_taxel.electronics.circuit import BOLTZMANN, CHARGE
 
+pytestmark = pytest.mark.quick
+
 LIGHT = np.array([1e-8, 1e-6, 1e-5])
 
 

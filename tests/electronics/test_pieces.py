@@ -10,6 +10,8 @@ import pytest
 from mitsuba_taxel.electronics import respond
 from mitsuba_taxel.electronics.pieces import straight_pieces
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("changed, pieces", [({}, 200), ({"saturation_voltage": 0.0, "buffer_gain": 2.0}, 40)])
 @pytest.mark.parametrize("most", [1e-4, 1e-2])

@@ -13,6 +13,8 @@ from mitsuba_taxel import Circuit, InputError
 from mitsuba_taxel.electronics import power_at, respond, total_noise
 from mitsuba_taxel.electronics.response import counts_of
 
+pytestmark = pytest.mark.quick
+
 POWERS = np.concatenate([[0.0], np.logspace(-12, 9, 64)])
 
 

@@ -9,6 +9,8 @@ from scipy import stats
 from mitsuba_taxel.electronics import respond, total_noise
 from mitsuba_taxel.electronics.samples import sampled
 
+pytestmark = pytest.mark.quick
+
 ALARM = 1e-4
 """Chance that a statistical check fails although all is well."""
 

@@ -9,6 +9,8 @@ import pytest
 
 from mitsuba_taxel.electronics import change_to_saturation, respond, saturating_power, saturation_force
 
+pytestmark = pytest.mark.quick
+
 FORCE = np.array([0.0, -1, -2, -4])
 
 

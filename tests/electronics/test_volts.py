@@ -19,6 +19,8 @@ from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
 
+pytestmark = pytest.mark.quick
+
 POWER = np.array([[1e-6, 5e-6], [1.5e-5, 3e-5], [1e-4, np.nan]])
 
 

@@ -12,6 +12,8 @@ from mitsuba_taxel import InputError
 from mitsuba_taxel.fitting.data import read_data
 from mitsuba_taxel.fitting.plan import read_plan
 
+pytestmark = pytest.mark.quick
+
 HEAD = 'scene = "plate.xml"\npoints = 64\n[fit]\ndata = "data.csv"\n'
 UNKNOWNS = "[fit.unknowns]\nspacing = { start = 0.9, low = 0.8, high = 0.93 }\n"
 DATA = "z,v1_mV,v1_error_mV\n0.5,10,1\n0.7,8,1\n0.9,6,1\n"

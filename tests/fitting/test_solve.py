@@ -11,6 +11,8 @@ from scipy import stats
 from mitsuba_taxel.fitting.plan import Unknown
 from mitsuba_taxel.fitting.solve import misfit_warnings, solve
 
+pytestmark = pytest.mark.quick
+
 X = np.linspace(0, 2, 12)
 TRUTH = np.array([3.0, 0.7])
 

@@ -7,6 +7,8 @@ import pytest
 
 from mitsuba_taxel.geometry.quadratic_shapes import control_points, hull_boxes, shape_functions
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("count", [6, 10])
 def test_the_box_is_that_of_the_control_points_and_holds_the_element(count):

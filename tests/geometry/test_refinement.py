@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.refinement import refined
 from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, TET_FACES
 from mitsuba_taxel.pads import Pad
+
+pytestmark = pytest.mark.quick
 
 
 def test_bisected_elements_fit_and_fill_the_same_solid():

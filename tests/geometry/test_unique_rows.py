@@ -7,6 +7,8 @@ import pytest
 
 from mitsuba_taxel.geometry.unique_rows import unique_rows
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("shape", [(0, 3), (1, 2), (500, 2), (500, 6)])
 def test_they_are_those_of_numpy(shape):

@@ -9,6 +9,8 @@ from kernel_arrays import vectors
 
 from mitsuba_taxel import AnnularLed
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize(
     "law, parameters",

@@ -8,6 +8,8 @@ from kernel_arrays import floats
 
 from mitsuba_taxel.backend.packets import in_packets
 
+pytestmark = pytest.mark.quick
+
 
 def test_a_grid_is_drawn_as_its_density_says(llvm_mono):
     """Counts per cell against the density (chi-square, chance 1e-5), for three densities at once."""

@@ -15,6 +15,8 @@ from mitsuba_taxel.mechanics.elements.elements import QUADRATURE_POINTS
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 from mitsuba_taxel.mechanics.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 
+pytestmark = pytest.mark.quick
+
 
 def mean_error(body, displacement, exact):
     """Root mean square over the volume of the error, relative to the solution; ``exact``: points -> displacements."""

@@ -8,6 +8,8 @@ import pytest
 from mitsuba_taxel.optimum.descent import JUMP, JUMP_MOVED, Trial, descend
 from mitsuba_taxel.optimum.search import Judged, stationarity
 
+pytestmark = pytest.mark.quick
+
 NONE = (np.zeros(0), np.zeros((0, 2)))
 
 

@@ -11,6 +11,8 @@ from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.cells.meridian import FLAT
 from mitsuba_taxel.pads.mould import bend_radii, draft_angles, thicknesses, view_angles
 
+pytestmark = pytest.mark.quick
+
 
 def test_thicknesses():
     np.testing.assert_allclose(thicknesses(Pad(height=3.0, wall=0.9)), [0.9, 1.45, 1.0])

@@ -10,6 +10,8 @@ import pytest
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.pads import CELL_SHAPES, Pad
 
+pytestmark = pytest.mark.quick
+
 
 def test_the_defaults_are_the_paper_s_pad():
     pad = Pad()

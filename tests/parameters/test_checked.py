@@ -14,6 +14,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.kinds import Kind
 from mitsuba_taxel.parameters import REQUIRED, Kinded, Number, kind, number, parameters_of, values_of
 
+pytestmark = pytest.mark.quick
+
 
 class Tip(Kind, family="tip"):
     prefix = "tip_"

@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 from mitsuba_taxel import InputError
 from mitsuba_taxel.parameters.similarity import similarity_scale
 
+pytestmark = pytest.mark.quick
+
 
 def transformation(linear):
     matrix = np.eye(4)

@@ -10,6 +10,8 @@ from taxel_program import run_program
 from mitsuba_taxel import InputError
 from mitsuba_taxel.parts import part_names, read_part
 
+pytestmark = pytest.mark.quick
+
 SIDE = "x = {}\nwindow_width = 0.5\nwindow_length = 0.8\ndie_width = 0.2\ndie_length = 0.2\n"
 OWN = f"""title = "mine"
 source = "a drawing"

@@ -8,6 +8,8 @@ import xarray as xr
 
 from mitsuba_taxel.plots.maps import plane_of, plot_map
 
+pytestmark = pytest.mark.quick
+
 
 def study(taxels=9, **varied):
     shape = [len(values) for values in varied.values()]

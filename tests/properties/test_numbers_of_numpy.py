@@ -11,6 +11,8 @@ import pytest
 from mitsuba_taxel import Scene, crosstalk, energy_audit, measure, open_study, sweep
 from mitsuba_taxel.studies.run import pool
 
+pytestmark = pytest.mark.quick
+
 WHOLE = (np.int64, np.uint8, np.int32)
 REAL = (np.float32, np.float64, np.int64, Fraction)
 

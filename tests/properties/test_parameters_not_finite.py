@@ -9,6 +9,8 @@ import pytest
 from mitsuba_taxel import InputError, Scene
 from mitsuba_taxel.specification import specifications
 
+pytestmark = pytest.mark.quick
+
 NUMBERS = {
     "float": [math.nan, math.inf, -math.inf, 1e308],
     "int": [10**12, -(10**12)],

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from mitsuba_taxel.sensing.scene.description import shipped_scenes
 from mitsuba_taxel.sensing.scene.parameter_units import units_of_parameters
+
+pytestmark = pytest.mark.quick
 
 SCENE = """<scene version="3.9.0">
 <include filename="inner.xml"/>

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import re
 
+import pytest
 from taxel_program import run_program
 
 from mitsuba_taxel import Scene, crosstalk, energy_audit, measure
+
+pytestmark = pytest.mark.quick
 
 PLATE = ("plate.xml", "-D", "z=1.1")
 

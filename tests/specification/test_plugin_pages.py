@@ -12,6 +12,8 @@ from mitsuba_taxel import InputError
 from mitsuba_taxel.backend import plugin_files
 from mitsuba_taxel.specification.plugin_pages import plain, plugin_names, plugin_page
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("name", sorted(plugin_files()))
 def test_page_is_complete(name):

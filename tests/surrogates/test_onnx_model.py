@@ -12,6 +12,8 @@ from mitsuba_taxel import Circuit, InputError
 from mitsuba_taxel.electronics import respond, with_volts
 from mitsuba_taxel.surrogates import export, polynomial_of
 
+pytestmark = pytest.mark.quick
+
 FORCE, PLACE = np.linspace(0, -10, 6), np.linspace(-2, 2, 9)
 
 

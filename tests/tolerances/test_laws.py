@@ -11,6 +11,8 @@ import pytest
 from mitsuba_taxel import InputError
 from mitsuba_taxel.tolerances import law_of
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize(
     ("table", "mean", "deviation", "ends"),

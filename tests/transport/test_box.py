@@ -8,6 +8,8 @@ import pytest
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.transport.box import WIDTH, Array3f64, Box, Float64, Passage
 
+pytestmark = pytest.mark.quick
+
 TURN = np.linalg.qr(np.array([[1.0, 0.2, -0.3], [0.1, 1.0, 0.4], [0.3, -0.2, 1.0]]))[0]
 BOX = Box(np.array([0.1, -0.2, 0.3]), TURN, np.array([0.7, 0.5, 0.25]))
 

@@ -13,6 +13,8 @@ from mitsuba_taxel.transport.outline import power_within
 from mitsuba_taxel.transport.polar_cone import PolarCone
 from mitsuba_taxel.transport.tabulated_law import TabulatedLaw
 
+pytestmark = pytest.mark.quick
+
 EVEN = CosineFactor(1 / (2 * math.pi), 0.0)
 
 

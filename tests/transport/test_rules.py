@@ -9,6 +9,8 @@ import pytest
 
 from mitsuba_taxel.transport import rules
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_triangle_rules_are_exact_to_twice_their_degree(degree):

@@ -8,6 +8,8 @@ import xarray as xr
 from mitsuba_taxel.evidence.paper import loading
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.mark.parametrize("finer", [None, 0.9])
 def test_tangential_studies_are_computed_once_each_from_the_mesh_of_the_one_before(tmp_path, monkeypatch, finer):

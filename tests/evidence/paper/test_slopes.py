@@ -8,6 +8,8 @@ import pytest
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.evidence.paper.slopes import change, curves, sensitivity
 
+pytestmark = pytest.mark.quick
+
 FORCE = np.array([0.0, -7.0, -20.0])
 SHARES = np.array([0.5, 1.0])
 

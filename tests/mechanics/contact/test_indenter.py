@@ -9,6 +9,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS
 from mitsuba_taxel.mechanics import Indenter
 
+pytestmark = pytest.mark.quick
+
 BODIES = [
     Indenter("sphere", radius=2.0),
     Indenter("cylinder", radius=1.5, angle=30.0),

@@ -11,6 +11,8 @@ from mitsuba_taxel import ComputationError, Pad
 from mitsuba_taxel.mechanics import NeoHookean
 from mitsuba_taxel.mechanics.elements.elements import QUADRATURE_POINTS, Elements
 
+pytestmark = pytest.mark.quick
+
 MATERIAL = NeoHookean(4.16, 0.49)
 
 

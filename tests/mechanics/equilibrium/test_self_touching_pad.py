@@ -8,17 +8,31 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
+from touching_pads import (
+    ASIDE,
+    BEFORE,
+    BEYOND,
+    CLEAR,
+    HELD,
+    LAW,
+    ON,
+    PACKAGE,
+    PAD,
+    SIZE,
+    SMALL,
+    TOP,
+    lowest,
+    pressed,
+    stored,
+)
 
 from mitsuba_taxel import PadSensor, PhotoReflector, Scene, measure
-from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import ACROSS_X
 from mitsuba_taxel.kernels.surfaces.mesh_adapter import places_of
 from mitsuba_taxel.mechanics import (
     Indenter,
     IndenterDisplacement,
-    IndenterForce,
     NeoHookean,
     PlateDisplacement,
     PlateForce,
@@ -29,50 +43,17 @@ from mitsuba_taxel.mechanics import (
 )
 from mitsuba_taxel.mechanics import reactions as reactions_of
 from mitsuba_taxel.mechanics.contact.barrier import Barrier
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
-from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
-from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
-from mitsuba_taxel.mechanics.continuation.state import NO_ERROR, StateComparison
-from mitsuba_taxel.mechanics.elements.assembly import Assembly
-from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
-from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
-from mitsuba_taxel.mechanics.equilibrium.feet import couple_held, near_feet, where_linear
-from mitsuba_taxel.mechanics.equilibrium.self_touching_pad import IndentedTouchingPad, SelfTouchingPad
-from mitsuba_taxel.mechanics.errors.shorter_reach import with_reach
-from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
-from mitsuba_taxel.pads import REGIONS, Pad
+from mitsuba_taxel.mechanics.equilibrium.feet import couple_held, near_feet
+from mitsuba_taxel.mechanics.equilibrium.self_touching_pad import SelfTouchingPad
+from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.sensing.audit import energy_audit
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 pytest.importorskip("ipctk")
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
-
-PAD, LAW, ON = Pad("parallelepiped", rows=1, columns=1), NeoHookean(), PlateDisplacement(self_contact=True)
-ASIDE, BEFORE, BEYOND = (0.5, 0, -0.4), (0, 0, -0.9), (0, 0, -1.8)
-"""Displacements beside that of -1.48 mm at which the pad touches itself and the board."""
-TOP = 1.201
-"""Height of a package under the roof in mm."""
-PACKAGE = trimesh.creation.box((1.0, 1.4, 1.2), trimesh.transformations.translation_matrix((0, 0, 0.601))).triangles
-CLEAR, HELD = (0, 0, -0.4), (0, 0, -0.56)
-"""Displacements beside that of -0.47 mm at which the roof touches it."""
-
-
-SIZE, SMALL = 2.5, 2.0
-"""Of elements in mm, also where more is asked of them."""
-
-
-def pressed(*values, load=ON, material=LAW, size=SIZE, **more):
-    return load_path(PAD, material, values, load=load, mesh_size=size, **more)
-
-
-def lowest(state, over=np.inf):
-    """mm, of the nodes of the roof, or of those over a rectangle, by half its sides."""
-    roof = np.unique(state.mesh.faces[state.mesh.face_region == REGIONS["roof"]])
-    places = (state.mesh.points + state.displacement)[roof]
-    return places[np.all(np.abs(places[:, :2]) <= over, axis=1), 2].min()
 
 
 @pytest.fixture(scope="module")
@@ -127,18 +108,6 @@ def test_forces_have_a_potential(touching):
     ahead, behind = (sum(barrier.forces(touching.displacement + sign * step * way)) for sign in (1, -1))
     expected = (stiffness @ way.ravel()).reshape(-1, 3)
     np.testing.assert_allclose((behind - ahead) / (2 * step), expected, atol=1e-4 * np.abs(expected).max())
-
-
-def stored(state):
-    """N mm, energy of the silicone, whose law is linear at its feet."""
-    mesh, here = state.mesh, slice(None)
-    elements = Assembly(mesh, LAW, number_unknowns(mesh, np.zeros(len(mesh.points), bool))).elements
-    gradient = elements.gradient(here, state.displacement) + np.eye(3)
-    pressure = elements.pressures(here, state.pressure)
-    strain = (gradient + np.swapaxes(gradient, -1, -2)) / 2 - np.eye(3)
-    squares = (strain**2).sum(axis=(-2, -1)) - np.trace(strain, axis1=-2, axis2=-1) ** 2 / 3
-    isochoric = np.where(near_feet(mesh), LAW.shear_modulus * squares, LAW.energy(gradient))
-    return (elements.weight * (isochoric + LAW.compressibility / 2 * pressure**2)).sum()
 
 
 @pytest.mark.parametrize("name", ["touching", "held"])
@@ -241,58 +210,6 @@ def test_a_package_off_the_middle_is_touched_by_the_pad_without_symmetry(held):
     assert reactions_of(beside).force[2] == pytest.approx(reactions_of(held).force[2], rel=1e-4)
 
 
-@pytest.mark.parametrize(("name", "bodies"), [("touching", None), ("held", PACKAGE)])
-def test_the_error_by_the_reach_is_the_change_with_a_far_shorter_one(name, bodies, request, monkeypatch, fresh):
-    """At the same feet."""
-    state = request.getfixturevalue(name)
-    fresh()
-    monkeypatch.setattr(SelfTouchingPad, "_linear", lambda pad: where_linear(pad.whole, pad.load))
-    monkeypatch.setattr(sys.modules[PadPath.__module__], "where_linear", lambda mesh, load, _: where_linear(mesh, load))
-    bodies = None if bodies is None else RigidBodies(bodies.tobytes())
-    path = pad_path(PAD, LAW, ON, SIZE, bodies=bodies)
-    nothing = StateComparison(NO_ERROR, lambda: np.zeros((2, *state.displacement.shape)), 0.0)
-    found = with_reach(path, nothing, state.value, state.displacement, state.pressure)
-
-    pads = [SelfTouchingPad(state.mesh, LAW, ON, bodies=bodies, share=share) for share in (1.0, 0.5, 0.25)]
-    unknowns = pads[0].gather(state.displacement, state.pressure)
-    for pad in pads:
-        unknowns = pad.closer(unknowns, state.value)
-    displacement, pressure = pads[0].split(unknowns)  # with an eighth of the reach
-    linear = where_linear(state.mesh, ON)
-    force = [glued_force(state.mesh, LAW, u, p, region="top", linear=linear)[2] for u, p in
-             ((state.displacement, state.pressure), (displacement, pressure))]  # fmt: skip
-    assert found.force_error == pytest.approx(8 / 7 * abs(force[1] - force[0]), rel=0.1)
-    assert found.force_error > 1e-3 * abs(force[0])
-    deviation, expected = found.deviate()[1] * ERROR_SHARE, 8 / 7 * (displacement - state.displacement)
-    assert np.linalg.norm(deviation - expected) < 0.2 * np.linalg.norm(expected)
-
-
-def test_before_anything_touches_the_error_is_that_of_the_feet():
-    """What the law of large strains there would change."""
-    (state,), (other,) = (pressed(ASIDE, load=load, size=SMALL) for load in (ON, PlateDisplacement()))
-    nothing = StateComparison(NO_ERROR, lambda: np.zeros((2, *state.displacement.shape)), 0.0)
-    found = with_reach(pad_path(PAD, LAW, ON, SMALL), nothing, state.value, state.displacement, state.pressure)
-    roof = np.unique(state.mesh.faces[state.mesh.face_region == REGIONS["roof"]])
-    missed = (other.displacement - state.displacement)[roof]
-    stated = found.deviate()[1][roof] * ERROR_SHARE
-    assert np.linalg.norm(stated - missed) < 0.3 * np.linalg.norm(missed)
-    force = [reactions_of(s).applied_force for s in (state, other)]
-    assert 1 < found.force_error / np.linalg.norm(force[1] - force[0]) < 1.5
-
-
-def test_the_force_of_a_pad_whose_feet_are_folded():
-    """For any law but the linear one there elements are inverted, and forces are no numbers."""
-    flat, value, size = Pad(rows=1, columns=1, cell_height=0.9, height=2.5), np.array([0.0, 0.0, -0.6]), 1.2
-    (state,) = load_path(flat, LAW, [value], load=ON, mesh_size=size)
-    solved = state.displacement, state.pressure
-    assert np.isnan(glued_force(state.mesh, LAW, *solved, region="top")).all()
-    path = pad_path(flat, LAW, ON, size)
-    force = path.force(value, *solved)
-    np.testing.assert_allclose(force, -reactions_of(state).force, atol=1e-6)  # at the bottom, by the balance of forces
-    nothing = StateComparison(NO_ERROR, lambda: np.zeros((2, *state.displacement.shape)), 0.0)
-    assert 0 < with_reach(path, nothing, value, *solved).force_error < 0.2 * -force[2]
-
-
 def test_moments_balance_of_a_pad_that_leans():
     """Though the linear law of its feet resists rotations."""
     (state,) = pressed(ASIDE)
@@ -382,68 +299,6 @@ BALL, DEEP = Indenter("sphere", radius=2.5), (0, 0, -2.4)
 """Displacement beside that of -2.2 mm at which walls touch under the ball."""
 
 
-def test_a_path_goes_on_under_an_indenter(few_elements_under_bodies):
-    """What the body does is stored in the pad, or done against contact; nothing is out of balance."""
-    on, step = IndenterDisplacement(BALL, self_contact=True), 5e-4
-    with pytest.raises(ComputationError, match=r"touches itself .* -1\.6\d*\) mm\. With self_contact = true"):
-        pressed(DEEP, load=IndenterDisplacement(BALL))
-    less, state, more = pressed(*((0, 0, DEEP[2] + way) for way in (step, 0.0, -step)), load=on)
-    reactions, barrier = reactions_of(state), Barrier(state.mesh, LAW.youngs_modulus)
-    assert reactions.imbalance < 1e-8 and state.stability_checked
-    assert 0 < barrier.gap(state.displacement) < barrier.reach
-    contact = sum(Contacts(state.mesh, LAW.youngs_modulus, None).forces(state.displacement))
-    done = (contact * (more.displacement - less.displacement)).sum()
-    body = Indentation(state.mesh, BALL, LAW.youngs_modulus)
-
-    def energy(at):
-        return stored(at) + (body.slack * body.pressing(at.displacement, at.value).pressure ** 2).sum() / 2
-
-    expected = -2 * step * reactions.applied_force[2] + done
-    assert done < -1e-4 * expected and energy(more) - energy(less) == pytest.approx(expected, rel=2e-5)
-    (pushed,) = pressed((0, 0, reactions.applied_force[2]), load=IndenterForce(BALL, self_contact=True))
-    np.testing.assert_allclose(pushed.indenter_moved, DEEP, atol=1e-8)
-    np.testing.assert_allclose(pushed.displacement, state.displacement, atol=1e-6)
-
-
-def test_a_roof_is_held_by_a_package_below_an_indenter():
-    """The body then presses more, by what the package bears."""
-    on, deep = IndenterDisplacement(BALL, self_contact=True), (0, 0, -1.2)
-    (held,), (free,) = (pressed(deep, load=on, **bodies) for bodies in ({"obstacles": PACKAGE}, {}))
-    assert TOP < lowest(held, over=(0.5, 0.7)) and lowest(free, over=(0.5, 0.7)) < TOP - 0.02
-    borne = BodyBarrier(held.mesh, LAW.youngs_modulus, held.bodies).forces(held.displacement)[:, 2].sum()
-    more = reactions_of(free).applied_force[2] - reactions_of(held).applied_force[2]
-    assert borne > 0.1 and 0 < more < borne
-    assert reactions_of(held).imbalance < 1e-8 and held.stability_checked
-
-
-def test_a_dragged_body_presses_walls_on_each_other(few_elements_under_bodies):
-    """With friction of the body: some places slip under their bound, others stick."""
-    on = IndenterDisplacement(replace(BALL, friction=0.3), self_contact=True)
-    (state,) = pressed((0.2, 0, -2.0), load=on)
-    barrier, reactions = Barrier(state.mesh, LAW.youngs_modulus), reactions_of(state)
-    assert reactions.imbalance < 1e-8 and reactions.applied_force[0] > 0.05
-    assert np.abs(barrier.forces(state.displacement)[0]).sum() > 1e-3
-    body, pressing = indentation_of(state)
-    share = np.linalg.norm(body.at_nodes(state.traction), axis=1) / np.maximum(0.3 * pressing.pressure, 1e-9)
-    touching = pressing.pressure > 0
-    assert share.max() < 1 + 1e-6 and share[~touching].max() == 0
-    assert 0 < np.mean(share[touching] > 1 - 1e-6) < 0.5
-
-
-def test_steps_under_friction_are_not_cut(few_elements_under_bodies, monkeypatch):
-    """Below, walls that press on each other turn about corners, and make the linear pad unstable; the pad is not."""
-    find, found = IndentedTouchingPad._balanced, []
-
-    def balanced(pad, *start):
-        found.append(None)
-        found[-1] = find(pad, *start)
-        return found[-1]
-
-    monkeypatch.setattr(IndentedTouchingPad, "_balanced", balanced)
-    pressed((0, 0, -2.34), load=IndenterDisplacement(replace(BALL, friction=0.3), self_contact=True), size=SMALL)
-    assert all(found)
-
-
 SOFT, LEFT = Viscoelastic(LAW, ((0.2, 1.0), (0.3, 10.0))), 0.5 * LAW.shear_modulus
 """A silicone with a memory, and the shear modulus in MPa that lasts; its compressibility is that of the law."""
 _MODULUS = 9 * LEFT / (3 + LEFT * LAW.compressibility)
@@ -482,14 +337,6 @@ def test_a_pad_creeps_onto_the_board():
     assert pushed[0] == 0 and pushed[1] > 0.3
     np.testing.assert_allclose(late.displacement, in_the_long_run(late)[0], atol=1e-6)
     assert max(reactions_of(state).imbalance for state in (first, late)) < 1e-8
-
-
-def test_a_ball_sinks_in_until_walls_touch(few_elements_under_bodies):
-    on = IndenterDisplacement(BALL, self_contact=True)
-    (state,) = pressed(DEEP, load=on, material=SOFT, times=[1.0])
-    reactions, barrier = reactions_of(state), Barrier(state.mesh, LAW.youngs_modulus)
-    assert reactions.imbalance < 1e-8 and state.stability_checked
-    assert 0 < barrier.gap(state.displacement) < barrier.reach
 
 
 def test_moments_balance_of_a_leaning_pad_with_a_memory():

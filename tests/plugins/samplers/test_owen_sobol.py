@@ -7,6 +7,8 @@ import pytest
 
 from mitsuba_taxel.kernels.paths.sobol import DIMENSIONS, sobol_points
 
+pytestmark = pytest.mark.quick
+
 
 def test_points_are_those_of_scipy():
     from scipy.stats import qmc

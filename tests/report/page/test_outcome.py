@@ -15,6 +15,8 @@ from mitsuba_taxel.report.page.outcome import MOST_ROWS, outcome_sections
 from mitsuba_taxel.surrogates import export
 from mitsuba_taxel.surrogates.onnx_model import read_polynomial
 
+pytestmark = pytest.mark.quick
+
 
 def test_the_page_of_a_fit_has_its_unknowns_residuals_and_warnings(tmp_path, llvm_mono):
     (tmp_path / "data.csv").write_text("z_mm,v1_mV\n0.5,10\n0.7,8\n0.9,6\n")

@@ -19,6 +19,8 @@ from mitsuba_taxel.studies.plan.vary import (
     sides_along,
 )
 
+pytestmark = pytest.mark.quick
+
 DECIMALS = st.decimals(-1000, 1000, allow_nan=False, allow_infinity=False, places=3)
 
 

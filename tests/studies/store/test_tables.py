@@ -13,6 +13,8 @@ from mitsuba_taxel.characterise import resolution
 from mitsuba_taxel.studies.store import tables
 from mitsuba_taxel.studies.store.tables import write_resolution
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture
 def study():
