@@ -19,7 +19,8 @@ from mitsuba_taxel.base.differences import BEHIND, STENCILS
 from mitsuba_taxel.evidence.coverage.domes import dome_scene
 from mitsuba_taxel.evidence.coverage.sphere_light import SPACING, Dome
 from mitsuba_taxel.kernels.surfaces.mesh_adapter import places_of
-from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by, path_derivatives
+from mitsuba_taxel.sensing.derivatives import path_derivatives
+from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
 from mitsuba_taxel.sensing.derivatives.moved_scene import MovedScene
 from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates
