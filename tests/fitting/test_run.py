@@ -87,7 +87,7 @@ def test_a_prony_term_of_a_hold(taxel, tmp_path):
     assert power[2] > power[1] > power[0]
     rows = "\n".join(f"{time},{watts}" for time, watts in zip(times, power, strict=True))
     (tmp_path / "data.csv").write_text(f"time_s,p1_W\n{rows}\n")
-    unknowns = "g = { start = 0.25, low = 0.05, high = 0.8 }\ntau = { start = 4, low = 0.5, high = 30 }\n"
+    unknowns = "g = { start = 0.29, low = 0.05, high = 0.8 }\ntau = { start = 4.7, low = 0.5, high = 30 }\n"
     head = 'scene = "cell.xml"\npoints = 16\n[fit]\ndata = "data.csv"\n[fit.unknowns]\n'
     (tmp_path / "fit.toml").write_text(head + unknowns)
     done = taxel("fit", "fit.toml", "-o", "out", "--json")

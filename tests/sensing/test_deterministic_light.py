@@ -51,7 +51,7 @@ def test_walls_that_meet_at_edges_read_as_random_paths_within_the_stated_error(c
     live = Scene(source).load()
     assert diffuse_cells.DiffuseCells(live).cells[0].has_edges == edged
     found = deterministic_light(live, False)
-    readings = measure(live, points=32768, mechanics_error=False)
+    readings = measure(live, points=8192, mechanics_error=False)
     assert abs(found.power - readings.power) < 2 * np.hypot(found.error, readings.standard_error)
     assert found.error < 1e-3 * found.power
 
@@ -63,7 +63,8 @@ def with_law(scene, law):
 @pytest.mark.parametrize(
     ("cell", "scattering", "law"),
     [
-        *((cell, wall, CONE) for cell in ("cylindrical", "parallelepiped") for wall in ("lambertian", "isotropic")),
+        ("cylindrical", "isotropic", CONE),
+        ("parallelepiped", "isotropic", CONE),
         ("hemispheric", "isotropic", CONE),
         ("spherical", "lambertian", CONE),
         ("parallelepiped", "isotropic", POLAR),
@@ -261,11 +262,17 @@ def reading_of_parts(force, **pad):
 LEANING = {"cell": "cylindrical", "rows": 1, "columns": 1, "top_x": 0.4, "top_y": 0.2}
 
 
+@pytest.fixture(scope="module")
+def drawing(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("drawing")
+    write_drawings(Pad(**LEANING), folder)
+    return folder / "pad.step"
+
+
 @pytest.mark.parametrize(("force", "error"), [([0.0, 0.0, 0.0], 5e-5), ([0.1, 0.05, -1.0], 1e-3)], ids=["rest", "load"])
-def test_the_drawing_reads_the_same(force, error, tmp_path):
+def test_the_drawing_reads_the_same(force, error, drawing):
     """But for another mesh."""
-    write_drawings(Pad(**LEANING), tmp_path)
-    drawn = reading_of_parts(force, filename=str(tmp_path / "pad.step"))
+    drawn = reading_of_parts(force, filename=str(drawing))
     assert drawn == pytest.approx(reading_of_parts(force, **LEANING), rel=error)
 
 
