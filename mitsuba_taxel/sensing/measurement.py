@@ -99,7 +99,7 @@ def measure(
         :func:`prepare`.
     target_error : float, optional
         Relative total error, of mechanics and light, that the worst taxel should reach: pads whose mesh a `Scene` does
-        not fix get one that is fine enough. The number of points is chosen by pilot runs with other random numbers,
+        not fix get one that is fine enough. The number of points is chosen by a pilot run with other random numbers,
         which do not enter the result. Without target, points and budget, the light alone is computed to 0.005.
     points : int, optional
         Light paths for each taxel and replicate, instead of a target; rounded up to a power of two.
@@ -296,7 +296,7 @@ def _prepared(
     light_error = math.inf
     if points is None and (target_error is not None or clock.end == math.inf):
         light_error = target_error or LIGHT_ERROR
-        points = points_for(ready, light_error, seed, clock, geometry.pilot)
+        points = points_for(ready, light_error, clock, geometry.pilot)
     points = points or MOST_POINTS
     mechanics = MechanicsEstimate(None, 0.0)
     if mechanics_error:
@@ -338,7 +338,7 @@ def crosstalk(
     if not traces_taxels(ready.integrator):
         raise InputError("crosstalk needs one of the integrators taxel_tracer, taxel_path and analog_tracer.")
     if points is None:
-        points = points_for(ready, target_error or LIGHT_ERROR, seed)
+        points = points_for(ready, target_error or LIGHT_ERROR)
     count: int = points
     pairs = taxels_of(ready.scene)
     if len(pairs) > 1:

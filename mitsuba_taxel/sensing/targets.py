@@ -197,10 +197,12 @@ def prepare_for(
     scene = described(scene)
     ready, seconds = _timed(scene)
     alternative: PreparedFor | None = None  # of the meshes so far, that with the smallest error
+    quiet = not random
 
     def judged() -> ShapeErrors:
-        nonlocal alternative
-        certain = None if random else without_random_numbers(ready)
+        nonlocal alternative, quiet
+        certain = without_random_numbers(ready) if quiet else None
+        quiet &= bool(loaded_pads(ready.scene))  # without a load, elements do not change it
         if certain is not None:
             least = math.nan if alternative is None else alternative.errors.share
             if certain.share < least or math.isnan(least):
@@ -236,7 +238,7 @@ def prepare_for(
     known = errors.known_share
     light = math.sqrt(max(target_error**2 - known**2, (LIGHT_SHARE * target_error) ** 2))
     at_hand = math.inf if alternative is None else math.sqrt(max(alternative.errors.known_share**2 - known**2, 0))
-    points = points_for(ready, light, seed, clock, errors.geometry.pilot, at_hand)
+    points = points_for(ready, light, clock, errors.geometry.pilot, at_hand)
     if alternative is not None and not points:
         return alternative
     return PreparedFor(ready, errors, Settings(points, mesh_size_of(scene)), light, alternative)
@@ -301,12 +303,11 @@ def rungs_to(wanted_error: float, tried: list[tuple[float, float]], order: float
 def points_for(
     ready: Prepared,
     target_error: float,
-    seed: int,
     clock: Clock | None = None,
     first: Run | None = None,
     known_error: float = math.inf,
 ) -> int:
-    """Points per taxel and replicate for a relative standard error of the light, found by pilot runs.
+    """Points per taxel and replicate for a relative standard error of the light, found by a pilot run.
 
     Where a pad touches a package, they are :data:`DARK_POINTS` at most.
 
@@ -315,28 +316,27 @@ def points_for(
     clock : Clock, optional
         If its time does not suffice, the result is `MOST_POINTS`, and the clock decides.
     first : Run, optional
-        The first pilot run, if it exists already. Else their random numbers do not depend on ``seed``, so that what
-        they find is that of the scene, and is found once.
+        The pilot run, if it has begun already. Else its random numbers are always the same, so that what it finds is
+        that of the scene, and is found once.
     known_error : float
         Relative error without random numbers: the result is 0 if that of paths would not fall below it in time.
     """
     found = found_points(ready.scene) if first is None else {}
     if target_error in found:
         return found[target_error]
-    seed = seed if first else 0
+    run = first or Run(ready, derived_seed(0, 1))
     points, most = FIRST_POINTS, DARK_POINTS if is_touched(ready.scene) else MOST_POINTS
-    for pilot in range(1, 16):
-        run = first or Run(ready, derived_seed(seed, pilot))
+    while True:
+        halves = 2 if run.points else 1  # the last step of a run that is extended is half of it
         run.extend_to(points)
-        first = None
-        error = _safety(run.powers) * Readings(run.powers, run.points, seed).relative_error
+        error = _safety(run.powers) * Readings(run.powers, run.points, run.seed).relative_error
         if not run.powers.any() and points < DARK_POINTS and may_be_lit(ready.scene, ready.integrator):
             error = math.inf
         if error <= target_error or points >= most:
             break
-        if clock and not clock.allows(8 * run.seconds):
+        if clock and not clock.allows(8 * halves * run.seconds):
             # The error falls at most as 1/points, and so as 1/time.
-            reached = error * run.seconds / clock.left if clock.left > 0 else error
+            reached = error * halves * run.seconds / clock.left if clock.left > 0 else error
             return MOST_POINTS if reached < known_error else 0
         # At least this many doublings are needed.
         doublings = max(1, math.floor(math.log2(min(error / target_error, 16.0))))

@@ -86,6 +86,19 @@ def test_flat_roofs_need_no_guide(llvm_mono, cell, guided):
     assert (guide_of(domed(-1.0, cell=cell)) is not None) == guided
 
 
+def test_light_to_walls_that_a_guide_misses_counts_against_it(llvm_mono, monkeypatch):
+    """A guide along the sides of a cylinder draws few rays to its bright roof: weights without a bound, and a
+    larger error."""
+    walls = {"roof": Wall("isotropic", 1.0), "side": Wall("lambertian", 0.9)}
+    ready = prepare(PadSensor(pad=Pad("cylindrical", rows=1, columns=1), **walls).scene().with_mesh_size(2.0))
+    assert guide_for(ready.scene, taxels_of(ready.scene)[0]) is None
+    plain = measure(ready, points=1 << 10, mechanics_error=False)
+    taxels_of(ready.scene)[0].sensor.guide = None
+    monkeypatch.setattr(guide.Guide, "misses", lambda self, si, active: active & False)
+    guided = measure(ready, points=1 << 10, mechanics_error=False)
+    assert guided.relative_error > 2 * plain.relative_error
+
+
 def test_no_light_is_lost_between_fine_triangles(llvm_mono, monkeypatch):
     """Rays that the guide draws to points close by, at grazing angles, arrive; without it the walls draw all rays."""
     scene = domed(-3.0, reflectance=0.3)

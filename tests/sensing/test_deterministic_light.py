@@ -14,7 +14,7 @@ from mitsuba_taxel.pads.parametric.drawings import write_drawings
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 from mitsuba_taxel.sensing.diffuse import diffuse_cells
-from mitsuba_taxel.sensing.diffuse.deterministic_light import deterministic_light
+from mitsuba_taxel.sensing.diffuse.deterministic_light import COARSE, deterministic_light
 from mitsuba_taxel.sensing.reading.readings import light_error_line
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.targets import CLEAR
@@ -212,6 +212,20 @@ def test_a_narrow_response_is_read_without_random_numbers_unless_pieces_of_walls
     assert coarse.error[0] > 0.01 * coarse.power[0] and random.points > 0
     for power, error in ((coarse.power[0], coarse.error[0]), (quiet.power[0], quiet.total_error[0])):
         assert abs(power - random.power[0]) < 2 * error + 4 * random.standard_error[0]
+
+
+def test_what_patches_cannot_resolve_is_not_solved_on_finer_rules(llvm_mono, monkeypatch):
+    """A dome that the phototransistor sees a spot of, in the light of all of the dome."""
+    degrees, solved = [], diffuse_cells.DiffuseCells.solved
+
+    def counted(cells, number, mesh, places):
+        degrees.append(mesh.degree)
+        return solved(cells, number, mesh, places)
+
+    monkeypatch.setattr(diffuse_cells.DiffuseCells, "solved", counted)
+    narrow = {"response": "cosine_power", "exponent": 1e4, "width": 0.02, "depth": 0.02}
+    assert deterministic_light(pad_scene(sensor=narrow, force=None).load()) is None
+    assert degrees == [COARSE]
 
 
 def test_the_change_with_coarser_elements_is_that_of_random_paths(llvm_mono, cell):

@@ -16,7 +16,7 @@ from mitsuba_taxel.mechanics.continuation.state import StateComparison
 from mitsuba_taxel.sensing import measurement, targets
 from mitsuba_taxel.sensing.reading.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.reading.readings import mechanics_share
-from mitsuba_taxel.sensing.reading.runs import FIRST_POINTS, Clock, prepare
+from mitsuba_taxel.sensing.reading.runs import FIRST_POINTS, Clock, Run, prepare
 from mitsuba_taxel.sensing.scene.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.targets import MOST_RUNGS, RUNG, _powers, _timed, mechanics_of, rungs_to
 
@@ -159,6 +159,25 @@ def test_without_a_load_the_light_may_take_the_whole_target(llvm_mono):
     total = measure(scene).relative_total_error
     aimed = measure(scene, target_error=1.1 * total)
     assert aimed.points == 0 and aimed.mesh_size is None and aimed.relative_total_error == total
+
+
+def test_a_pilot_run_is_extended(llvm_mono, monkeypatch):
+    """It traces as many points as it finds to be needed, not those of all runs before it as well."""
+    traced, step = [], Run._step
+    monkeypatch.setattr(Run, "_step", lambda run, points: (traced.append(points), step(run, points)))
+    found = targets.points_for(prepare(sensor(force=(0.0, 0.0, 0.0), roof=Wall("mirror"))), 0.005)
+    assert found > 4 * FIRST_POINTS and sum(traced) == found
+
+
+def test_elements_that_change_no_light_do_not_ask_for_it_again(llvm_mono, monkeypatch):
+    """Without a load."""
+    asked, known = [], targets.without_random_numbers
+    monkeypatch.setattr(targets, "without_random_numbers", lambda ready: (asked.append(ready), known(ready))[1])
+    monkeypatch.setattr(targets, "points_for", lambda *args: FIRST_POINTS)
+    monkeypatch.setattr(Run, "extend_to_error", lambda *args: None)
+    monkeypatch.setattr(targets, "MOST_MESHES", 1)
+    reading = measure(sensor("cylindrical", (0.0, 0.0, 0.0)), target_error=2e-5)
+    assert len(asked) == 1 and reading.points == 0
 
 
 @pytest.mark.parametrize("target", [None, 0.01])

@@ -24,11 +24,12 @@ from mitsuba_taxel.kernels.protocols import is_pad, is_region
 from mitsuba_taxel.kernels.surfaces.cell_surface import CellSurface
 from mitsuba_taxel.kernels.surfaces.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
-from mitsuba_taxel.kernels.walls import scatters
+from mitsuba_taxel.kernels.walls import absorbs, scatters
 
 _SHARE, _NEAR_SHARE = 0.85, 0.5  # of the directions that leave a guiding wall; the rest bounds the weights
 _LEAST_RETURN = 0.1  # of the light that guiding walls scatter to each other; below it a guide costs more than it gains
 _WORTHWHILE = 0.9  # of the mean square weight without a guide
+_OTHER = -2  # in place of the taxel of a triangle that sends light back, but is none of a guide's
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Members:
     Attributes
     ----------
     owner : (N,) ndarray
-        Taxel of each triangle, -1 for none.
+        Taxel of each triangle; -1 for none, -2 for those of other walls that send light back.
     numbers : (M,) ndarray
         The triangles that have an owner.
     trees : MemberTrees
@@ -150,8 +151,15 @@ class Guide:
 
     def contains(self, index: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
         """Whether a hit lies on the triangles of taxel ``index``."""
+        return self._is_of(mi.Int32(index), si, active)
+
+    def misses(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
+        """Whether a hit lies on a wall of its mesh that sends light back, and that it never samples."""
+        return self._is_of(mi.Int32(_OTHER), si, active)
+
+    def _is_of(self, owner: mi.Int32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
         here = active & (si.shape == self.mesh)
-        return here & (dr.gather(mi.Int32, self.owner, si.prim_index, here) == mi.Int32(index))
+        return here & (dr.gather(mi.Int32, self.owner, si.prim_index, here) == owner)
 
 
 def guide_for(scene: mi.Scene, pair: TaxelPair) -> Guide | None:
@@ -178,21 +186,25 @@ def guide_for(scene: mi.Scene, pair: TaxelPair) -> Guide | None:
 def _guide_on(mesh: mi.Mesh, pair: TaxelPair) -> Guide | None:
     surface = mesh.undeformed if is_pad(mesh) else _surface_of(mesh)
     walls = _regions_by_wall(mesh.bsdf())
+    sampled = tuple(walls["lambertian"] or walls["isotropic"])
     leds = np.array(pair.led.faces.centres).T
     taxels = np.argmin(np.linalg.norm(surface.middles[:, None] - leds[None], axis=2), axis=1)  # nearest to each cell
-    members = _members(surface, tuple(walls["lambertian"] or walls["isotropic"]), tuple(taxels.tolist()), pair.count)
+    members = _members(surface, sampled, tuple(walls["any"]), tuple(taxels.tolist()), pair.count)
     return None if members is None else Guide(mesh, members, near=not walls["lambertian"])
 
 
 @kept(4)  # the scenes of a study share their undeformed pads
-def _members(surface: CellSurface, regions: tuple[int, ...], taxels: tuple[int, ...], count: int) -> Members | None:
-    """The triangles in some regions of the cells of ``taxels``; None if they have no area or are flat."""
+def _members(
+    surface: CellSurface, regions: tuple[int, ...], lit: tuple[int, ...], taxels: tuple[int, ...], count: int
+) -> Members | None:
+    """The triangles in some regions, among those that send light back, of the cells of ``taxels``; None if they have no
+    area or are flat."""
     corners, cell = surface.vertices[surface.triangles], surface.cell
     numbers = np.flatnonzero(np.isin(surface.region, regions) & (cell > 0) & (_areas(corners) > 0))
     if not len(numbers) or _is_flat(corners[numbers], cell[numbers]):
         return None
     taxel = np.array(taxels)[cell[numbers]]
-    owner = np.full(len(cell), -1, dtype=np.int32)
+    owner = np.where(np.isin(surface.region, lit), _OTHER, -1).astype(np.int32)
     owner[numbers] = taxel
     trees = MemberTrees(_unrolled(corners[numbers].mean(axis=1), taxel), taxel, count)
     return Members(owner, numbers.astype(np.uint32), trees)
@@ -236,19 +248,22 @@ def _is_flat(corners: np.ndarray, cell: np.ndarray) -> bool:
 
 
 def _regions_by_wall(bsdf: mi.BSDF) -> dict[str, list[int]]:
-    """Codes of the regions that Lambertian and isotropic walls cover, under a `region` or a single `wall`."""
+    """Codes of the regions that Lambertian and isotropic walls cover, and any that send light back, under a `region` or
+    a single `wall`."""
     walls = bsdf.walls if is_region(bsdf) else dict.fromkeys(ALL_REGIONS, bsdf)
-    return {
+    found = {
         kind: [ALL_REGIONS[name] for name, wall in walls.items() if scatters(wall, kind)]
         for kind in ("lambertian", "isotropic")
     }
+    return found | {"any": [ALL_REGIONS[name] for name, wall in walls.items() if not absorbs(wall)]}
 
 
 def _gain(guide: Guide, scene: mi.Scene, pair: TaxelPair) -> float:
     """Factor by which the guide changes the mean square weight of a ray after one more reflection.
 
     Estimated with rays scattered from points of the guide. In a smooth dome it is about a half; where walls meet in
-    corners most light goes to close-by walls, which the guide misses, and it exceeds 1.
+    corners most light goes to close-by walls, which the guide misses, and it exceeds 1. Light to other walls that send
+    it back is sampled by scattering alone, and so counts by more: without a bound on the variance if these are large.
     """
     rays = 1 << 13
     rng = mi.PCG32(rays)
@@ -268,8 +283,11 @@ def _gain(guide: Guide, scene: mi.Scene, pair: TaxelPair) -> float:
     scattered *= dr.abs(dr.dot(si.n, d)) / dr.square(si.t)
     drawn = guide.density(taxel, from_, guide.place(si, seen))
     weight = scattered / ((1 - guide.share) * scattered + guide.share * drawn)
-    without = dr.count(seen)[0]
-    return float(dr.sum(dr.select(seen, weight, 0))[0]) / without if without > _LEAST_RETURN * rays else math.inf
+    returned, other = dr.count(seen)[0], dr.count(guide.misses(si, si.is_valid()))[0]
+    if returned <= _LEAST_RETURN * rays:
+        return math.inf
+    of_other = other / (1 - guide.share[0])
+    return (float(dr.sum(dr.select(seen, weight, 0))[0]) + of_other) / (returned + other)
 
 
 def _unrolled(points: np.ndarray, owner: np.ndarray) -> np.ndarray:

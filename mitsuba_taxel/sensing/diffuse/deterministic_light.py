@@ -26,6 +26,9 @@ READING_SHARE = 0.1
 MOST_OFF = 0.01
 """Largest error by the power of LEDs on walls and by what phototransistors accept, as share of a reading, with which
 there are derivatives."""
+HOPELESS = 0.1
+"""Relative error of the coarser solution by what phototransistors accept above which there is no finer one, which takes
+longer and would have a tenth of that at least."""
 MOST_HIDDEN = 3e-3
 """Largest share of a reading on paths that walls stand in, which are followed as if these were not there."""
 
@@ -67,8 +70,11 @@ def deterministic_light(
         return None  # what is shut is not followed
     # Many small matrix products: each would start and wait for its own threads.
     with threadpool_limits(1, "blas"):
-        found = dict(zip(alone, side_by_side(lambda number: _found(cells, number, known), alone), strict=True))
-    hidden = {number: cells.hidden_share(*each.flows) for number, each in found.items()}
+        each = side_by_side(lambda number: _found(cells, number, known), alone)
+    found = {number: one for number, one in zip(alone, each, strict=True) if one is not None}
+    if len(found) < len(alone):
+        return None
+    hidden = {number: cells.hidden_share(*one.flows) for number, one in found.items()}
     if max(hidden.values()) > MOST_HIDDEN:
         return None
     led = np.array([taxel.power for taxel in cells.taxels])
@@ -113,11 +119,16 @@ class _Found(NamedTuple):
     flows: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def _found(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> _Found:
+def _found(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> _Found | None:
+    """None if the coarser solution shows that the finer one would not resolve what the phototransistor accepts."""
     patches = cells.patches(number)
     at = patches.rest + patches.carried(cells.pad.state.displacement)
-    fine, mesh = cells.solved(number, cells.light_mesh(number, FINE), at), cells.light_mesh(number, COARSE)
-    before = cells.solved(number, mesh, at).reading
+    mesh = cells.light_mesh(number, COARSE)
+    coarse = cells.solved(number, mesh, at)
+    before = coarse.reading
+    if coarse.reception_error > HOPELESS * before:
+        return None
+    fine = cells.solved(number, cells.light_mesh(number, FINE), at)
     changes = [cells.solved(number, mesh, at + patches.carried(part)).reading - before for part in deviations]
     error = reading_error(fine, before, cells, number)
     return _Found(fine.reading, error, changes, fine.flows())

@@ -3,6 +3,7 @@ numbers."""
 
 from __future__ import annotations
 
+import math
 import pickle
 import threading
 from dataclasses import dataclass
@@ -288,7 +289,8 @@ class DiffuseCells:
 
     def light_share(self, number: int) -> float:
         """Factor of the errors of a cell's light, as the difference of two solutions tells them."""
-        return self.taxels[number].light_share * (EDGED if self.cells[number].has_edges else 1.0)
+        by_edges = EDGED if self.cells[number].has_edges else 1.0
+        return math.sqrt(self.taxels[number].light_share ** 2 + by_edges**2 - 1)  # each is the error of itself alone
 
     def quadrature_share(self, number: int) -> float:
         """Relative error of a reading that no difference of two solutions tells."""

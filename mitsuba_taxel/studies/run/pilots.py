@@ -65,7 +65,7 @@ class _Pilot:
             ready = prepare(scene)
             certain = None if self.random else without_random_numbers(ready, mechanics_error=False)
             enough = certain is not None and certain.light_share <= LIGHT_ERROR
-            points = 0 if enough else points_for(ready, LIGHT_ERROR, self.batch.seed)
+            points = 0 if enough else points_for(ready, LIGHT_ERROR)
         else:
             curves = math.prod(axis.size for axis in self.batch.axes) / self._curve_size
             allowed = None if self.batch.time_budget is None else Clock(self.clock.left / curves)

@@ -65,7 +65,7 @@ def test_rays_under_a_uniform_sky(llvm_mono, agree, tmp_path, exponent, table):
 
 @pytest.mark.parametrize("exponent", [1.0, 1e2, 1e4, "table"])
 def test_rays_are_distributed_as_the_response(llvm_mono, tmp_path, exponent):
-    """So each counts by all of it, however narrow it is: 2 pi / (m + 1), and that of a cone that falls linearly."""
+    """So each counts by the whole of it, however narrow it is: 2 pi / (m + 1), and that of a linear table."""
     parameters, expected = {"response": "cosine_power", "exponent": exponent}, 0.0
     if exponent == "table":
         file, end = write_table(tmp_path / "response.csv", [(0, 1), (10, 0)]), np.radians(10)
