@@ -253,10 +253,10 @@ def test_a_scene_that_names_no_integrator(llvm_mono, agree, wall, led, detector,
     ("wall", "led"), [({"scattering": "mirror"}, {}), ({}, {"law": "uniform_solid_angle", "cone_angle": 20.0})]
 )
 def test_paths_from_a_narrow_phototransistor_miss_mirrored_and_narrow_light(llvm_mono, wall, led):
-    """So that `taxel_path` is not chosen there: its variance there is more than nine times that of `taxel_tracer`."""
+    """So that `taxel_path` is not chosen there: its variance there is more than four times that of `taxel_tracer`."""
     shapes = plate(llvm_mono, wall=wall, led=led, detector={"response": "cosine_power", "exponent": 30.0})
     errors = {name: measure(scene(shapes, name), points=512, seed=1).relative_error for name in TRACERS[:2]}
-    assert errors["taxel_path"] > 3 * errors["taxel_tracer"]
+    assert errors["taxel_path"] > 2 * errors["taxel_tracer"]
 
 
 # Runs that go on
