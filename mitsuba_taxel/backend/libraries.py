@@ -22,7 +22,18 @@ _ENDINGS = (".so", ".dylib", ".dll")
 
 
 def put_own_libraries_first(resolver: mi.FileResolver) -> None:
-    """Have Mitsuba's libraries come before files of the same name elsewhere, and those of :data:`VARIABLE` last."""
+    """Have Mitsuba's libraries come before files of the same name elsewhere, and those of :data:`VARIABLE` last.
+
+    Parameters
+    ----------
+    resolver : mi.FileResolver
+        Whose folders are put in order.
+
+    Raises
+    ------
+    InputError
+        if the name of a folder is not in UTF-8.
+    """
     try:
         scene = [Path(str(folder)) for folder in resolver]
     except UnicodeDecodeError as error:
@@ -34,6 +45,11 @@ def put_own_libraries_first(resolver: mi.FileResolver) -> None:
 
 def check_plugin_types(types: Iterable[str]) -> None:
     """Raise unless each type of plugin is a name, whose library, if any, lies in a folder that is trusted.
+
+    Parameters
+    ----------
+    types : iterable of str
+        Names of plugins in a scene.
 
     Raises
     ------

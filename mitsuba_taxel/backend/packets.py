@@ -17,7 +17,20 @@ ALIGNMENT = 64
 
 
 def in_packets(values: np.ndarray, dtype: DTypeLike = np.float32) -> np.ndarray:
-    """(N,) copy of all numbers of an array, row by row, in whole and aligned packets."""
+    """Copy of all numbers of an array, row by row, in whole and aligned packets.
+
+    Parameters
+    ----------
+    values : ndarray
+        Of any shape, with N numbers.
+    dtype : DTypeLike
+        Of the copy.
+
+    Returns
+    -------
+    (N,) ndarray
+        Aligned in memory.
+    """
     kind = np.dtype(dtype)
     buffer = np.empty((values.size + PACKET) * kind.itemsize + ALIGNMENT, np.uint8)
     start = -buffer.ctypes.data % ALIGNMENT

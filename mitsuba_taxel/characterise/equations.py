@@ -86,7 +86,20 @@ def nonlinearity(branch: Branch, largest_change: np.ndarray) -> Deviation:
 
 
 def from_line(branch: Branch, nominal: Branch) -> np.ndarray:
-    """Samples of a branch minus the end-point line of another one (points, replicates, channels)."""
+    """Samples of a branch minus the end-point line of another one.
+
+    Parameters
+    ----------
+    branch : Branch
+        Whose samples count.
+    nominal : Branch
+        Whose ends the line joins.
+
+    Returns
+    -------
+    (points, replicates, channels) ndarray
+        In the unit of the readings.
+    """
     first, last = nominal.samples[0], nominal.samples[-1]
     share = (branch.force - nominal.force[0]) / (nominal.force[-1] - nominal.force[0])
     return branch.samples - (first + share[:, None, None] * (last - first))

@@ -191,5 +191,18 @@ def parts_at_zero(force: np.ndarray) -> list[slice]:
 
 
 def since(start: np.ndarray, runs: Iterable[Branch]) -> tuple[Branch, ...]:
-    """The change of runs since a reading (replicates, channels)."""
+    """The change of runs since a reading.
+
+    Parameters
+    ----------
+    start : (replicates, channels) ndarray
+        The reading.
+    runs : iterable of Branch
+        In the same unit.
+
+    Returns
+    -------
+    tuple[Branch, ...]
+        In the same order.
+    """
     return tuple(replace(run, samples=run.samples - start) for run in runs)

@@ -50,6 +50,16 @@ def load_lines(study: xr.Dataset) -> list[LoadLine]:
     A dimension ``fx``, ``fy`` or ``fz`` of at least two values is one run, from the smaller force to the larger. A
     dimension along which forces are listed is split wherever the force turns, is constant or another parameter changes;
     runs of two points are left out unless there are no longer ones, as any two points lie on a line.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene, with components of the force called ``fx``, ``fy`` and ``fz``.
+
+    Returns
+    -------
+    list[LoadLine]
+        Empty if no force is varied.
     """
     lines: list[LoadLine] = []
     for dim in map(str, study.replicate_power.dims):
@@ -74,6 +84,20 @@ def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Br
     """For each combination of the other varied parameters: their values, and the readings in W along the line.
 
     Points without a reading are left out.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+    line : LoadLine
+        One of :func:`load_lines`.
+
+    Yields
+    ------
+    where : dict[str, Any]
+        Values of the other parameters by name.
+    run : Branch
+        Forces in N and readings in W.
     """
     power = study.replicate_power.isel({line.dim: line.positions})
     others = [dim for dim in power.dims if dim not in (line.dim, "replicate", "taxel")]
@@ -111,6 +135,16 @@ def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:
 
     Runs of a path back and forth along one line are one experiment. Runs without any reading are left out. Changes are
     relative to the first of the points of least force.
+
+    Parameters
+    ----------
+    study : xr.Dataset or xr.DataTree
+        As returned by ``open_study``.
+
+    Returns
+    -------
+    list[Experiment]
+        With readings in W.
     """
     if isinstance(study, xr.DataTree):
         return [

@@ -53,6 +53,16 @@ def read_measurement(file: str | Path) -> Measurement:
     - ``force`` or ``f``, or one of ``fx``, ``fy``, ``fz``, or all three of these, in N, mN, kN, g or kg of weight;
     - ``v1``, ``v2``, ... or ``voltage1``, ... in V or mV, with the number of the taxel.
 
+    Parameters
+    ----------
+    file : str or Path
+        The table, as text.
+
+    Returns
+    -------
+    Measurement
+        In s, N and V.
+
     Raises
     ------
     InputError

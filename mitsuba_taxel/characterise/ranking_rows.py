@@ -9,7 +9,18 @@ from mitsuba_taxel.characterise.wording import AS_SHOWN, as_word, figure_rows, w
 
 
 def varied_names(found: Comparison) -> list[str]:
-    """Columns in which the variants differ."""
+    """Columns in which the variants differ.
+
+    Parameters
+    ----------
+    found : Comparison
+        As :func:`compare` returns it.
+
+    Returns
+    -------
+    list[str]
+        Names of parameters.
+    """
     names = list(found.table.columns)
     return names[1 : names.index(found.by)]
 
@@ -37,7 +48,18 @@ def comparison_rows(found: Comparison) -> tuple[list[str], list[list[str]]]:
 
 
 def printed_comparison(found: Comparison) -> Printed:
-    """A comparison as it is printed."""
+    """A comparison as it is printed.
+
+    Parameters
+    ----------
+    found : Comparison
+        As :func:`compare` returns it.
+
+    Returns
+    -------
+    Printed
+        Tables and notes.
+    """
     of = "" if found.volts is None else "readings in V"
     title = ", ".join(filter(None, (f"By {found.by.replace('_', ' ')}", of, found.channel)))
     shown: Printed = [figures_table(title, *comparison_rows(found)), *ranking_notes(found)]

@@ -37,6 +37,16 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
     unknown, as of few rows, there is one sample and no error. Changes are relative to the first of the points of least
     force.
 
+    Parameters
+    ----------
+    measurement : Measurement
+        In s, N and V.
+
+    Returns
+    -------
+    Experiment
+        With readings in V.
+
     Raises
     ------
     InputError
@@ -133,7 +143,23 @@ def _words(errors: PointErrors | None) -> list[str]:
 
 
 def runs_of(measurement: Measurement) -> tuple[str, np.ndarray, np.ndarray, list[slice]]:
-    """Name and direction (3,) of the force's line, its component (rows,) along it in N, and the rows of each run.
+    """The runs of a measurement between the turning points of its force.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        In s, N and V.
+
+    Returns
+    -------
+    name : str
+        Of the line of the force.
+    direction : (3,) ndarray
+        Of that line.
+    force : (rows,) ndarray
+        The component along it, N.
+    runs : list[slice]
+        Rows of each run.
 
     Raises
     ------

@@ -16,6 +16,16 @@ def roles_of_study(study: xr.Dataset) -> dict[str, str]:
     """What each parameter is, by name: a role of `roles_of_parameters`.
 
     Studies without a scene, made of numbers, have parameters that are what they are called.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    dict[str, str]
+        Roles by the name of the parameter.
     """
     if "roles" not in study.attrs:
         return {str(name): str(name) for name in study.coords}
@@ -25,8 +35,18 @@ def roles_of_study(study: xr.Dataset) -> dict[str, str]:
 
 
 def force_parameters(study: xr.Dataset | xr.DataTree) -> list[str]:
-    """Parameters of a study's scenes that are a component of the force, varied or not; where there are none, what they
-    would be called."""
+    """Parameters of a study's scenes that are a component of the force, varied or not.
+
+    Parameters
+    ----------
+    study : xr.Dataset or xr.DataTree
+        As returned by ``open_study``.
+
+    Returns
+    -------
+    list[str]
+        What they would be called where there are none.
+    """
     found: dict[str, None] = {}
     for each in study.subtree if isinstance(study, xr.DataTree) else [study]:
         names = {*json.loads(each.attrs.get("parameters", "{}")), *map(str, each.dims), *map(str, each.coords)}
@@ -35,7 +55,20 @@ def force_parameters(study: xr.Dataset | xr.DataTree) -> list[str]:
 
 
 def is_load(study: xr.Dataset, name: str) -> bool:
-    """Whether a parameter of a study is a component of the force or displacement, or the pressure."""
+    """Whether a parameter of a study is a component of the force or displacement, or the pressure.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+    name : str
+        Of the parameter.
+
+    Returns
+    -------
+    bool
+        False for an unknown one.
+    """
     return _is_load(roles_of_study(study).get(name, ""))
 
 
@@ -50,6 +83,16 @@ def with_forces_named(study: xr.Dataset) -> xr.Dataset:
     What they were called is in the attributes ``forces`` and ``roles``, from the scene, which the result does not have.
     Other parameters of these names are called ``parameter fz``, unless the scene has no parameter for a load: its names
     are all that says what it is, then.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    xr.Dataset
+        The study itself if it has been renamed already.
     """
     if "forces" not in study.attrs:
         return study

@@ -64,6 +64,16 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
     For a path back and forth along a line, this is the first run of growing force. Columns: ``force``, the other varied
     parameters, ``taxel``, the slopes with their unit in the name, and ``remark`` on the largest slope. There is no row
     if no force is varied.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per line and taxel.
     """
     import pandas
 

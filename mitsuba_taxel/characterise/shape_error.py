@@ -57,6 +57,16 @@ def off_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
     """The study with readings, and their derivatives by forces, changed by each mode of the errors of the pads' shape.
 
     Each twice: up and down.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    dict[Mode, list[xr.Dataset]]
+        By mode, the two changed studies.
     """
     sizes = _sizes(with_forces_named(study)) if "replicate_power" in study else {}
     return {mode: [_changed(study, mode, sign, sizes) for sign in SIGNS] for mode in _modes([study])}
@@ -80,14 +90,16 @@ def shape_shift(value: np.ndarray, changed: list[np.ndarray]) -> np.ndarray:
 def with_shape(
     error: np.ndarray, value: np.ndarray, off: Mapping[Mode, list[np.ndarray]], derived: np.ndarray | bool = False
 ) -> np.ndarray:
-    """Errors of figures by light and shape.
+    """Errors of the light combined with those of the pads' shape.
 
     Parameters
     ----------
-    error, value : ndarray
-        Figures, and their errors without those of the shape.
-    off : Mapping[Mode, list of ndarray]
-        The figures by each mode, up and down, whose changes add in squares.
+    error : ndarray
+        Of the values by the light, one standard deviation.
+    value : ndarray
+        Of a figure, of the same shape.
+    off : Mapping[Mode, list[ndarray]]
+        The figure with readings changed by each mode, up and down.
     derived : ndarray of bool or bool
         Where the error is that of derivatives, which holds finite elements and patches already: of two estimates of one
         error the larger counts. Meshes may agree by chance in one of the two.
@@ -95,6 +107,7 @@ def with_shape(
     Returns
     -------
     ndarray
+        One standard deviation.
     """
     shape = np.sqrt(sum((shape_shift(value, changed) ** 2 for changed in off.values()), np.zeros_like(value)))
     return np.where(derived & ~(np.isnan(error) | np.isnan(shape)), np.maximum(error, shape), np.hypot(error, shape))

@@ -40,6 +40,18 @@ def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | No
     """The experiments of a study, as returned by ``open_study``; none if no force is varied.
 
     With a circuit, they are given in watts and in volts, distinguished by ``reading``.
+
+    Parameters
+    ----------
+    study : xr.Dataset or xr.DataTree
+        As returned by ``open_study``.
+    circuit : Circuit, optional
+        Behind which the readings are in V as well.
+
+    Returns
+    -------
+    Simulated
+        Experiments, the same changed by errors of the shape, maps and notes.
     """
     study = with_forces_named(study) if isinstance(study, xr.Dataset) else study.map_over_datasets(_named)
     scenes = [study] if isinstance(study, xr.Dataset) else [leaf.to_dataset() for leaf in study.leaves]

@@ -43,8 +43,18 @@ class Slopes(NamedTuple):
 
 
 def slopes(run: Branch) -> Slopes:
-    """All slopes of a run: those of its tangents, or from readings replicate by replicate, so that common noise
-    cancels."""
+    """All slopes of a run, so that common noise of its readings cancels.
+
+    Parameters
+    ----------
+    run : Branch
+        With tangents, whose slopes are then taken, or without.
+
+    Returns
+    -------
+    Slopes
+        In the unit of the readings per N; NaN for a run of one point.
+    """
     channels = run.samples.shape[2]
     if len(run.force) < 2:
         return Slopes(*np.full((len(Slopes._fields), channels), np.nan))
@@ -69,9 +79,23 @@ def slopes(run: Branch) -> Slopes:
 
 
 def relative_slope(run: Branch, found: Slopes, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean slopes of a run over readings at rest (replicates, channels), in %/N, and their standard errors.
+    """Mean slopes of a run over readings at rest, and their standard errors.
 
     A ratio of means, with its error to first order; common noise of readings and rest cancels.
+
+    Parameters
+    ----------
+    run : Branch
+        Of growing force.
+    found : Slopes
+        Of the run.
+    rest : (replicates, channels) ndarray
+        Readings at rest.
+
+    Returns
+    -------
+    slope, error : (channels,) ndarray
+        In %/N.
     """
     level = rest.mean(axis=0)
     level = np.where(level != 0, level, np.nan)

@@ -39,7 +39,18 @@ def common_channel(compared: Sequence[Experiment]) -> Channel:
 
 
 def most_affected(compared: Sequence[Experiment]) -> Channel:
-    """The taxel that changes most, on average over experiments with equally many taxels."""
+    """The taxel that changes most, on average over experiments with equally many taxels.
+
+    Parameters
+    ----------
+    compared : sequence of Experiment
+        At least one.
+
+    Returns
+    -------
+    Channel
+        Weights of the taxels, and words.
+    """
     largest = np.mean([one.largest_change.mean(axis=0) for one in compared], axis=0)
     most = int(largest.argmax())
     words = f"taxel {compared[0].taxel[most]}" if len(largest) > 1 else ""
@@ -47,10 +58,21 @@ def most_affected(compared: Sequence[Experiment]) -> Channel:
 
 
 def slope_summary(study: xr.Dataset) -> tuple[str, pandas.DataFrame]:
-    """Slopes along the first run of each line of load, and the name of the channel: a row per taxel for a single line.
+    """Slopes along the first run of each line of load: a row per taxel for a single line.
 
-    Several lines of one force have a row each, for the channel by which they are compared. The table is that of
-    :func:`characteristics`; it has no row if no force is varied.
+    Several lines of one force have a row each, for the channel by which they are compared.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    words : str
+        Name of the channel; empty if the rows are of taxels.
+    table : pandas.DataFrame
+        As of :func:`characteristics`; it has no row if no force is varied.
     """
     found = experiments(study)
     off = {mode: [experiments(one) for one in both] for mode, both in off_by_shape(study).items()}

@@ -100,11 +100,17 @@ def symmetric_pairs(maps: Iterable[TangentialMap]) -> pandas.DataFrame:
     load, such a pad has equal changes. There are no pairs if the grid is not symmetric, as for a diagonal load on
     different numbers of rows and columns; equal pitches are assumed.
 
+    Parameters
+    ----------
+    maps : iterable of TangentialMap
+        Of a study.
+
     Returns
     -------
-    One row per pair: ``force``; the other varied parameters; ``at_N``, the force; ``mirror``; ``taxel`` and ``other``;
-    ``difference`` of their changes, and its ``error`` from the replicates' differences, in ``unit``; ``remark``, as in
-    :func:`characteristics`.
+    pandas.DataFrame
+        One row per pair: ``force``; the other varied parameters; ``at_N``, the force; ``mirror``; ``taxel`` and
+        ``other``; ``difference`` of their changes, and its ``error`` from the replicates' differences, in ``unit``;
+        ``remark``, as in :func:`characteristics`.
     """
     import pandas
 

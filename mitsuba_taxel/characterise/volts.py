@@ -25,17 +25,26 @@ MOST_NAMED = 5
 
 
 def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float = math.inf) -> pandas.DataFrame:
-    """One row per line of load, with forces up to a number of newtons, and taxel of a study behind a circuit; none if
-    no force is varied.
+    """One row per line of load and taxel of a study behind a circuit; none if no force is varied.
+
+    Parameters
+    ----------
+    study : xr.Dataset or xr.DataTree
+        With readings in W.
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
+    up_to : float
+        Largest force that counts, N.
 
     Returns
     -------
-    Columns: ``force``; the other varied parameters; ``taxel``; ``rest_V``, ``rest_counts`` and ``noise_V`` (1 sigma) at
-    the least force; ``mean_slope_V_per_N`` and its ``_error``, between the ends of the line, and
-    ``mean_slope_counts_per_N``; ``signal_counts``, from the least force to the largest; ``noise_force_N``, the noise as
-    a force at the first step, and ``least_noise_force_N``, the least of all steps, both infinite beyond the converter's
-    full scale, where nothing is read; ``saturation_N``, the least force where the output reaches the circuit's limit,
-    by linear interpolation of the power, NaN if it does not.
+    pandas.DataFrame
+        Columns: ``force``; the other varied parameters; ``taxel``; ``rest_V``, ``rest_counts`` and ``noise_V`` (1
+        sigma) at the least force; ``mean_slope_V_per_N`` and its ``_error``, between the ends of the line, and
+        ``mean_slope_counts_per_N``; ``signal_counts``, from the least force to the largest; ``noise_force_N``, the
+        noise as a force at the first step, and ``least_noise_force_N``, the least of all steps, both infinite beyond
+        the converter's full scale, where nothing is read; ``saturation_N``, the least force where the output reaches
+        the circuit's limit, by linear interpolation of the power, NaN if it does not.
     """
     import pandas
 
@@ -51,7 +60,20 @@ def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float 
 
 def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
     """What limits the numbers of a :func:`volts_table`: saturated taxels, a range that is not used, few counts of
-    signal, and noise that the converter does not see."""
+    signal, and noise that the converter does not see.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of :func:`volts_table`.
+    circuit : Circuit or None
+        Of the study.
+
+    Returns
+    -------
+    list[str]
+        Empty without a circuit.
+    """
     if circuit is None or not len(table):
         return []
     notes = []

@@ -28,6 +28,18 @@ def with_error(value: float, error: float, latex: bool = False) -> str:
     """``(1.480 ± 0.031)e-04``: the error with two digits, the value to the same place; ``-`` for a missing value.
 
     Without an error, the value has four digits.
+
+    Parameters
+    ----------
+    value, error : float
+        In the same unit; an error of NaN is left out.
+    latex : bool
+        Whether the result is a formula of LaTeX.
+
+    Returns
+    -------
+    str
+        One word.
     """
     if not math.isfinite(value):
         return "--" if latex else "-"
@@ -54,6 +66,22 @@ def table_rows(
 
     Units have the prefix that fits a figure's numbers; a remark replaces the number. Constant columns other than the
     force and the taxel are left out.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of :func:`characteristics`.
+    figures : sequence of str
+        Names of figures.
+    latex : bool
+        Whether numbers are formulas of LaTeX.
+
+    Returns
+    -------
+    headings : list[str]
+        Of the columns.
+    rows : list[list[str]]
+        Their cells.
     """
     table = table[table.figure.isin(figures)]
     figures = [name for name in figures if name in set(table.figure)]
@@ -83,7 +111,18 @@ def table_rows(
 
 def by_reading(table: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
     """A table of characteristics split by the unit of the readings if it has several; else the whole table, by
-    ``""``."""
+    ``""``.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of :func:`characteristics`.
+
+    Returns
+    -------
+    dict[str, pandas.DataFrame]
+        By unit.
+    """
     if "reading" not in table:
         return {"": table}
     return {unit: table[table.reading == unit] for unit in table.reading.unique()}
@@ -93,7 +132,20 @@ def merit_tables(
     table: pandas.DataFrame, volts: pandas.DataFrame | None = None
 ) -> dict[str, tuple[list[str], list[list[str]]]]:
     """Headings and rows of slopes and deviations, for each unit of the readings, and of a table of circuit figures, by
-    title."""
+    title.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of :func:`characteristics`.
+    volts : pandas.DataFrame, optional
+        Of :func:`volts_table`.
+
+    Returns
+    -------
+    dict[str, tuple[list[str], list[list[str]]]]
+        Headings and rows by title.
+    """
     titled = {}
     for unit, part in by_reading(table).items():
         of = f" of readings in {unit}" if unit else ""
@@ -103,7 +155,22 @@ def merit_tables(
 
 
 def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of a table of symmetric pairs, one per pair."""
+    """Headings and rows of a table of symmetric pairs, one per pair.
+
+    Parameters
+    ----------
+    pairs : pandas.DataFrame
+        Of :func:`symmetric_pairs`.
+    latex : bool
+        Whether numbers are formulas of LaTeX.
+
+    Returns
+    -------
+    headings : list[str]
+        Of the columns; none without a pair.
+    rows : list[list[str]]
+        Their cells.
+    """
     if not len(pairs):
         return [], []
     keys = [name for name in pairs.columns if name not in ("difference", "error", "unit", "remark")]
@@ -115,7 +182,20 @@ def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], 
 
 
 def figure_rows(table: pandas.DataFrame) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of a table of circuit figures, with four digits; ``-`` for a missing one."""
+    """Headings and rows of a table of circuit figures, with four digits; ``-`` for a missing one.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of :func:`volts_table`.
+
+    Returns
+    -------
+    headings : list[str]
+        Of the columns.
+    rows : list[list[str]]
+        Their cells.
+    """
     cells = table.map(lambda value: as_word(float(f"{value:.4g}")) if isinstance(value, float) else str(value))
     return list(table.columns), cells.values.tolist()
 
@@ -136,7 +216,20 @@ def remarks_explained(*tables: pandas.DataFrame) -> list[str]:
 
 
 def latex_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A plain ``tabular``, which needs no package. Cells that start and end with ``$`` are not escaped."""
+    """A plain ``tabular``, which needs no package. Cells that start and end with ``$`` are not escaped.
+
+    Parameters
+    ----------
+    headings : sequence of str
+        Of the columns.
+    rows : sequence of sequence of str
+        Their cells.
+
+    Returns
+    -------
+    str
+        Text of LaTeX.
+    """
 
     def line(cells: Sequence[str]) -> str:
         return " & ".join(cell if _is_formula(cell) else escape(cell) for cell in cells) + r" \\"
@@ -152,7 +245,18 @@ def escape(text: str) -> str:
 
 
 def as_word(value: Any) -> str:
-    """A parameter or a number as text; ``-`` if missing."""
+    """A parameter or a number as text; ``-`` if missing.
+
+    Parameters
+    ----------
+    value : Any
+        A number is given six digits.
+
+    Returns
+    -------
+    str
+        One word.
+    """
     if isinstance(value, float):
         return f"{value:.6g}" if math.isfinite(value) else "-"
     return str(value)

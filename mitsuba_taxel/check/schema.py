@@ -66,7 +66,18 @@ def schema() -> str:
 
 
 def write_schema(file: str | Path) -> None:
-    """Write the schema to a file whose name ends in ``.rng``; raises `InputError` for others and missing folders."""
+    """Write the schema of scenes to a file.
+
+    Parameters
+    ----------
+    file : str or Path
+        Whose name ends in ``.rng``.
+
+    Raises
+    ------
+    InputError
+        if it has another ending, or its folder is missing.
+    """
     file = Path(file)
     if file.suffix != ".rng":
         raise InputError(f"schema = {str(file)!r} is not allowed: the name of a .rng file is needed.")

@@ -61,6 +61,16 @@ def carried(error: ModelError) -> UnknownErrors:
     Replicates hold the covariance of the light. How errors by the finite elements and the surfaces are correlated from
     one reading to another is not known: the largest deviation that any correlation allows is stated, the sum of
     magnitudes.
+
+    Parameters
+    ----------
+    error : ModelError
+        Of the readings, and how the unknowns follow them.
+
+    Returns
+    -------
+    UnknownErrors
+        By light, finite elements and surfaces, in the units of the unknowns.
     """
     light = standard_error(np.einsum("kst,rst->rk", error.by_reading, error.replicates))
     size = np.abs(error.by_reading)

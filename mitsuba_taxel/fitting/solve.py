@@ -126,8 +126,20 @@ def solve(
 
 
 def interval(solution: LeastSquares, of_model: np.ndarray) -> np.ndarray:
-    """(unknowns,) half widths of 95 % intervals by the data and by the model, whose standard deviations (unknowns,)
-    are given."""
+    """Half widths of 95 % intervals by the data and by the model.
+
+    Parameters
+    ----------
+    solution : LeastSquares
+        With half widths by the data.
+    of_model : (unknowns,) ndarray
+        Standard deviations by the model.
+
+    Returns
+    -------
+    (unknowns,) ndarray
+        In the units of the unknowns.
+    """
     from scipy.stats import norm
 
     return np.hypot(solution.half_width, norm.isf((1 - CONFIDENCE) / 2) * of_model)

@@ -14,7 +14,18 @@ UNKNOWN_HEADINGS = ("unknown", "start", "value", "data ±", "model ±", "95 % in
 
 
 def unknown_rows(unknowns: pandas.DataFrame) -> list[tuple[str, ...]]:
-    """The rows of the table of unknowns, ``fit.csv``."""
+    """The rows of the table of unknowns, ``fit.csv``.
+
+    Parameters
+    ----------
+    unknowns : pandas.DataFrame
+        As in ``fit.csv``.
+
+    Returns
+    -------
+    list[tuple[str, ...]]
+        Cells of each row.
+    """
     return [_cells(row) for row in unknowns.itertuples()]
 
 

@@ -29,13 +29,37 @@ def area_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) of length 1; 0 where the length is 0."""
+    """Vectors of length 1.
+
+    Parameters
+    ----------
+    vectors : (..., 3) ndarray
+        Of any length.
+
+    Returns
+    -------
+    (..., 3) ndarray
+        0 where the length is 0.
+    """
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(length > 0, length, 1.0)
 
 
 def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
-    """Volume enclosed by a surface, negative if its triangles are clockwise seen from outside."""
+    """Volume enclosed by a surface.
+
+    Parameters
+    ----------
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+
+    Returns
+    -------
+    float
+        In mm³, negative if the triangles are clockwise seen from outside.
+    """
     origin = vertices.mean(axis=0)
     a, b, c = (vertices[triangles[:, k]] - origin for k in range(3))
     return float(np.einsum("ij,ij->", np.cross(a, b), c) / 6)

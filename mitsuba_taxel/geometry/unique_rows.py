@@ -6,8 +6,22 @@ import numpy as np
 
 
 def unique_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Place (U,) of the first of each distinct row of (R, C), in lexicographic order, and the number (R,) of each row
-    among these: numpy's ``unique`` along an axis, several times as fast, as columns are sorted instead of rows."""
+    """The distinct rows of an array, in lexicographic order.
+
+    As numpy's ``unique`` along an axis, several times as fast, as columns are sorted instead of rows.
+
+    Parameters
+    ----------
+    rows : (R, C) ndarray
+        Of numbers.
+
+    Returns
+    -------
+    first : (U,) ndarray of int
+        Where each distinct row is first.
+    number : (R,) ndarray of int
+        Number of each row among these.
+    """
     order = np.lexsort(rows.T[::-1])
     ordered = rows[order]
     new = np.ones(len(rows), dtype=bool)

@@ -17,6 +17,20 @@ PLUGINS = {"led": "annular_led", "phototransistor": "phototransistor"}
 def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
     """The faces called ``name`` (``led`` or ``phototransistor``) of extent ``size`` that ``shape`` carries.
 
+    Parameters
+    ----------
+    shape : mi.Shape
+        That carries them.
+    name : str
+        ``led`` or ``phototransistor``.
+    size : tuple[float, float]
+        Extent of a face, mm.
+
+    Returns
+    -------
+    FaceGrid
+        All faces of that name.
+
     Raises
     ------
     InputError
@@ -34,10 +48,20 @@ def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
 
 
 def matrix_of(shape: mi.Shape) -> np.ndarray:
-    """(4, 4) to-world transformation of a shape that has one, such as a rectangle.
+    """To-world transformation of a shape that has one, such as a rectangle.
 
     Entries are read one by one: gathering them into one array would launch a kernel, a different one for each position,
     and none can run while another is recorded.
+
+    Parameters
+    ----------
+    shape : mi.Shape
+        With a parameter ``to_world``.
+
+    Returns
+    -------
+    (4, 4) ndarray
+        In homogeneous coordinates.
     """
     rows = mi.traverse(shape)["to_world"].matrix
     return np.array([[rows[i][j].numpy()[0] for j in range(4)] for i in range(4)], dtype=float)
@@ -62,5 +86,20 @@ def _face_on_rectangle(matrix: np.ndarray, flipped: bool, name: str, size: tuple
 
 
 def window_on(shape: mi.Shape, name: str, faces: FaceGrid) -> Window:
-    """The windows above the dies called ``name`` (``led`` or ``phototransistor``), at ``faces``, of ``shape``."""
+    """The windows above the dies called ``name`` (``led`` or ``phototransistor``), at ``faces``, of ``shape``.
+
+    Parameters
+    ----------
+    shape : mi.Shape
+        That carries the dies.
+    name : str
+        ``led`` or ``phototransistor``.
+    faces : FaceGrid
+        Of the dies.
+
+    Returns
+    -------
+    Window
+        `NoWindow` if there is none.
+    """
     return (shape.window(name, faces) if is_package(shape) else None) or NoWindow(faces)

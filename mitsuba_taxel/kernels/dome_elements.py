@@ -18,7 +18,22 @@ MOST_CELLS = 16
 
 
 def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> float | None:
-    """In mm, for built-in domes that return light; None for other pads, and under an indenter."""
+    """Size of elements of built-in domes that return light.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+        Of any cells.
+    load : Load
+        On the pad.
+    walls : list[mi.BSDF]
+        Of the pad.
+
+    Returns
+    -------
+    float or None
+        In mm; None for other pads, and under an indenter.
+    """
     if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or load.indenter is not None:
         return None
     sizes = pad.shape.light_sizes
@@ -34,8 +49,20 @@ def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> floa
 
 
 def fewer_triangles(subdivision: int, share: float) -> int:
-    """Triangles along the edges of elements of a ``share`` of the default size, for those on domes to be no larger.
+    """Triangles along the edges of elements on domes, so that these are no larger than on default elements.
 
-    Elements there become smaller in proportion to its square, as shares are at least `FINER_DOMES`.
+    Elements there become smaller in proportion to the square of the fraction, as it is at least `FINER_DOMES`.
+
+    Parameters
+    ----------
+    subdivision : int
+        Of elements of the default size.
+    share : float
+        Size of the elements, relative to the default.
+
+    Returns
+    -------
+    int
+        From 1 on.
     """
     return math.ceil(share**2 * subdivision)

@@ -17,7 +17,20 @@ their reflection at grazing angles errs by more than chords indicate: by up to s
 
 
 def check_triangles(subdivision: int, faces: int) -> None:
-    """Refuse a subdivision of the faces of cells into too many triangles; raises `InputError`."""
+    """Refuse a subdivision of the faces of cells into too many triangles.
+
+    Parameters
+    ----------
+    subdivision : int
+        Of the edges of elements.
+    faces : int
+        Faces of elements on the cells' walls.
+
+    Raises
+    ------
+    InputError
+        if there would be more than `MOST_TRIANGLES`.
+    """
     triangles = faces * subdivision**2
     if triangles > MOST_TRIANGLES:
         raise InputError(
@@ -27,7 +40,18 @@ def check_triangles(subdivision: int, faces: int) -> None:
 
 
 def mirrors(bsdf: mi.BSDF) -> list[int]:
-    """Codes of the regions whose wall is partly specular or glossy."""
+    """Codes of the regions whose wall is partly specular or glossy.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+        A `region` or the wall of all regions.
+
+    Returns
+    -------
+    list[int]
+        As in `REGIONS`.
+    """
     return regions_with(bsdf, mi.BSDFFlags.Delta | mi.BSDFFlags.Glossy)
 
 
@@ -38,9 +62,23 @@ def regions_with(bsdf: mi.BSDF, flags: mi.BSDFFlags) -> list[int]:
 
 
 def check_mirrors(pad: Pad | PadFile, codes: list[int], subdivision: int) -> None:
-    """Refuse too few triangles for round walls where regions (codes) are mirrors; raises `InputError`.
+    """Refuse too few triangles for round walls that are mirrors.
 
     A surface file has flat walls; those of a solid may all be round.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+        With the walls.
+    codes : list[int]
+        Of regions whose walls are mirrors.
+    subdivision : int
+        Of the edges of elements.
+
+    Raises
+    ------
+    InputError
+        if it is too small for a round wall.
     """
     if isinstance(pad, Pad):
         round_walls = list(pad.shape.round_regions)

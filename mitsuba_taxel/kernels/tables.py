@@ -80,6 +80,11 @@ def read_angular_table(file: str) -> tuple[np.ndarray, np.ndarray]:
 
     Two columns: polar angle in degrees, value. Empty lines and text after a ``#`` are ignored.
 
+    Parameters
+    ----------
+    file : str
+        Its name in the scene.
+
     Returns
     -------
     angles : (n,) ndarray

@@ -11,30 +11,89 @@ from mitsuba_taxel.kernels.protocols import LedEmitter, WallBsdf, is_led, is_reg
 
 
 def walls_of(scene: mi.Scene) -> Iterator[mi.BSDF]:
-    """Each BSDF of each shape; those nested in a `region` individually."""
+    """Each BSDF of each shape; those nested in a `region` individually.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+
+    Yields
+    ------
+    mi.BSDF
+        As often as it is used.
+    """
     for shape in scene.shapes():
         bsdf = shape.bsdf()
         yield from walls_by_region(bsdf).values()
 
 
 def walls_by_region(bsdf: mi.BSDF) -> Mapping[str, mi.BSDF]:
-    """BSDFs of a `region` by name; any other BSDF under an empty name."""
+    """BSDFs of a `region` by name; any other BSDF under an empty name.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+        Of a shape.
+
+    Returns
+    -------
+    Mapping[str, mi.BSDF]
+        At least one if it is no `region`.
+    """
     return bsdf.walls if is_region(bsdf) else {"": bsdf}
 
 
 def wall_at(bsdf: mi.BSDF, region: str) -> mi.BSDF | None:
-    """The BSDF of a region of a shape; None if a `region` has none for it."""
+    """The BSDF of a region of a shape; None if a `region` has none for it.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+        Of a shape.
+    region : str
+        One of `REGIONS`.
+
+    Returns
+    -------
+    mi.BSDF or None
+        Any BSDF that is no `region` is that of all regions.
+    """
     return bsdf.walls.get(region) if is_region(bsdf) else bsdf
 
 
 def scatters_evenly(bsdf: mi.BSDF) -> bool:
-    """Whether a part of its walls scatters light isotropically."""
+    """Whether a part of its walls scatters light isotropically.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+        A `region` or the wall of all regions.
+
+    Returns
+    -------
+    bool
+        Whether one of its walls does, at least in part.
+    """
     walls = (wall for wall in walls_by_region(bsdf).values() if is_wall(wall))
     return any(wall.scattering == "isotropic" or bool(wall.specification.isotropic) for wall in walls)
 
 
 def set_wavelength(scene: mi.Scene, leds: Sequence[LedEmitter]) -> None:
-    """Set the wavelength of walls with a reflectance table, if all LEDs have the same."""
+    """Set the wavelength of walls with a reflectance table, if all LEDs have the same.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        With the walls.
+    leds : sequence of LedEmitter
+        At least one.
+
+    Raises
+    ------
+    InputError
+        if there are such tables and the LEDs differ.
+    """
     for wall in _walls_with_table(scene):
         wall.set_wavelength(leds[0].wavelength)
 
@@ -73,22 +132,68 @@ def _walls_with_table(scene: mi.Scene) -> Iterator[WallBsdf]:
 
 
 def scatters(bsdf: mi.BSDF | None, law: str) -> bool:
-    """Whether it is a `wall` with this ``scattering``."""
+    """Whether it is a `wall` with this ``scattering``.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF or None
+        Of a shape or a region.
+    law : str
+        Such as ``lambertian``.
+
+    Returns
+    -------
+    bool
+        False for None.
+    """
     return is_wall(bsdf) and bsdf.scattering == law
 
 
 def reflectance_of(bsdf: mi.BSDF | None) -> float | None:
-    """Reflectance of a `wall`; None for other BSDFs, and before the wavelength for its table is known."""
+    """Reflectance of a `wall`; None for other BSDFs, and before the wavelength for its table is known.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF or None
+        Of a shape or a region.
+
+    Returns
+    -------
+    float or None
+        From 0 to 1.
+    """
     return float(bsdf.reflectance[0]) if is_wall(bsdf) and bsdf.reflectance is not None else None
 
 
 def absorbs(bsdf: mi.BSDF | None) -> bool:
-    """Whether it is a `wall` that reflects nothing; None stands for a region without a BSDF."""
+    """Whether it is a `wall` that reflects nothing; None stands for a region without a BSDF.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF or None
+        Of a shape or a region.
+
+    Returns
+    -------
+    bool
+        True for None.
+    """
     return bsdf is None or reflectance_of(bsdf) == 0
 
 
 def has_mirrors(scene: mi.Scene) -> bool:
-    """Whether a `wall` of a scene reflects as a mirror does, at least in part."""
+    """Whether a `wall` of a scene reflects as a mirror does, at least in part.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+
+    Returns
+    -------
+    bool
+        Whether one does.
+    """
     return any(is_wall(wall) and wall.is_directed for wall in walls_of(scene))
 
 
@@ -96,5 +201,15 @@ def is_bounded_from_detector(wall: mi.BSDF) -> bool:
     """Whether weights of paths from the detector stay bounded at this wall.
 
     An isotropic wall is not reciprocal: from the detector its weight is 1 / (2 cos(theta)), see `wall`.
+
+    Parameters
+    ----------
+    wall : mi.BSDF
+        Of any law.
+
+    Returns
+    -------
+    bool
+        True but for isotropic walls.
     """
     return not (scatters(wall, "isotropic") or (scatters(wall, "mixed") and float(wall.law.shares[2][0]) > 0))

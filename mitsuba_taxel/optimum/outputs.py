@@ -62,7 +62,18 @@ def page(result: Optimum, has_section: bool) -> str:
 
 
 def printed_optimum(result: Optimum) -> Printed:
-    """The result as it is printed."""
+    """The result as it is printed.
+
+    Parameters
+    ----------
+    result : Optimum
+        As :func:`optimise` returns it.
+
+    Returns
+    -------
+    Printed
+        Tables and notes.
+    """
     finer = "best_finer" in result.figures
     columns = ["before", "best", *(["before_finer", "best_finer"] if finer else [])]
     columns += ["error"] if result.figures.error.notna().any() else []

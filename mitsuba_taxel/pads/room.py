@@ -15,14 +15,40 @@ _BISECTIONS = 20
 
 
 def nearest_cell(pad: Pad, places: np.ndarray) -> np.ndarray:
-    """(N,) index of the cell nearest to each point (N, 2) on the pad's bottom."""
+    """(N,) index of the cell nearest to each point (N, 2) on the pad's bottom.
+
+    Parameters
+    ----------
+    pad : Pad
+        In mm.
+    places : (N, 2) ndarray
+        On the pad's bottom, mm.
+
+    Returns
+    -------
+    (N,) ndarray of int
+        From 0, row by row.
+    """
     last = np.array([pad.columns - 1, pad.rows - 1])
     column, row = np.clip(np.round(places / pad.pitch * [1, -1] + last / 2), 0, last).astype(int).T
     return row * pad.columns + column
 
 
 def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
-    """(N,) whether all of some points (N, M, 3), relative to the centre of a cell's opening, lie in the cell."""
+    """Which bodies lie in a cell as a whole.
+
+    Parameters
+    ----------
+    pad : Pad
+        In mm.
+    points : (N, M, 3) ndarray
+        M points of each body, relative to the centre of the cell's opening, mm.
+
+    Returns
+    -------
+    (N,) ndarray of bool
+        Whether all points of a body do.
+    """
     slack = ROUNDING * pad.cell_size
     points = points - points[..., 2:] * [*pad.slope, 0.0]
     return np.all(pad.shape.holds(points, slack), axis=1)

@@ -94,6 +94,18 @@ def plot_sensitivity(experiments: Sequence[Experiment], narrow: bool = False) ->
     Top: change of the readings since the start; bottom: their slopes, between neighbouring points or from derivatives.
     Right: the same in percent of the reading at rest, if known. Bars are 1 sigma of the light. For one experiment, a
     line is a taxel. For several, a line is an experiment, of the taxel that changes most in all of them.
+
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+        Of a study or a measurement.
+    narrow : bool
+        Whether the picture is for a phone.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
     """
     groups = _groups([one for one in experiments if one.loading_runs])
     relative = all(one.rest is not None for group in groups for one in group.lines.values())
@@ -119,6 +131,18 @@ def plot_deviations(experiments: Sequence[Experiment], narrow: bool = False) -> 
     the first falling branch (dashed) from the first growing one (solid) the hysteresis, that of the second growing
     one (dotted) from the first the repeatability. Bars are 1 sigma of the light. Lines are as those of
     :func:`plot_sensitivity`.
+
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+        Of a study or a measurement.
+    narrow : bool
+        Whether the picture is for a phone.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
     """
     groups = _groups([one for one in experiments if any(branch.loading for branch in one.branches)])
     axes = panel_axes(len(groups), 1, size=(6.4, 3.6), sharex=False, narrow=narrow)
@@ -145,6 +169,18 @@ def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Fig
     Absolute, and in percent of the reading at rest, if known; each with a line for every combination of the others, and
     bars of 1 sigma of the light. Lines are those of :func:`plot_sensitivity` for several experiments. Readings in watts
     and in volts have panels of their own.
+
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+        Of a study, with a parameter of :func:`parameters_of` at least.
+    narrow : bool
+        Whether the picture is for a phone.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
     """
     names, by_unit = parameters_of(experiments), _by_unit(experiments)
     relative = all(one.rest is not None for shown in by_unit for one in shown)
@@ -173,7 +209,18 @@ def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Fig
 
 
 def parameters_of(experiments: Sequence[Experiment]) -> list[str]:
-    """Parameters in which experiments along one force differ; empty for several forces."""
+    """Parameters in which experiments along one force differ; empty for several forces.
+
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+        Of a study.
+
+    Returns
+    -------
+    list[str]
+        Names.
+    """
     loaded = next(iter(_by_unit(experiments)), [])
     if len({(one.force, len(one.taxel)) for one in loaded}) != 1:
         return []
@@ -290,6 +337,18 @@ def plot_tangential_maps(maps: Sequence[TangentialMap], narrow: bool = False) ->
 
     Each field has the taxel's number, its change and 1 sigma; an arrow shows the direction of the load. All maps have
     the same colour scale.
+
+    Parameters
+    ----------
+    maps : sequence of TangentialMap
+        At least one.
+    narrow : bool
+        Whether the picture is for a phone.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
     """
     count = min(len(maps), MOST_PANELS)
     across = 1 if narrow else min(math.ceil(math.sqrt(count)), 3)

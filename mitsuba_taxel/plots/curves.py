@@ -153,6 +153,18 @@ def plot_curves(study: xr.Dataset, narrow: bool = False) -> Figure:
     has its own such taxel, which the legend names. More than
     :data:`mitsuba_taxel.plots.figures.MOST_LINES` lines are distributed over panels with the same axes. A ``narrow``
     picture, for a phone, has all panels and the legend in one column.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene, in W or V.
+    narrow : bool
+        Whether the picture is for a phone.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
     """
     study = with_forces_named(study)
     curves = curves_of(study)
@@ -218,7 +230,20 @@ def most_affected(study: xr.Dataset, curves: list[Curve]) -> dict[tuple[tuple[st
 
 
 def plot_taxels(study: xr.Dataset, narrow: bool = False) -> Figure:
-    """How each taxel's reading changes, a panel for each curve of a study, with the same axes."""
+    """How each taxel's reading changes, a panel for each curve of a study, with the same axes.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene, in W or V.
+    narrow : bool
+        Whether the picture is for a phone.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
+    """
     study = with_forces_named(study)
     curves = curves_of(study)
     blocks = _blocks(min(len(curves), MOST_PANELS), 1, narrow)
@@ -232,7 +257,18 @@ def plot_taxels(study: xr.Dataset, narrow: bool = False) -> Figure:
 
 
 def has_taxels_to_compare(study: xr.Dataset) -> bool:
-    """Whether :func:`plot_taxels` shows more than :func:`plot_curves` does."""
+    """Whether :func:`plot_taxels` shows more than :func:`plot_curves` does.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    bool
+        Whether it does.
+    """
     curves = curves_of(study)
     return len(curves) > 1 and study.sizes["taxel"] > 1 and _changes(curves[0])
 

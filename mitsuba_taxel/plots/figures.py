@@ -71,7 +71,22 @@ def as_label(value: object) -> str:
 
 
 def axes_of(inches: tuple[float, float], rows: int, columns: int, **options: Any) -> Any:
-    """Axes (rows, columns) of a new figure, which belongs to no window and no notebook."""
+    """Axes of a new figure, which belongs to no window and no notebook.
+
+    Parameters
+    ----------
+    inches : tuple[float, float]
+        Width and height of the figure.
+    rows, columns : int
+        Of axes.
+    **options : Any
+        Of matplotlib's ``subplots``.
+
+    Returns
+    -------
+    (rows, columns) ndarray of Axes
+        Of matplotlib.
+    """
     from matplotlib.figure import Figure
 
     return Figure(figsize=inches, dpi=150, layout="constrained").subplots(rows, columns, squeeze=False, **options)
@@ -80,9 +95,23 @@ def axes_of(inches: tuple[float, float], rows: int, columns: int, **options: Any
 def panel_axes(
     rows: int, columns: int, *, size: tuple[float, float] = (5.2, 3.2), sharex: Any = True, narrow: bool = False
 ) -> Any:
-    """Axes (rows, columns) of ``size`` in inches, with a grid, of a new figure.
+    """Axes with a grid, of a new figure.
 
-    A narrow figure, for a phone, has them all in one column, with the legend below.
+    Parameters
+    ----------
+    rows, columns : int
+        Of axes.
+    size : tuple[float, float]
+        Width and height of a panel in inches.
+    sharex : bool or str
+        As of matplotlib's ``subplots``.
+    narrow : bool
+        Whether the figure is for a phone: all panels are in one column, with the legend below.
+
+    Returns
+    -------
+    ndarray of Axes
+        (rows, columns), or (rows * columns, 1) of a narrow figure.
     """
     inches = (size[0] * columns + 1.2, size[1] * rows + 0.6)
     shape = (rows, columns)
@@ -95,7 +124,22 @@ def panel_axes(
 
 
 def save_figure(figure: Figure, folder: Path, name: str) -> None:
-    """Write a figure as PNG and as SVG, laid out once."""
+    """Write a figure as PNG and as SVG, laid out once.
+
+    Parameters
+    ----------
+    figure : Figure
+        Of matplotlib.
+    folder : Path
+        An existing one.
+    name : str
+        Of the files, without ending.
+
+    Raises
+    ------
+    WriteError
+        if a file cannot be written.
+    """
     for form in FORMS:
         with replacing(folder / f"{name}.{form}") as file:
             figure.savefig(file, format=form)
@@ -104,7 +148,20 @@ def save_figure(figure: Figure, folder: Path, name: str) -> None:
 
 def save_small(figure: Figure, file: Path) -> None:
     """Write a figure as PNG with a palette of 256 colours, of a third of the size, for pages kept under version
-    control."""
+    control.
+
+    Parameters
+    ----------
+    figure : Figure
+        Of matplotlib.
+    file : Path
+        Of the PNG.
+
+    Raises
+    ------
+    WriteError
+        if the file cannot be written.
+    """
     from PIL import Image
 
     full = BytesIO()
@@ -114,7 +171,17 @@ def save_small(figure: Figure, file: Path) -> None:
 
 
 def label_with_prefix(axes: Iterable[Axes], words: str, unit: str) -> None:
-    """Label the y axes of panels that share their range, with the SI prefix that their numbers need."""
+    """Label the y axes of panels that share their range, with the SI prefix that their numbers need.
+
+    Parameters
+    ----------
+    axes : iterable of Axes
+        The first of which gets the label.
+    words : str
+        What is shown.
+    unit : str
+        Without prefix.
+    """
     shown = list(axes)
     largest = max(abs(end) for ax in shown for end in ax.get_ylim())
     factor, prefix_and_unit = prefixed(largest, unit)
@@ -139,7 +206,18 @@ def load_to_the_right(ax: Axes, values: np.ndarray) -> None:
 
 
 def style(number: int) -> dict[str, Any]:
-    """Colour, marker and line style of a curve by its number, from 0."""
+    """Colour, marker and line style of a curve by its number, from 0.
+
+    Parameters
+    ----------
+    number : int
+        Of the curve.
+
+    Returns
+    -------
+    dict[str, Any]
+        Options of matplotlib's ``plot``.
+    """
     return {
         "color": COLOURS[number % len(COLOURS)],
         "marker": MARKERS[(number + number // len(COLOURS)) % len(MARKERS)],
@@ -149,7 +227,17 @@ def style(number: int) -> dict[str, Any]:
 
 def legend_beside(figure: Figure, axes: Sequence[Axes], title: str | None = None) -> None:
     """The common legend of all panels: to their right; in a narrow figure below them, or in each if they fill more than
-    a screen."""
+    a screen.
+
+    Parameters
+    ----------
+    figure : Figure
+        Of matplotlib.
+    axes : sequence of Axes
+        Of the panels, which show the same lines.
+    title : str, optional
+        Of the legend.
+    """
     handles, labels = axes[0].get_legend_handles_labels()
     if not any(labels):
         return

@@ -19,7 +19,18 @@ if TYPE_CHECKING:
 
 def plane_of(study: xr.Dataset) -> tuple[str, str] | None:
     """Two parameters that a study varies over numbers, of roles that end in x and y but for that are one, such as the
-    place of an indenter; None if it has no such pair, or one of them has a single value."""
+    place of an indenter; None if it has no such pair, or one of them has a single value.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    tuple[str, str] or None
+        Names of the parameters along x and y.
+    """
     varied = [
         str(name)
         for name, count in study.sizes.items()
@@ -29,13 +40,35 @@ def plane_of(study: xr.Dataset) -> tuple[str, str] | None:
 
 
 def plane_of_steps(study: xr.Dataset) -> tuple[str, str] | None:
-    """The same among the parameters that steps list; None if one of them has a single value in all steps."""
+    """The same among the parameters that steps list; None if one of them has a single value in all steps.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    tuple[str, str] or None
+        Names of the parameters along x and y.
+    """
     listed = [str(name) for name, each in study.coords.items() if each.dims == ("step",) and each.dtype.kind in "fi"]
     return pair_among(study, [name for name in listed if np.ptp(study[name].values) > 0])
 
 
 def has_map(study: xr.Dataset) -> bool:
-    """Whether :func:`plot_map` has places to show."""
+    """Whether :func:`plot_map` has places to show.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    bool
+        Whether it has.
+    """
     return bool(plane_of(study) or plane_of_steps(study))
 
 
@@ -53,6 +86,18 @@ def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
 
     Of other parameters that are varied the last values are taken, which the title tells; of steps at one place the
     last one.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene, with a map.
+    narrow : bool
+        Whether the picture is for a phone.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
     """
     listed = None if plane_of(study) else plane_of_steps(study)
     if listed:
@@ -89,6 +134,18 @@ def plot_resolution(found: xr.Dataset, narrow: bool = False) -> Figure:
     Each has a scale of its own, logarithmic, and its largest relative error in the title; white is where it is not
     known. Of other parameters that are varied the
     last values are taken, which the title tells.
+
+    Parameters
+    ----------
+    found : xr.Dataset
+        As :func:`resolution` returns it.
+    narrow : bool
+        Whether the picture is for a phone.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
     """
     from matplotlib.colors import LogNorm
 

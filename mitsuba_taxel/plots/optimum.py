@@ -68,7 +68,18 @@ def _draw_pairs(ax: Axes, names: list[str], before: Any, best: Any) -> None:
 
 
 def plot_sections(before: Pad, best: Pad) -> Figure:
-    """Sections through a row of cells of two pads, at the same scale."""
+    """Sections through a row of cells of two pads, at the same scale.
+
+    Parameters
+    ----------
+    before, best : Pad
+        Designs, mm.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
+    """
     from matplotlib.patches import Polygon
 
     ax = panel_axes(1, 1, size=(7.0, 3.4))[0, 0]

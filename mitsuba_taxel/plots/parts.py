@@ -16,7 +16,18 @@ if TYPE_CHECKING:
 
 def plot_part(part: Part) -> Figure:
     """A part: body, windows and dies from above; beside, the current under a mirror
-    or white card over its height, relative to the largest, and points of the datasheet."""
+    or white card over its height, relative to the largest, and points of the datasheet.
+
+    Parameters
+    ----------
+    part : Part
+        A photo-reflector.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
+    """
     ((above, curve),) = panel_axes(1, 2, sharex=False, size=(5.2, 4.2))
     _draw_from_above(above, part)
     _draw_curve(curve, part)

@@ -22,7 +22,18 @@ MOST_VARIANTS = 20
 
 def plot_ranking(found: Comparison) -> Figure:
     """A comparison: the figure with 1 sigma, those with a limit, and how probable it
-    is that a variant is the first; grey are those that are more likely beyond a limit than not."""
+    is that a variant is the first; grey are those that are more likely beyond a limit than not.
+
+    Parameters
+    ----------
+    found : Comparison
+        As :func:`compare` returns it.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
+    """
     rows = found.table.head(MOST_VARIANTS)
     figures = list(dict.fromkeys([found.by, *found.limits]))
     where = varied_names(found)

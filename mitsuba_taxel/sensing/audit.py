@@ -307,7 +307,20 @@ def _names(shapes: list[mi.Shape]) -> list[str]:
 
 
 def audit_text(audit: EnergyAudit, width: int | None = None) -> str:
-    """Shares of the emitted light by the place where it ends, with their standard errors."""
+    """Shares of the emitted light by the place where it ends, with their standard errors.
+
+    Parameters
+    ----------
+    audit : EnergyAudit
+        Of a scene.
+    width : int, optional
+        Of a line in characters.
+
+    Returns
+    -------
+    str
+        A title and a table.
+    """
     rows = [
         *zip(audit.places, audit.share, audit.standard_error, strict=True),
         ("total", audit.total, audit.total_error),

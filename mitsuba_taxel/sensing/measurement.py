@@ -426,6 +426,19 @@ def check_request(
 ) -> None:
     """Refuse invalid arguments of :func:`measure`; see there for the parameters.
 
+    Parameters
+    ----------
+    target_error : float or None
+        As for :func:`measure`.
+    points : int or None
+        As for :func:`measure`.
+    seed : int
+        As for :func:`measure`.
+    time_budget : float, optional
+        As for :func:`measure`.
+    derivatives : sequence of str
+        As for :func:`measure`.
+
     Raises
     ------
     InputError

@@ -86,7 +86,24 @@ scenes."""
 
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> FacetsEstimate:
     """Error of a scene's readings by facets: of their positions, from two short traces, of as many points as in
-    :func:`mechanics_of`, and of their tilts."""
+    :func:`mechanics_of`, and of their tilts.
+
+    Parameters
+    ----------
+    ready : Prepared
+        The scene.
+    seed : int
+        Of the random numbers.
+    most : int
+        Points that are traced at most.
+    tolerance : float
+        Relative error at which more points are not needed.
+
+    Returns
+    -------
+    FacetsEstimate
+        Changes of readings in W with that of tilts, their relative error, and the pilot run.
+    """
     if not curved_pads(ready.scene):
         return FLAT
     tilt = tilt_share(ready.scene)
@@ -110,6 +127,18 @@ def without_random_numbers(ready: Prepared, mechanics_error: bool = True) -> Sha
     """Readings of diffuse cells and their errors; None if the scene needs random paths.
 
     What discretises the light is part of the geometry.
+
+    Parameters
+    ----------
+    ready : Prepared
+        The scene.
+    mechanics_error : bool
+        Whether to read the pad on coarser finite elements as well.
+
+    Returns
+    -------
+    ShapeErrors or None
+        None if the scene needs random paths.
     """
     stated = getattr(ready.integrator, "specification", None)
     followed = isinstance(stated, TaxelTracer) and stated.max_depth < 0 and stated.strategy == "all"
@@ -259,7 +288,20 @@ def _refinable(ready: Prepared) -> list[PadShape]:
 
 
 def smallest_mesh_size(ready: Prepared, loaded: bool = False) -> float:
-    """Smallest mesh size of all pads in mm, or of them as if they were ``loaded``; infinite if there are none."""
+    """Smallest mesh size of all pads in mm, or of them as if they were ``loaded``; infinite if there are none.
+
+    Parameters
+    ----------
+    ready : Prepared
+        The scene.
+    loaded : bool
+        Whether pads count as loaded.
+
+    Returns
+    -------
+    float
+        In mm.
+    """
     sizes = (
         (pad.loaded_mesh_size if loaded else pad.mesh_size) or pad.pad.default_mesh_size for pad in _refinable(ready)
     )

@@ -46,7 +46,18 @@ def plugin_names() -> list[str]:
 
 
 def plain(text: str) -> str:
-    """RST roles and substitutions as plain words on one line."""
+    """RST roles and substitutions as plain words on one line.
+
+    Parameters
+    ----------
+    text : str
+        Of a docstring.
+
+    Returns
+    -------
+    str
+        One line.
+    """
     text = re.sub(r":\w+:`([^`]*)`", r"\1", text)
     text = re.sub(r"\|(\w+)\|", r"\1", text)
     return " ".join(text.replace("``", "").replace("`", "").split())

@@ -123,7 +123,18 @@ class StudyError(NamedTuple):
 
 
 def study_error(study: xr.Dataset) -> StudyError:
-    """The error of a study's own readings, which a model of them has beside that of its fit."""
+    """The error of a study's own readings, which a model of them has beside that of its fit.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    StudyError
+        Relative to full scale; NaN if an error is unknown.
+    """
     dims = [dim for dim in study.power.dims if dim != "taxel"]
     scale = study.power.max(dims) - study.power.min(dims)
     error = (study.total_error / scale.where(scale > 0)).where(study.power.notnull())

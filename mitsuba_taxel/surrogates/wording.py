@@ -12,7 +12,20 @@ from mitsuba_taxel.surrogates.polynomial import Polynomial
 
 
 def printed_model(found: Polynomial, notes: Sequence[str]) -> Printed:
-    """A model of readings: ranges of its inputs, its error, and notes."""
+    """A model of readings: ranges of its inputs, its error, and notes.
+
+    Parameters
+    ----------
+    found : Polynomial
+        As :func:`export` returns it.
+    notes : sequence of str
+        As :func:`export` returns them.
+
+    Returns
+    -------
+    Printed
+        Lines.
+    """
     ranges = zip(found.names, found.low, found.high, found.units, strict=True)
     return [
         *(f"{name}: {low:g} to {high:g} {unit}".removesuffix(" 1").rstrip() for name, low, high, unit in ranges),
@@ -22,7 +35,18 @@ def printed_model(found: Polynomial, notes: Sequence[str]) -> Printed:
 
 
 def printed_calibration(found: Calibration) -> Printed:
-    """A calibration: its intervals, how they were tested, and what they leave out."""
+    """A calibration: its intervals, how they were tested, and what they leave out.
+
+    Parameters
+    ----------
+    found : Calibration
+        As :func:`calibrate` returns it.
+
+    Returns
+    -------
+    Printed
+        Lines.
+    """
     widths = zip(found.forces, found.half_width, strict=True)
     printed: Printed = [f"{name}: +- {width:.3g} N holds {found.coverage:.0%}" for name, width in widths]
     printed.append(f"Tested on {found.tested}: intervals by the others hold {found.covered:.1%}.")

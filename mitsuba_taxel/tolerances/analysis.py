@@ -319,9 +319,21 @@ def _linear(plan: TolerancePlan, at_mean: np.ndarray, slopes: np.ndarray, z: np.
 
 
 def deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviations of samples (N, T), and their standard errors from the kurtosis, valid for random samples and
-    conservative for Latin hypercubes and Sobol' points. Few samples show too small a kurtosis: it is without bias for
-    normal ones, and at least theirs, with its own uncertainty added."""
+    """Standard deviations of samples, and their standard errors from the kurtosis.
+
+    These are valid for random samples and conservative for Latin hypercubes and Sobol' points. Few samples show too
+    small a kurtosis: it is without bias for normal ones, and at least theirs, with its own uncertainty added.
+
+    Parameters
+    ----------
+    exact : (N, T) ndarray
+        The samples.
+
+    Returns
+    -------
+    deviation, error : (T,) ndarray
+        In the unit of the samples.
+    """
     from scipy.stats import kurtosis
 
     count = len(exact)

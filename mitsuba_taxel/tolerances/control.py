@@ -54,8 +54,22 @@ def corrected(exact: np.ndarray, linear: np.ndarray, others: np.ndarray, seed: i
 
 
 def spreads(exact: np.ndarray, seed: int) -> dict[str, np.ndarray]:
-    """Errors ``mean_error``, ``low_error`` and ``high_error`` (T,) of exact samples (N, T) alone, over resamples; of
-    the quantiles at least those of normal samples, as resamples of the few outermost ones repeat them."""
+    """Errors of mean and quantiles of exact samples alone, over resamples.
+
+    Those of the quantiles are at least those of normal samples, as resamples of the few outermost ones repeat them.
+
+    Parameters
+    ----------
+    exact : (N, T) ndarray
+        The samples.
+    seed : int
+        Of the resamples.
+
+    Returns
+    -------
+    dict[str, (T,) ndarray]
+        ``mean_error``, ``low_error`` and ``high_error``, in the unit of the samples.
+    """
     random = np.random.default_rng(seed)
     count = len(exact)
     draws = [_moments(exact[random.integers(count, size=count)]) for _ in range(RESAMPLES)]

@@ -58,8 +58,20 @@ class ResponseSurface:
 
 
 def fitted(z: np.ndarray, outputs: np.ndarray) -> ResponseSurface | None:
-    """The polynomial fit to samples (N, parameters) and their outputs (N, outputs) that predicts best: of any degree
-    for which there are enough samples. None if there are too few."""
+    """The polynomial that predicts best, of any degree for which there are enough samples.
+
+    Parameters
+    ----------
+    z : (N, parameters) ndarray
+        Samples.
+    outputs : (N, outputs) ndarray
+        Their outputs.
+
+    Returns
+    -------
+    ResponseSurface or None
+        None if there are too few samples.
+    """
     reach = np.maximum(np.abs(z).max(axis=0, initial=0.0), 1e-300)
     best, missed = None, math.inf
     for degrees in _bases(z.shape[1], int(len(z) / SPARE)):
@@ -101,7 +113,20 @@ class Indices(NamedTuple):
 
 
 def indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> Indices:
-    """Indices of what a polynomial was fitted to."""
+    """Sobol' indices of what a polynomial was fitted to.
+
+    Parameters
+    ----------
+    polynomial : ResponseSurface
+        Of :func:`fitted`.
+    laws : sequence of Law
+        Of the parameters.
+
+    Returns
+    -------
+    Indices
+        First and total ones and their errors; NaN where too little is explained.
+    """
     resamples, terms, outputs = polynomial.redrawn.shape
     redrawn = polynomial.redrawn.transpose(1, 0, 2).reshape(terms, -1)
     every = replace(polynomial, coefficients=np.hstack([polynomial.coefficients, redrawn]))

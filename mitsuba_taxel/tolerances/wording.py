@@ -14,7 +14,18 @@ INDICES = "Which tolerance costs most: total Sobol' indices, mean of the taxels"
 
 
 def spread_rows(spread: pandas.DataFrame) -> list[tuple[str, ...]]:
-    """The rows of the table of spreads, ``spread.csv``."""
+    """The rows of the table of spreads, ``spread.csv``.
+
+    Parameters
+    ----------
+    spread : pandas.DataFrame
+        As in ``spread.csv``.
+
+    Returns
+    -------
+    list[tuple[str, ...]]
+        Cells of each row.
+    """
     return [
         (
             str(row.figure),
@@ -40,7 +51,20 @@ def _error_of(row: Any) -> str:
 
 
 def index_rows(parameters: pandas.DataFrame) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """The headings and rows of the table of total Sobol' indices, ``parameters.csv``."""
+    """The headings and rows of the table of total Sobol' indices, ``parameters.csv``.
+
+    Parameters
+    ----------
+    parameters : pandas.DataFrame
+        As in ``parameters.csv``.
+
+    Returns
+    -------
+    headings : tuple[str, ...]
+        Of the columns.
+    rows : list[tuple[str, ...]]
+        Their cells.
+    """
     figures = [name for name in parameters if name.startswith("total_") and "total_error_" not in name]
     headings = ("parameter", "law", *(name.removeprefix("total_") for name in figures))
     rows = parameters.to_dict("records")

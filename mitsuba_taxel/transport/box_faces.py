@@ -57,7 +57,20 @@ class BoxFaces:
 
 
 def faces_of(box: Box, openings: Sequence[Rectangle]) -> BoxFaces:
-    """The sides of a box and its top, around ``openings`` and in these; its bottom is left out."""
+    """The sides of a box and its top, around ``openings`` and in these; its bottom is left out.
+
+    Parameters
+    ----------
+    box : Box
+        In mm.
+    openings : sequence of Rectangle
+        In its top.
+
+    Returns
+    -------
+    BoxFaces
+        Rectangles, and the opening of each.
+    """
     (x, y, z), (a, b, c) = box.half, box.half[:, None] * box.axes
     top = [(each, -1) for each in around((-x, x, -y, y), openings)]
     top += [(_within(each, (-x, x, -y, y)), number) for number, each in enumerate(openings)]

@@ -84,7 +84,18 @@ class CosineFactor:
 
 
 def uniform_cone(cosine: float) -> CosineFactor:
-    """The density [1/sr] of directions uniform within a cone of that cosine."""
+    """The density of directions uniform within a cone.
+
+    Parameters
+    ----------
+    cosine : float
+        Of the angle between its axis and its side.
+
+    Returns
+    -------
+    CosineFactor
+        In 1/sr.
+    """
     return CosineFactor(1 / (2 * math.pi * (1 - cosine)), 0.0, cosine)
 
 

@@ -44,7 +44,18 @@ class PatchCuts:
 
 
 def uncut(count: int) -> PatchCuts:
-    """Patches as they are."""
+    """Patches as they are.
+
+    Parameters
+    ----------
+    count : int
+        Of the patches.
+
+    Returns
+    -------
+    PatchCuts
+        One part for each.
+    """
     return PatchCuts(np.arange(count), np.tile(WHOLE, (count, 1, 1)))
 
 

@@ -79,14 +79,44 @@ def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rectangle_rule(width: float, depth: float, columns: int, rows: int) -> Rule:
-    """Rule on a rectangle around (0, 0); weights add up to its area."""
+    """Gauss rule on a rectangle around (0, 0).
+
+    Parameters
+    ----------
+    width, depth : float
+        Along x and y, mm.
+    columns, rows : int
+        Numbers of points along x and y.
+
+    Returns
+    -------
+    points : (n, 2) ndarray
+        In mm.
+    weights : (n,) ndarray
+        Which add up to the area, mm².
+    """
     (x, of_x), (y, of_y) = gauss(columns), gauss(rows)
     points = np.stack(np.meshgrid((x - 0.5) * width, (y - 0.5) * depth, indexing="ij"), axis=-1).reshape(-1, 2)
     return points, (np.outer(of_x, of_y) * width * depth).ravel()
 
 
 def square_annulus_rule(outer: float, inner: float, along: int, across: int) -> Rule:
-    """Rule on a square with a square hole: four rectangles around the hole."""
+    """Rule on a square with a square hole: four rectangles around the hole.
+
+    Parameters
+    ----------
+    outer, inner : float
+        Widths of square and hole, mm.
+    along, across : int
+        Numbers of points along and across each rectangle.
+
+    Returns
+    -------
+    points : (n, 2) ndarray
+        In mm.
+    weights : (n,) ndarray
+        Which add up to the area, mm².
+    """
     if inner == 0:
         return rectangle_rule(outer, outer, along, along)
     width, depth = (outer + inner) / 2, (outer - inner) / 2
@@ -99,7 +129,22 @@ def square_annulus_rule(outer: float, inner: float, along: int, across: int) -> 
 
 
 def disc_annulus_rule(outer: float, inner: float, rings: int, spokes: int) -> Rule:
-    """Rule on a disc of that diameter with a round hole."""
+    """Rule on a disc with a round hole: Gauss in r^2, even in the angle.
+
+    Parameters
+    ----------
+    outer, inner : float
+        Diameters of disc and hole, mm.
+    rings, spokes : int
+        Numbers of points along the radius and the angle.
+
+    Returns
+    -------
+    points : (n, 2) ndarray
+        In mm.
+    weights : (n,) ndarray
+        Which add up to the area, mm².
+    """
     share, weights = gauss(rings)
     radius = 0.5 * np.sqrt(inner**2 + share * (outer**2 - inner**2))
     angle = 2 * math.pi * (np.arange(spokes) + 0.5) / spokes

@@ -54,6 +54,20 @@ def guided_emission(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair)
 
     The pilot's random numbers are always the same and enter no result. The density is cached with the phototransistor:
     if the scene is changed, it is still valid, only less efficient.
+
+    Parameters
+    ----------
+    integrator : mi.Integrator
+        That traces the pilot run.
+    scene : mi.Scene
+        In which it does.
+    pair : TaxelPair
+        Whose LED emits.
+
+    Returns
+    -------
+    GuidedEmission or None
+        None without mirrors.
     """
     if not has_mirrors(scene):
         return None

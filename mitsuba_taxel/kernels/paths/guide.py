@@ -167,6 +167,18 @@ def guide_for(scene: mi.Scene, pair: TaxelPair) -> Guide | None:
 
     Whether it pays is decided once, for the first position of the mesh, so that readings before and after a small
     change share their random numbers.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        With the pad.
+    pair : TaxelPair
+        At which paths end.
+
+    Returns
+    -------
+    Guide or None
+        None if it does not pay.
     """
     for mesh in scene.shapes():
         if mesh.is_mesh() and mesh.has_attribute("face_cell") and mesh.has_attribute("face_region"):

@@ -36,9 +36,15 @@ DIMENSIONS = len(_JOE_KUO) + 1
 def sobol_points(count: int) -> np.ndarray:
     """The first ``count`` Sobol' points, a power of two.
 
+    Parameters
+    ----------
+    count : int
+        A power of two.
+
     Returns
     -------
-    (DIMENSIONS, count) uint32; coordinate d of point i is ``points[d, i] / 2**32``.
+    (DIMENSIONS, count) ndarray of uint32
+        Coordinate d of point i is ``points[d, i] / 2**32``.
     """
     points = np.zeros((DIMENSIONS, count), dtype=np.uint32)
     for d in range(DIMENSIONS):

@@ -81,7 +81,21 @@ def trace(
 
 
 def splat(sensor: mi.Sensor, index: mi.UInt32, offset: mi.Point2f, value: mi.Float, pixels: mi.Float | None) -> None:
-    """Add ``value`` to the pixel of phototransistor ``index`` at ``offset`` from its centre, if there is a map."""
+    """Add light to the irradiance map, if there is one.
+
+    Parameters
+    ----------
+    sensor : mi.Sensor
+        A `phototransistor`, whose film has the size of the map.
+    index : mi.UInt32
+        Of the phototransistor in the array.
+    offset : mi.Point2f
+        Where the light meets it, from its centre, mm.
+    value : mi.Float
+        Power, W.
+    pixels : mi.Float or None
+        The map, row by row; None without one.
+    """
     if pixels is not None:
         position = mi.Point2u(sensor.pixel(index, offset))
         dr.scatter_add(pixels, value, position.y * sensor.film().crop_size()[0] + position.x, value > 0)

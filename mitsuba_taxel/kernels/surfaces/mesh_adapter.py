@@ -44,21 +44,50 @@ def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangl
 
 
 def give_geometry(mesh: mi.Mesh, places: Places, triangles: np.ndarray) -> None:
-    """Set the geometry of a mesh allocated for as many vertices and triangles."""
+    """Set the geometry of a mesh allocated for as many vertices and triangles.
+
+    Parameters
+    ----------
+    mesh : mi.Mesh
+        The allocated one.
+    places : Places
+        Of the vertices, mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+    """
     parameters = mi.traverse(mesh)
     parameters["faces"] = in_packets(triangles, np.uint32)
     move_vertices(mesh, places)
 
 
 def places_of(mesh: mi.Mesh) -> Places:
-    """The present vertices of a mesh."""
+    """The present vertices of a mesh.
+
+    Parameters
+    ----------
+    mesh : mi.Mesh
+        An initialised one.
+
+    Returns
+    -------
+    Places
+        In mm.
+    """
     parameters = mi.traverse(mesh)
     vertices, normals = (np.array(parameters[f"vertex_{name}"]).reshape(-1, 3) for name in ("positions", "normals"))
     return Places(vertices, normals if len(normals) else None)
 
 
 def move_vertices(mesh: mi.Mesh, places: Places) -> None:
-    """Set new vertices of an initialised mesh, as many as before; triangles are unchanged."""
+    """Set new vertices of an initialised mesh, as many as before; triangles are unchanged.
+
+    Parameters
+    ----------
+    mesh : mi.Mesh
+        The initialised one.
+    places : Places
+        Of the vertices, mm.
+    """
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = in_packets(places.vertices)
     parameters.update()
@@ -71,10 +100,30 @@ def move_vertices(mesh: mi.Mesh, places: Places) -> None:
 
 
 def add_face_attribute(mesh: mi.Mesh, name: str, values: np.ndarray) -> None:
-    """Attach a number to each triangle, readable as ``si.shape.eval_attribute_1('face_' + name, si)``."""
+    """Attach a number to each triangle, readable as ``si.shape.eval_attribute_1('face_' + name, si)``.
+
+    Parameters
+    ----------
+    mesh : mi.Mesh
+        With T triangles.
+    name : str
+        Without the prefix ``face_``.
+    values : (T,) ndarray
+        One for each triangle.
+    """
     mesh.add_attribute(f"face_{name}", 1, np.ravel(values).tolist())  # Mitsuba takes arrays apart number by number
 
 
 def add_vertex_attribute(mesh: mi.Mesh, name: str, values: np.ndarray) -> None:
-    """Attach a number to each vertex, as :func:`add_face_attribute` does to triangles."""
+    """Attach a number to each vertex, as :func:`add_face_attribute` does to triangles.
+
+    Parameters
+    ----------
+    mesh : mi.Mesh
+        With V vertices.
+    name : str
+        Without the prefix ``vertex_``.
+    values : (V,) ndarray
+        One for each vertex.
+    """
     mesh.add_attribute(f"vertex_{name}", 1, np.ravel(values).tolist())

@@ -159,7 +159,23 @@ def _sine(one_minus_cosine: mi.Float) -> mi.Float:
 
 
 def law_of(led: AnnularLed) -> EmissionLaw:
-    """The law of an LED; raises `InputError` for a table that is not allowed."""
+    """The law by which an LED emits.
+
+    Parameters
+    ----------
+    led : AnnularLed
+        With the name or the table of the law.
+
+    Returns
+    -------
+    EmissionLaw
+        Its density and sampling.
+
+    Raises
+    ------
+    InputError
+        if its table is not allowed.
+    """
     if led.cone_angle is not None:
         cone = UniformSolidAngle if led.law == "uniform_solid_angle" else UniformPolarAngle
         return cone(led.cone_angle)

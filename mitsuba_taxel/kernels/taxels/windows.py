@@ -158,7 +158,20 @@ class ResinWindow:
 
 
 def transmittance(index: mi.Float, cosine: mi.Float) -> mi.Float:
-    """Fresnel's, of the surface of a resin for unpolarised light at an angle of that cosine in air."""
+    """Fresnel's transmittance of the surface of a resin for unpolarised light.
+
+    Parameters
+    ----------
+    index : mi.Float
+        Of refraction.
+    cosine : mi.Float
+        Of the angle in air.
+
+    Returns
+    -------
+    mi.Float
+        From 0 to 1.
+    """
     return 1 - mi.fresnel(dr.maximum(cosine, 0), index)[0]
 
 

@@ -20,7 +20,18 @@ coordinate: the corners of a scene are in single precision."""
 
 
 def body_of_each(triangles: np.ndarray) -> np.ndarray:
-    """(K,) number of the body of each of the triangles (K, 3, 3); those of one share corners."""
+    """Number of the body of each triangle; triangles of a body share corners.
+
+    Parameters
+    ----------
+    triangles : (K, 3, 3) ndarray
+        Corners, mm.
+
+    Returns
+    -------
+    (K,) ndarray of int
+        From 0 on.
+    """
     number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
     sides = number[:, [0, 1]].ravel(), number[:, [1, 2]].ravel()
     joined = coo_array((np.ones(len(sides[0])), sides), shape=(number.max() + 1,) * 2)

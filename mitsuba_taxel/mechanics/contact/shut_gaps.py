@@ -26,7 +26,20 @@ POINTS_AT_ONCE = 4096
 
 @kept(4)  # the states of a path share their mesh
 def widest_shut(mesh: VolumeMesh, bodies: RigidBodies) -> float:
-    """In mm, width below which a gap is shut."""
+    """Width below which a gap between a pad and a body is shut.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    bodies : RigidBodies
+        That it may touch.
+
+    Returns
+    -------
+    float
+        In mm.
+    """
     return SHUT * BodyBarrier(mesh, 1.0, bodies).reach
 
 

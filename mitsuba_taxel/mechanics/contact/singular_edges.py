@@ -45,11 +45,20 @@ def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
 
 
 def judged_nodes(mesh: VolumeMesh) -> np.ndarray:
-    """(N,) whether elements must not be inverted at a node: those on the cells' walls, which light meets, except within
-    the strip.
+    """Nodes at which elements must not be inverted: those on the cells' walls, which light meets, but not in the strip.
 
     Elsewhere an element may fold at the middle of an edge, as it does where silicone rolls over onto the board. The
     energy of an element is that at its quadrature points, where it may not.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+
+    Returns
+    -------
+    (N,) ndarray of bool
+        Of each node.
     """
     walls = np.isin(mesh.face_region, [REGIONS["roof"], REGIONS["side"]])
     judged = np.zeros(len(mesh.points), dtype=bool)

@@ -218,12 +218,29 @@ SOLVERS: dict[str, type] = {"rslab": Rslab, "superlu": SuperLu}
 
 
 def available_solvers() -> list[str]:
-    """Names of the installed solvers, the preferred one first."""
+    """Names of the installed solvers, the preferred one first.
+
+    Returns
+    -------
+    list[str]
+        Keys of `SOLVERS`.
+    """
     import importlib.util
 
     return [name for name in SOLVERS if name == "superlu" or importlib.util.find_spec(name)]
 
 
 def make_solver(name: str | None = None) -> Solver:
-    """The solver called ``name``, by default the first of :func:`available_solvers`."""
+    """The solver called ``name``, by default the first of :func:`available_solvers`.
+
+    Parameters
+    ----------
+    name : str, optional
+        One of `SOLVERS`; by default the first of :func:`available_solvers`.
+
+    Returns
+    -------
+    Solver
+        For matrices of one pattern.
+    """
     return SOLVERS[name or available_solvers()[0]]()

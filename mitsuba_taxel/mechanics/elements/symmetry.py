@@ -22,7 +22,18 @@ CUT = 0
 
 
 def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
-    """The mirrors that map a mesh onto itself exactly, each with the image (N,) of each node."""
+    """The mirrors that map a mesh onto itself exactly, each with the image (N,) of each node.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+
+    Returns
+    -------
+    dict[Mirror, (N,) ndarray of int]
+        By mirror, the node that is the image of each.
+    """
     order, parts = _by_place(mesh.points), _parts(mesh, np.arange(len(mesh.points)))
     images = {}
     for mirror in MIRRORS:

@@ -24,9 +24,22 @@ SHARP = 30.0
 
 
 def where_linear(mesh: VolumeMesh, load: Load, share: float = 1.0) -> np.ndarray | None:
-    """(m, q) whether the law is linear at the quadrature points of the elements, within a ``share`` of :data:`RADIUS`.
+    """Quadrature points of the elements at which the law is linear: near the feet of the cells' walls.
 
-    None if at none: under loads that do not go on where a pad touches itself or the board, and of round pads.
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    load : Load
+        On the pad.
+    share : float
+        Of :data:`RADIUS`, within which they are.
+
+    Returns
+    -------
+    (m, q) ndarray of bool or None
+        None if there are none: under loads that do not go on where a pad touches itself or the board, and of round
+        pads.
     """
     if not load.self_contact:
         return None

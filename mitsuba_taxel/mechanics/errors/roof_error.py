@@ -30,6 +30,16 @@ def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
     """Size of the elements of another mesh of the same pad, relative to that of ``mesh``.
 
     The geometric mean of the ratios in the solid and on the walls of the cells, as the error comes from both.
+
+    Parameters
+    ----------
+    mesh, other : VolumeMesh
+        Of the same pad.
+
+    Returns
+    -------
+    float
+        Above 1 if the other one is coarser.
     """
     solid = (len(mesh.tets) / len(other.tets)) ** (1 / 3)
     walls = (np.count_nonzero(mesh.face_cell) / np.count_nonzero(other.face_cell)) ** (1 / 2)

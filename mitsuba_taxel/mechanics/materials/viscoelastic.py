@@ -141,7 +141,23 @@ def checked_terms(prony: object) -> Terms:
 
 
 def prony_of(text: str) -> Terms:
-    """The terms of a text such as ``0.2 1; 0.1 10``; none if it is blank. Raises `InputError`."""
+    """The terms of a Prony series from a text such as ``0.2 1; 0.1 10``.
+
+    Parameters
+    ----------
+    text : str
+        Weights, relative to the stress at once, and relaxation times in s.
+
+    Returns
+    -------
+    tuple[tuple[float, float], ...]
+        None if the text is blank.
+
+    Raises
+    ------
+    InputError
+        if a term is not allowed.
+    """
     if not text.strip():
         return ()
     try:

@@ -33,7 +33,20 @@ def contact_pressure(state: State) -> np.ndarray:
 
 
 def indentation_of(state: State) -> tuple[Indentation, Pressing]:
-    """The indenter of a state, and how it presses."""
+    """The indenter of a state, and how it presses.
+
+    Parameters
+    ----------
+    state : State
+        Under an indenter.
+
+    Returns
+    -------
+    body : Indentation
+        The indenter above the mesh.
+    pressing : Pressing
+        Gaps, pressures and tractions.
+    """
     assert state.load.indenter is not None and state.indenter_moved is not None
     body = Indentation(state.mesh, state.load.indenter, state.material.youngs_modulus)
     return body, body.pressing(state.displacement, state.indenter_moved, traction=body.at_nodes(state.traction))

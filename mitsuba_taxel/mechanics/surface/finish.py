@@ -195,6 +195,17 @@ class RandomRoughness(Checked):
 def check_finish(finish: Finish, pad: Pad, mesh: VolumeMesh, subdivision: int) -> None:
     """Refuse a finish so rough that walls would touch, or so fine that it needs too many triangles.
 
+    Parameters
+    ----------
+    finish : Finish
+        Of the mould.
+    pad : Pad
+        With the walls.
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    subdivision : int
+        Of the edges of elements.
+
     Raises
     ------
     InputError

@@ -165,7 +165,26 @@ def contact_pressure_at_vertices(
     cells: Sequence[int] | None = None,
     pad: Pad | PadFile | None = None,
 ) -> np.ndarray:
-    """(V,) MPa by which an indenter presses at the vertices that :func:`tessellate` gives for the same arguments."""
+    """Pressure of an indenter at the vertices that :func:`tessellate` gives for the same arguments.
+
+    Parameters
+    ----------
+    state : State
+        Under an indenter.
+    subdivision : int
+        As for :func:`tessellate`.
+    finish : Finish, optional
+        As for :func:`tessellate`.
+    cells : sequence of int, optional
+        As for :func:`tessellate`.
+    pad : Pad or PadFile, optional
+        As for :func:`tessellate`.
+
+    Returns
+    -------
+    (V,) ndarray
+        In MPa.
+    """
     if finish is not None:
         subdivision = fine_subdivision(state.mesh, finish, subdivision)
     cut = cut_faces(state.mesh, subdivision, chosen_cells(state.mesh, cells, finish))
@@ -284,7 +303,22 @@ def placed(
 
 
 def have_edges(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile) -> bool:
-    """Whether walls, the ``chosen`` faces of a mesh, meet at sharp edges or do not hang together."""
+    """Whether walls, the ``chosen`` faces of a mesh, meet at sharp edges or do not hang together.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    chosen : (n,) ndarray of int
+        Numbers of faces.
+    pad : Pad or PadFile
+        Whose walls they are.
+
+    Returns
+    -------
+    bool
+        Whether they do.
+    """
     normals = _side_normals(mesh, chosen, pad)
     return bool(smooth_sheets(mesh.faces[chosen, :3], normals, np.zeros_like(chosen), CREASE).any())
 

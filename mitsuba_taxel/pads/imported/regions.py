@@ -78,7 +78,27 @@ def extents_of(corners: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.nd
 def tagged(
     surface: FacedSurface, rules: Sequence[Rule], placement: Placement = UNMOVED
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `_tagged`; where the surface is no pad as drawn, the message names the direction ``up`` that makes it one."""
+    """As `_tagged`; where the surface is no pad as drawn, the message names the direction ``up`` that makes it one.
+
+    Parameters
+    ----------
+    surface : FacedSurface
+        The closed surface, mm.
+    rules : sequence of Rule
+        The first that matches a face gives its region.
+    placement : Placement
+        By which the file was turned and moved.
+
+    Returns
+    -------
+    region, cell : (F,) ndarray of int
+        Code and number of the cell of each face.
+
+    Raises
+    ------
+    GeometryError
+        if the surface is no pad.
+    """
     try:
         return _tagged(surface, rules)
     except GeometryError as error:

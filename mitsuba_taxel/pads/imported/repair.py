@@ -22,10 +22,24 @@ MOST_COMPARED = 4 * MOST_PAIRS
 
 
 def repaired(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) in mm and triangles (T, 3) of the closed surface, counter-clockwise seen from outside.
+    """The closed surface of a body, from triangles of a file.
 
     Coincident vertices are merged; degenerate and duplicate triangles removed; triangles oriented consistently
     outwards; missing triangles and tiny holes filled.
+
+    Parameters
+    ----------
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+
+    Returns
+    -------
+    vertices : (W, 3) ndarray
+        In mm.
+    triangles : (U, 3) ndarray of int
+        Vertices of each triangle, counter-clockwise seen from outside.
 
     Raises
     ------
@@ -199,9 +213,21 @@ def _pierced(segments: np.ndarray, corners: np.ndarray, tolerance: float) -> tup
 
 
 def faces_of(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Number (T,) of the face of each triangle: its own, but slivers belong to the neighbour across a long edge.
+    """Number of the face of each triangle: its own, but slivers belong to the neighbour across a long edge.
 
     A sliver has no usable normal, but without it the surface would not be closed.
+
+    Parameters
+    ----------
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+
+    Returns
+    -------
+    (T,) ndarray of int
+        Numbers of triangles.
     """
     corners = vertices[triangles]
     length = np.linalg.norm(corners[:, [1, 2, 0]] - corners, axis=2)

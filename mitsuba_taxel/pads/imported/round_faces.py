@@ -74,7 +74,19 @@ def onto_round_walls(
 
 @kept(4)  # the states of a path share their mesh
 def round_walls(mesh: VolumeMesh) -> list[tuple[int, int, tuple[np.ndarray, float, np.ndarray]]]:
-    """Code of the region, number of the cell, and centre, radius and directions across, of each round wall."""
+    """The round walls of a mesh: spheres and vertical cylinders.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+
+    Returns
+    -------
+    list[tuple[int, int, tuple[ndarray, float, ndarray]]]
+        Of each wall the code of its region, the number of its cell, and its centre (3,) and radius in mm with a matrix
+        (3, 3) that keeps the directions across its axis.
+    """
     found = []
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"])) & (mesh.face_cell > 0)
     for code, number in np.unique(np.stack([mesh.face_region, mesh.face_cell])[:, in_cell], axis=1).T.tolist():

@@ -19,7 +19,23 @@ VOLUME_TOLERANCE = 0.02
 
 
 def read_surface(content: bytes, suffix: str, placement: Placement = UNMOVED) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) in mm and triangles (T, 3) of an STL, PLY or OBJ file, placed and not repaired.
+    """The triangles of an STL, PLY or OBJ file, placed and not repaired.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the file.
+    suffix : str
+        Its ending in small letters, with the dot.
+    placement : Placement
+        By which it is scaled, turned and moved.
+
+    Returns
+    -------
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
 
     Raises
     ------
@@ -81,7 +97,20 @@ def _parse(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_mesh_size(mesh_size: float, volume: float) -> None:
-    """Refuse more elements in ``volume`` mm3 than fit in memory; raises `InputError`."""
+    """Refuse more elements than fit in memory.
+
+    Parameters
+    ----------
+    mesh_size : float
+        Length of the edges of elements, mm.
+    volume : float
+        Of the pad, mm³.
+
+    Raises
+    ------
+    InputError
+        if the size is too small.
+    """
     smallest = (8 * volume / MOST_ELEMENTS) ** (1 / 3)
     if mesh_size < smallest:
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")

@@ -44,7 +44,20 @@ def _leaning(cell: Any, pad: Pad) -> Any:
 
 
 def write_drawings(pad: Pad, folder: Path) -> None:
-    """Write the solids of a pad as STEP and STL files, under their names."""
+    """Write the solids of a pad as STEP and STL files, under their names.
+
+    Parameters
+    ----------
+    pad : Pad
+        In mm.
+    folder : Path
+        An existing one.
+
+    Raises
+    ------
+    WriteError
+        if a file cannot be written.
+    """
     import trimesh
     from netgen.occ import OCCGeometry
 

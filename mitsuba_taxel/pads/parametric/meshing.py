@@ -72,6 +72,18 @@ def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
     An octant of a square pad, or a quadrant of another, is meshed with upright cells and mirrored, so that the mesh has
     exactly the pad's symmetry; where cells lean, it is then sheared.
 
+    Parameters
+    ----------
+    pad : DrawnPad
+        In mm.
+    mesh_size : float
+        Length of the edges of elements, mm.
+
+    Returns
+    -------
+    VolumeMesh
+        Undeformed quadratic tetrahedra with tagged faces.
+
     Raises
     ------
     InputError
@@ -103,7 +115,20 @@ def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
 
 
 def check_room(pad: DrawnPad, mesh_size: float) -> None:
-    """Refuse an invalid mesh size, or one that asks for more elements than fit in memory; raises `InputError`."""
+    """Refuse an invalid mesh size, or one that asks for more elements than fit in memory.
+
+    Parameters
+    ----------
+    pad : DrawnPad
+        In mm.
+    mesh_size : float
+        Length of the edges of elements, mm.
+
+    Raises
+    ------
+    InputError
+        if it, or the number of cells, is not allowed.
+    """
     if not (math.isfinite(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
     most_cells = MOST_ELEMENTS // pad.shape.least_elements

@@ -91,6 +91,22 @@ def _changed(pad: Pad, parameter: str) -> tuple[Pad, float]:
 def rate_by(pad: Pad, parameter: str, step: float, at: Callable[[Pad, float], np.ndarray]) -> np.ndarray:
     """Derivative by a dimension of what a changed pad and the change give.
 
+    Parameters
+    ----------
+    pad : Pad
+        In mm.
+    parameter : str
+        One of its dimensions.
+    step : float
+        Of the differences, mm.
+    at : Callable[[Pad, float], ndarray]
+        Function of a changed pad and of the change in mm.
+
+    Returns
+    -------
+    ndarray
+        Per mm, of the shape of what ``at`` gives.
+
     Raises
     ------
     InputError

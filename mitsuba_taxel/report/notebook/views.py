@@ -71,7 +71,18 @@ def show(study: xr.Dataset | xr.DataTree) -> StudyView:
 
 
 def html_of(shown: Displayed) -> str:
-    """An object of this package as HTML."""
+    """An object of this package as HTML.
+
+    Parameters
+    ----------
+    shown : Displayed
+        Of this package.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
     return next(_VIEWS[kind.__name__](shown) for kind in type(shown).__mro__ if kind.__name__ in _VIEWS)
 
 

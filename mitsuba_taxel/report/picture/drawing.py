@@ -80,7 +80,20 @@ _PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "r", "g", "b")
 
 
 def write_picture(pixels: np.ndarray, file: Path) -> None:
-    """Write linear pixels (H, W, 3), to OpenEXR unchanged, to PNG with the sRGB transfer curve."""
+    """Write a picture, to OpenEXR unchanged, to PNG with the sRGB transfer curve.
+
+    Parameters
+    ----------
+    pixels : (H, W, 3) ndarray
+        Linear colours.
+    file : Path
+        Whose ending tells the format.
+
+    Raises
+    ------
+    WriteError
+        if the file cannot be written.
+    """
     numbers = np.ascontiguousarray(pixels, dtype=np.float32)
     if file.suffix.lower() == ".png":
         import mitsuba as mi
@@ -97,7 +110,20 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
 
 
 def with_scale(pixels: np.ndarray, most: float) -> np.ndarray:
-    """A picture (H, W, 3) with the colours of contact pressures up to ``most`` MPa in its upper left corner."""
+    """A picture with the colours of contact pressures in its upper left corner.
+
+    Parameters
+    ----------
+    pixels : (H, W, 3) ndarray
+        Linear colours.
+    most : float
+        Largest pressure, MPa.
+
+    Returns
+    -------
+    (H, W, 3) ndarray
+        A copy.
+    """
     size = _letter(pixels)
     pixels = labelled(pixels, f"contact pressure, 0 to {most:.2g} MPa", (size, size))
     bar = pixels[5 * size // 2 : 3 * size, size : 13 * size]
@@ -106,7 +132,22 @@ def with_scale(pixels: np.ndarray, most: float) -> np.ndarray:
 
 
 def labelled(pixels: np.ndarray, words: str, place: tuple[int, int] | None = None) -> np.ndarray:
-    """A picture (H, W, 3) with words in its lower left corner, or at another place."""
+    """A picture with words.
+
+    Parameters
+    ----------
+    pixels : (H, W, 3) ndarray
+        Linear colours.
+    words : str
+        One line.
+    place : tuple[int, int], optional
+        Pixels from the left and the top; by default in the lower left corner.
+
+    Returns
+    -------
+    (H, W, 3) ndarray
+        A copy.
+    """
     from PIL import Image, ImageDraw, ImageFont
 
     height, width = pixels.shape[:2]
@@ -248,7 +289,18 @@ def _meshes(parts: Sequence[ShownPart], folder: Path) -> dict[str, dict[str, Any
 
 
 def most_pressure(parts: Sequence[ShownPart]) -> float:
-    """MPa by which an indenter presses at most, 0 without one."""
+    """Largest pressure of an indenter on parts of a picture.
+
+    Parameters
+    ----------
+    parts : sequence of ShownPart
+        Of the picture.
+
+    Returns
+    -------
+    float
+        In MPa; 0 without an indenter.
+    """
     return max((float(part.pressure.max()) for part in parts if part.pressure is not None), default=0.0)
 
 

@@ -63,6 +63,18 @@ def write_vtk(paths: RayPaths, file: Path) -> None:
     """Write paths as polylines in VTK's legacy format, in mm, with ``reached`` (0 or 1) and ``power`` (W) for each.
 
     Source: The VTK User's Guide, chapter "VTK File Formats".
+
+    Parameters
+    ----------
+    paths : RayPaths
+        Of a taxel, in mm and W.
+    file : Path
+        Which is replaced if it exists.
+
+    Raises
+    ------
+    WriteError
+        if the file cannot be written.
     """
     lengths = [len(path) for path in paths.vertices]
     starts = np.cumsum([0, *lengths[:-1]])

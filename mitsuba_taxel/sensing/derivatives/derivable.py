@@ -18,14 +18,14 @@ def without_derivative(scene: Scene, names: Iterable[str]) -> dict[str, str]:
     Parameters
     ----------
     scene : Scene
-        Of the study.
-    names : Iterable[str]
-        Parameters by which derivatives are wanted.
+        Described, not loaded.
+    names : iterable of str
+        Parameters of the scene, or components of its load.
 
     Returns
     -------
     dict[str, str]
-        The reason for each name that has none; empty if all have.
+        Reasons by name.
     """
     from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 

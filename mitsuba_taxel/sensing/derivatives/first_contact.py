@@ -39,7 +39,20 @@ MOVED = 1e-4
 
 @in_turn
 def why_no_contact(scene: Scene, along: str) -> str | None:
-    """Why a scene has no first contact along a parameter, in words; None if it has one."""
+    """Why a scene has no first contact along a parameter, in words; None if it has one.
+
+    Parameters
+    ----------
+    scene : Scene
+        Described, not loaded.
+    along : str
+        A parameter of the scene.
+
+    Returns
+    -------
+    str or None
+        One sentence.
+    """
     try:
         change = rates(scene, along).load
     except InputError as reason:

@@ -52,10 +52,23 @@ class DeterministicLight(NamedTuple):
 def deterministic_light(
     scene: mi.Scene, mechanics_error: bool = True, patch_size: float | None = None
 ) -> DeterministicLight | None:
-    """Readings of a scene of diffuse cells, None if it is of another kind or its light is blocked too often.
+    """Readings of a scene of diffuse cells, without random numbers.
 
-    The coarser solution gives the error, and the changes of readings with coarser finite elements. The size of patches
-    in mm is that of `DiffuseCells`.
+    The coarser solution gives the error, and the changes of readings with coarser finite elements.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+    mechanics_error : bool
+        Whether to read the pad on coarser finite elements as well.
+    patch_size : float, optional
+        In mm, as of `DiffuseCells`.
+
+    Returns
+    -------
+    DeterministicLight or None
+        None if the scene is of another kind, or its light is blocked too often.
     """
     try:
         cells = DiffuseCells(scene, patch_size=patch_size)

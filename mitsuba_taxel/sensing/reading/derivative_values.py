@@ -115,7 +115,20 @@ def unit_of(parameter: str) -> str:
 
 
 def derivatives_text(derivatives: Derivatives, width: int | None = None) -> str:
-    """Derivatives of each taxel's reading, each with its standard error."""
+    """Derivatives of each taxel's reading, each with its standard error.
+
+    Parameters
+    ----------
+    derivatives : Derivatives
+        Of readings.
+    width : int, optional
+        Of a line in characters.
+
+    Returns
+    -------
+    str
+        A title and a table.
+    """
     columns = derivative_columns(derivatives)
     table = text_table(list(columns), zip(*columns.values(), strict=True), width)
     return f"Derivatives of the readings ({derivatives.method}), +- standard error\n{table}"

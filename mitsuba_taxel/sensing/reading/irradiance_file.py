@@ -17,6 +17,13 @@ def write_irradiance(readings: Readings, file: Path) -> None:
 
     The header holds ``units``, ``seed``, ``points``, ``replicates`` and, as JSON, ``parameters``.
 
+    Parameters
+    ----------
+    readings : Readings
+        With a map.
+    file : Path
+        Of OpenEXR, which is replaced if it exists.
+
     Raises
     ------
     InputError

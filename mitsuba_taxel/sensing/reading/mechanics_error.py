@@ -23,7 +23,18 @@ if TYPE_CHECKING:
 
 
 def roof_errors(scene: mi.Scene) -> list[RoofError | None]:
-    """Error of the mechanics of each loaded pad; None if unknown."""
+    """Error of the mechanics of each loaded pad; None if unknown.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+
+    Returns
+    -------
+    list[RoofError or None]
+        In the order of the scene.
+    """
     with stages.stage("mechanics"):
         return [pad.state.error for pad in loaded_pads(scene)]
 

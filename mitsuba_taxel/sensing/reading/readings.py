@@ -23,14 +23,38 @@ if TYPE_CHECKING:
 
 
 def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
-    """Relative error of readings (T,) in W by the finite elements, from their deviation on elements of twice the
-    size."""
+    """Relative error of readings by the finite elements.
+
+    Parameters
+    ----------
+    deviation : (T,) ndarray
+        Of readings on elements of twice the size, W.
+    power : (T,) ndarray
+        Readings, W.
+
+    Returns
+    -------
+    float
+        One standard deviation.
+    """
     return ERROR_SHARE * _mean_share(deviation, power)
 
 
 def geometry_share(facets: np.ndarray, power: np.ndarray) -> float:
-    """Relative error of readings (T,) in W by the facets, from their change with facets that are chords of the
-    walls."""
+    """Relative error of readings by the facets.
+
+    Parameters
+    ----------
+    facets : (T,) ndarray
+        Change of readings with facets that are chords of the walls, W.
+    power : (T,) ndarray
+        Readings, W.
+
+    Returns
+    -------
+    float
+        One standard deviation.
+    """
     return FACETS_SHARE * _mean_share(facets, power)
 
 
@@ -46,7 +70,20 @@ def largest_share(error: np.ndarray, power: np.ndarray) -> float:
 
 
 def shares(error: np.ndarray, power: np.ndarray) -> np.ndarray:
-    """Ratio of each error to its power; of a power of 0 it is 0 if that is exact, else infinite."""
+    """Ratio of each error to its power; of a power of 0 it is 0 if that is exact, else infinite.
+
+    Parameters
+    ----------
+    error : ndarray
+        In W, of any shape.
+    power : ndarray
+        In W, of the same shape.
+
+    Returns
+    -------
+    ndarray
+        Without unit.
+    """
     return np.divide(error, power, out=np.where(error == 0, 0.0, math.inf), where=power > 0)
 
 
@@ -56,7 +93,20 @@ def or_dark(error: np.ndarray, power: np.ndarray, dark_error: np.ndarray | None)
 
 
 def error_budget(power: np.ndarray, light: np.ndarray, mechanics: np.ndarray, geometry: np.ndarray) -> dict[str, float]:
-    """Largest relative errors of readings by light, mechanics and geometry, and in total; arguments are in W."""
+    """Largest relative errors of readings by their source, and in total.
+
+    Parameters
+    ----------
+    power : (T,) ndarray
+        Readings, W.
+    light, mechanics, geometry : (T,) ndarray
+        Their errors, one standard deviation, W.
+
+    Returns
+    -------
+    dict[str, float]
+        Relative to the reading, by ``light``, ``mechanics``, ``geometry`` and ``total``.
+    """
     total = np.hypot(np.hypot(light, mechanics), geometry)
     errors = {"light": light, "mechanics": mechanics, "geometry": geometry, "total": total}
     return {name: largest_share(error, power) for name, error in errors.items()}
@@ -257,7 +307,18 @@ class Crosstalk:
 
 
 def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
-    """The error of the worst of loaded pads, in words."""
+    """The error of the worst of loaded pads, in words.
+
+    Parameters
+    ----------
+    errors : sequence of (RoofError or None)
+        Of each loaded pad; None if unknown.
+
+    Returns
+    -------
+    list[str]
+        Empty without a loaded pad.
+    """
     if not errors:
         return []
     known = [error for error in errors if error is not None]
@@ -276,7 +337,17 @@ def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
 def readings_text(readings: Readings, width: int | None = None) -> str:
     """Power, error and photocurrent per taxel, explanations, the error budget, the time by stage, and derivatives.
 
-    ``width`` is that of a line in characters, as for `text_table`.
+    Parameters
+    ----------
+    readings : Readings
+        Of a scene.
+    width : int, optional
+        Of a line in characters, as for `text_table`.
+
+    Returns
+    -------
+    str
+        A table and lines.
     """
     columns = readings_columns(readings)
     lines = [
@@ -292,7 +363,18 @@ def readings_text(readings: Readings, width: int | None = None) -> str:
 
 
 def readings_columns(readings: Readings) -> dict[str, list[str]]:
-    """Columns of a table by heading, a row for each taxel: power, its errors and, if it is known, the photocurrent."""
+    """Columns of a table by heading, a row for each taxel: power, its errors and, if it is known, the photocurrent.
+
+    Parameters
+    ----------
+    readings : Readings
+        Of a scene.
+
+    Returns
+    -------
+    dict[str, list[str]]
+        Cells by heading.
+    """
     columns = {
         "taxel": [str(taxel) for taxel in readings.taxel],
         "power [W]": [f"{power:.6e}" for power in readings.power],
@@ -311,7 +393,18 @@ def readings_columns(readings: Readings) -> dict[str, list[str]]:
 
 
 def light_error_line(readings: Readings) -> str:
-    """The meaning and origin of the light error."""
+    """The meaning and origin of the light error.
+
+    Parameters
+    ----------
+    readings : Readings
+        Of a scene.
+
+    Returns
+    -------
+    str
+        One line.
+    """
     if not readings.points:
         return "Light: without random numbers, as all walls are diffuse; its error is part of the geometry's."
     runs = f"{len(readings.replicates)} randomisations of {readings.points} points per taxel"
@@ -319,7 +412,20 @@ def light_error_line(readings: Readings) -> str:
 
 
 def crosstalk_text(crosstalk: Crosstalk, width: int | None = None) -> str:
-    """The power that each LED brings to each phototransistor, each with its error by light and finite elements."""
+    """The power that each LED brings to each phototransistor, each with its error by light and finite elements.
+
+    Parameters
+    ----------
+    crosstalk : Crosstalk
+        Of a scene.
+    width : int, optional
+        Of a line in characters.
+
+    Returns
+    -------
+    str
+        A title and a table.
+    """
     taxels = [str(taxel) for taxel in range(1, len(crosstalk.power) + 1)]
     errors, named = crosstalk.total_error, "standard error of light and finite elements, without facets"
     if crosstalk.deviation is None or np.isnan(errors).any():

@@ -46,7 +46,23 @@ AnyScene: TypeAlias = "Scene | Prepared | mi.Scene | str | Path | dict[str, Any]
 
 @in_turn
 def prepare(scene: AnyScene) -> Prepared:
-    """Load a scene in any form, and choose an integrator if it names none."""
+    """Load a scene in any form, and choose an integrator if it names none.
+
+    Parameters
+    ----------
+    scene : Scene or str or Path or dict or mi.Scene or Prepared
+        As for :func:`measure`.
+
+    Returns
+    -------
+    Prepared
+        Which :func:`measure` takes in place of the scene.
+
+    Raises
+    ------
+    InputError
+        if the scene cannot be built or read.
+    """
     scene = described(scene)
     if isinstance(scene, Prepared):
         check_readable(scene.scene, scene.integrator)  # it may have been changed
@@ -143,7 +159,20 @@ class Run:
 
 
 def derived_seed(seed: int, index: int) -> int:
-    """One of many independent seeds derived from ``seed``."""
+    """One of many independent seeds derived from ``seed``.
+
+    Parameters
+    ----------
+    seed : int
+        From 0 on.
+    index : int
+        From 0 on.
+
+    Returns
+    -------
+    int
+        From 0 to 2**32 - 1.
+    """
     return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
 
 

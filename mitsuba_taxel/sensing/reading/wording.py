@@ -12,7 +12,18 @@ if TYPE_CHECKING:
 
 
 def light_of_study(study: xr.Dataset) -> str:
-    """How the light of the readings of a study was computed."""
+    """How the light of the readings of a study was computed.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        As returned by ``sweep``.
+
+    Returns
+    -------
+    str
+        Part of a sentence.
+    """
     if points := study.attrs["points"]:
         return f"from {study.sizes['replicate']} randomisations of {points} points"
     random = int((study.standard_error > 0).sum())
@@ -20,16 +31,49 @@ def light_of_study(study: xr.Dataset) -> str:
 
 
 def budget_line(budget: Mapping[str, float]) -> str:
-    """``Error of the worst reading: light 0.20%, mechanics 0.30%, geometry 0.01%, total 0.36%``."""
+    """``Error of the worst reading: light 0.20%, mechanics 0.30%, geometry 0.01%, total 0.36%``.
+
+    Parameters
+    ----------
+    budget : Mapping[str, float]
+        As of :func:`error_budget`.
+
+    Returns
+    -------
+    str
+        One line.
+    """
     return f"Error of the worst reading: {', '.join(f'{source} {share}' for source, share in budget_rows(budget))}"
 
 
 def budget_rows(budget: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Each source of error with its share of a reading."""
+    """Each source of error with its share of a reading.
+
+    Parameters
+    ----------
+    budget : Mapping[str, float]
+        As of :func:`error_budget`.
+
+    Returns
+    -------
+    list[tuple[str, str]]
+        In the same order.
+    """
     return [(source, in_percent(share)) for source, share in budget.items()]
 
 
 def stage_line(seconds: Mapping[str, float]) -> str:
-    """``Seconds: mechanics 3.2, optics 0.4, total 3.6``."""
+    """``Seconds: mechanics 3.2, optics 0.4, total 3.6``.
+
+    Parameters
+    ----------
+    seconds : Mapping[str, float]
+        By stage.
+
+    Returns
+    -------
+    str
+        One line.
+    """
     stages = [f"{stage} {value:.2f}" for stage, value in seconds.items()]
     return f"Seconds: {', '.join(stages)}, total {sum(seconds.values()):.2f}"

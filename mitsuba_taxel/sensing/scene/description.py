@@ -476,6 +476,16 @@ def write_xml(scene: Scene, path: str | Path) -> None:
 def find_scene(source: str | Path) -> Path:
     """The file of ``source``: a path, or the name of a scene that ships with the package.
 
+    Parameters
+    ----------
+    source : str or Path
+        As a user names it.
+
+    Returns
+    -------
+    Path
+        Of an existing file.
+
     Raises
     ------
     InputError
@@ -496,7 +506,18 @@ def find_scene(source: str | Path) -> Path:
 
 
 def why_unreadable(path: Path) -> str | None:
-    """Why an existing path, or a parent of it, cannot be read as a file; None if it does not exist."""
+    """Why an existing path, or a parent of it, cannot be read as a file; None if it does not exist.
+
+    Parameters
+    ----------
+    path : Path
+        Of anything.
+
+    Returns
+    -------
+    str or None
+        Part of a sentence.
+    """
     try:
         path.stat()
     except FileNotFoundError:
@@ -507,7 +528,18 @@ def why_unreadable(path: Path) -> str | None:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is a file of that name; False for a name that is too long."""
+    """Whether there is a file of that name; False for a name that is too long.
+
+    Parameters
+    ----------
+    path : Path
+        Of any length.
+
+    Returns
+    -------
+    bool
+        Links count as what they lead to.
+    """
     try:
         return path.is_file()
     except OSError:
@@ -537,7 +569,18 @@ def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
 
 
 def far_transforms(props: mi.Properties) -> dict[str, str]:
-    """Error messages for transformations of a part with invalid numbers, by name."""
+    """Error messages for transformations of a part with invalid numbers, by name.
+
+    Parameters
+    ----------
+    props : mi.Properties
+        Of the part.
+
+    Returns
+    -------
+    dict[str, str]
+        By the name of the transformation.
+    """
     import mitsuba as mi
     import numpy as np
 
@@ -552,7 +595,18 @@ def far_transforms(props: mi.Properties) -> dict[str, str]:
 
 
 def guilty_parameters(parameters: Mapping[str, str]) -> str:
-    """The parameters that are not numbers of at most :data:`FURTHEST`, in brackets; empty if there are none."""
+    """The parameters that are not numbers of at most :data:`FURTHEST`, in brackets; empty if there are none.
+
+    Parameters
+    ----------
+    parameters : Mapping[str, str]
+        Of a scene.
+
+    Returns
+    -------
+    str
+        With a blank before.
+    """
     found = [f"{name} = {value}" for name, value in parameters.items() if not _is_near(value)]
     return f" (parameter {', '.join(found)})" if found else ""
 
@@ -565,7 +619,18 @@ def _is_near(value: str) -> bool:
 
 
 def parser_config(variant: str) -> mi.parser.ParserConfig:
-    """Settings of Mitsuba's parser."""
+    """Settings of Mitsuba's parser.
+
+    Parameters
+    ----------
+    variant : str
+        Of Mitsuba.
+
+    Returns
+    -------
+    mi.parser.ParserConfig
+        By which no parts are merged.
+    """
     import mitsuba as mi
 
     config = mi.parser.ParserConfig(variant)

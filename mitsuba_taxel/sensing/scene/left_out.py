@@ -19,17 +19,53 @@ NONE = "none"
 
 
 def left_out(parameters: Mapping[str, str]) -> set[str]:
-    """Names of the parameters without a value."""
+    """Names of the parameters without a value.
+
+    Parameters
+    ----------
+    parameters : Mapping[str, str]
+        Values of a scene by name.
+
+    Returns
+    -------
+    set[str]
+        Those of the value `NONE`.
+    """
     return {name for name, value in parameters.items() if value == NONE}
 
 
 def used_by(attributes: Mapping[str, str]) -> set[str]:
-    """The names used as ``$name`` by an element with these attributes."""
+    """The names used as ``$name`` by an element with these attributes.
+
+    Parameters
+    ----------
+    attributes : Mapping[str, str]
+        Of an XML element.
+
+    Returns
+    -------
+    set[str]
+        Names of parameters.
+    """
     return {name for value in attributes.values() if "$" in value for name in re.findall(r"\$(\w+)", value)}
 
 
 def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[str, str]) -> mi.parser.ParserState:
     """The parsed description of an XML scene, without the elements that use a parameter without a value.
+
+    Parameters
+    ----------
+    config : mi.parser.ParserConfig
+        Of the variant that will build the scene.
+    path : Path
+        Of the XML file.
+    parameters : Mapping[str, str]
+        Values by name.
+
+    Returns
+    -------
+    mi.parser.ParserState
+        All nodes, the scene first.
 
     Raises
     ------

@@ -18,6 +18,18 @@ def unused_parts(nodes: list[mi.parser.SceneNode], node: mi.parser.SceneNode) ->
     """Error messages for objects in a parsed scene or shape that would have no effect, by their name in it.
 
     Our own plugins refuse what they do not know themselves, see `Specification.unknown`, except for media.
+
+    Parameters
+    ----------
+    nodes : list[mi.parser.SceneNode]
+        Of the parsed scene.
+    node : mi.parser.SceneNode
+        That of the scene or of a shape.
+
+    Returns
+    -------
+    dict[str, str]
+        Empty if all have an effect.
     """
     props = node.props
     names = [name for name in props.keys() if props.type(name) == mi.Properties.Type.ResolvedReference]  # noqa: SIM118

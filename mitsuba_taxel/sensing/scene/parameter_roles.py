@@ -25,12 +25,18 @@ _COMPONENTS = {
 def roles_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
     """What each parameter of an XML scene is, by the parameter of a plugin that uses it.
 
+    Parameters
+    ----------
+    scene : Path
+        Of the XML file.
+
     Returns
     -------
-    By name, the role, and 1, or -1 of a parameter that is used as ``-$name``. A role is the name of a plugin's
-    parameter, such as ``pressure`` or ``indenter_x``; of a vector, with ``_x``, ``_y`` or ``_z``, as ``translate_x``;
-    and one of ``fx``, ``fy``, ``fz``, ``ux``, ``uy``, ``uz`` of the load of a `deformable_pad`. Parameters with several
-    uses that differ, and roles that several parameters have, are left out.
+    dict[str, tuple[str, int]]
+        By name, the role, and 1, or -1 of a parameter that is used as ``-$name``. A role is the name of a plugin's
+        parameter, such as ``pressure`` or ``indenter_x``; of a vector, with ``_x``, ``_y`` or ``_z``, as
+        ``translate_x``; and one of ``fx``, ``fy``, ``fz``, ``ux``, ``uy``, ``uz`` of the load of a `deformable_pad`.
+        Parameters with several uses that differ, and roles that several parameters have, are left out.
     """
     found: dict[str, set[tuple[str, int] | None]] = {}
     for role, word in _uses(scene):
@@ -46,11 +52,17 @@ def roles_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
 def forces_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
     """The parameters of an XML scene that are a component of the force of its `deformable_pad`s, and nothing else.
 
+    Parameters
+    ----------
+    scene : Path
+        Of the XML file.
+
     Returns
     -------
-    By name, the component, one of `FORCES`, and 1, or -1 of a parameter that is used as ``-$name``. A parameter that is
-    called as a component, used nowhere in a force and in no unit but N, counts as that component, as in scenes of other
-    plugins.
+    dict[str, tuple[str, int]]
+        By name, the component, one of `FORCES`, and 1, or -1 of a parameter that is used as ``-$name``. A parameter
+        that is called as a component, used nowhere in a force and in no unit but N, counts as that component, as in
+        scenes of other plugins.
     """
     in_force = {name: role for name, role in roles_of_parameters(scene).items() if role[0] in FORCES}
     uses: dict[str, set[str]] = {}
@@ -67,7 +79,18 @@ def forces_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
 
 
 def load_constants(scene: Path) -> dict[str, str]:
-    """The components of the load of a scene's pad that are numbers, by role: ``0.1`` of ``0.1, 0, $fz`` for ``fx``."""
+    """The components of the load of a scene's pad that are numbers, by role: ``0.1`` of ``0.1, 0, $fz`` for ``fx``.
+
+    Parameters
+    ----------
+    scene : Path
+        Of the XML file.
+
+    Returns
+    -------
+    dict[str, str]
+        Values by role.
+    """
     loads = (*_COMPONENTS.values(), "pressure")
     return {role: word.strip() for role, word in _uses(scene) if role in loads and "$" not in word and word.strip()}
 

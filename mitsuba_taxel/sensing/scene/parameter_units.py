@@ -19,6 +19,16 @@ def units_of_parameters(scene: Path) -> dict[str, str]:
 
     It is that of the plugins' parameters, translations and rotations that use it; a parameter used in different units
     is left out.
+
+    Parameters
+    ----------
+    scene : Path
+        Of the XML file.
+
+    Returns
+    -------
+    dict[str, str]
+        By name, in alphabetical order.
     """
     units: dict[str, set[str]] = {}
     for unit, text in _places(scene):

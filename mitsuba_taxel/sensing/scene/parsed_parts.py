@@ -16,7 +16,18 @@ from mitsuba_taxel.specification.specification import Specification
 
 
 def refusal_of(scene: Scene) -> InputError | None:
-    """The error that a plugin of this package would raise for a scene, or None."""
+    """The error that a plugin of this package would raise for a scene, or None.
+
+    Parameters
+    ----------
+    scene : Scene
+        Described, not loaded.
+
+    Returns
+    -------
+    InputError or None
+        Not raised.
+    """
     with scene.files_beside_it():
         try:
             nodes = scene.parsed(parser_config(activate_variant())).nodes

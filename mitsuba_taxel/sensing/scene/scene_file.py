@@ -22,6 +22,16 @@ LARGEST_SCENE = 1 << 26
 def read_scene_file(path: Path) -> Iterator[tuple[Path, ElementTree.Element]]:
     """The file and its root, then those of all files that it includes.
 
+    Parameters
+    ----------
+    path : Path
+        Of the XML file.
+
+    Yields
+    ------
+    tuple[Path, ElementTree.Element]
+        Each file and its root.
+
     Raises
     ------
     InputError

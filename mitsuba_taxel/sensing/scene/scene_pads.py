@@ -13,12 +13,34 @@ if TYPE_CHECKING:
 
 
 def deformed_pads(scene: mi.Scene) -> list[PadShape]:
-    """The `deformable_pad`s of an ``mi.Scene``, loaded or not."""
+    """The `deformable_pad`s of an ``mi.Scene``, loaded or not.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+
+    Returns
+    -------
+    list[PadShape]
+        In the order of the scene.
+    """
     return [shape for shape in scene.shapes() if is_pad(shape) and shape.state is not None]
 
 
 def loaded_pads(scene: mi.Scene) -> list[PadShape]:
-    """The loaded ones."""
+    """The `deformable_pad`s of a scene that have a load, or had one that they remember.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+
+    Returns
+    -------
+    list[PadShape]
+        In the order of the scene.
+    """
     return [pad for pad in deformed_pads(scene) if pad.is_loaded]
 
 
@@ -28,7 +50,18 @@ def is_touched(scene: mi.Scene) -> bool:
 
 
 def contact_notes(scene: mi.Scene) -> list[str]:
-    """Which cells' walls rest on packages, in words."""
+    """Which cells' walls rest on packages, in words.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+
+    Returns
+    -------
+    list[str]
+        A sentence for each pad that rests on one.
+    """
     notes = []
     for pad in deformed_pads(scene):
         cells = np.unique(pad.surface.cell[pad.surface.shut & (pad.surface.cell > 0)]).tolist()

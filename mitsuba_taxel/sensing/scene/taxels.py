@@ -13,6 +13,16 @@ from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
     """Pairs of LEDs and phototransistors, in the order of the scene.
 
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+
+    Returns
+    -------
+    list[TaxelPair]
+        Arrays of LEDs and phototransistors.
+
     Raises
     ------
     InputError

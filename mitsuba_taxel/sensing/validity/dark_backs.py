@@ -20,6 +20,16 @@ def dark_backs(scene: mi.Scene) -> dict[int, str]:
 
     Light of each LED is followed to the first wall; one is black on its back if it returns nothing there of what it
     would return on its front.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+
+    Returns
+    -------
+    dict[int, str]
+        Sentences by the number of the shape.
     """
     if not any(wall is not None and _is_one_sided(wall) for wall in walls_of(scene)):
         return {}

@@ -184,6 +184,20 @@ def sample_paths(
 def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
     """The pair of arrays that holds a taxel, and its index in them, given its number from 1.
 
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+    taxel : int
+        Its number, from 1.
+
+    Returns
+    -------
+    pair : TaxelPair
+        The arrays.
+    index : int
+        From 0.
+
     Raises
     ------
     InputError

@@ -220,7 +220,18 @@ def make_batch(
 
 
 def loads_among(roles: Mapping[str, tuple[str, int]]) -> list[str]:
-    """Names of the parameters with these roles that are components of a load."""
+    """Names of the parameters with these roles that are components of a load.
+
+    Parameters
+    ----------
+    roles : Mapping[str, tuple[str, int]]
+        Of `roles_of_parameters`.
+
+    Returns
+    -------
+    list[str]
+        In the same order.
+    """
     return [name for name, (role, _) in roles.items() if any(role in names for names in LOADS)]
 
 
@@ -252,6 +263,20 @@ def _forces_for(target_slope: object, axes: Iterable[Axis], names: Collection[st
 
 def read_study_of(table: str, file: Path) -> tuple[dict[str, Any], Any]:
     """A study file of one scene as it stands, without its table of a name, and that table; None if it has none.
+
+    Parameters
+    ----------
+    table : str
+        Its name, such as ``fit``.
+    file : Path
+        The study file.
+
+    Returns
+    -------
+    content : dict[str, Any]
+        Of the study.
+    own : Any
+        The table; None without one.
 
     Raises
     ------
@@ -303,6 +328,20 @@ def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any
 def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
     """The batch of one scene of a study from :func:`read_study`; files are relative to ``folder``.
 
+    Parameters
+    ----------
+    study : Mapping[str, Any]
+        Of :func:`read_study`.
+    number : int
+        Of the scene, from 0.
+    folder : Path
+        Of the study file.
+
+    Returns
+    -------
+    Batch
+        What is computed.
+
     Raises
     ------
     InputError
@@ -330,7 +369,20 @@ def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
 
 
 def parameters_in(source: str, folder: Path = Path()) -> Mapping[str, str]:
-    """Defaults of the parameters of a scene as a study states it; none if there is no such scene."""
+    """Defaults of the parameters of a scene as a study states it; none if there is no such scene.
+
+    Parameters
+    ----------
+    source : str
+        Path or name of the scene.
+    folder : Path
+        Of the study file.
+
+    Returns
+    -------
+    Mapping[str, str]
+        Defaults by name.
+    """
     try:
         beside = folder / source
         return Scene(beside if is_file(beside) else source).defaults
@@ -339,7 +391,22 @@ def parameters_in(source: str, folder: Path = Path()) -> Mapping[str, str]:
 
 
 def columns_of(file: Path, what: str = "steps", known: Collection[str] = ()) -> dict[str, list[str]]:
-    """The columns of a CSV file of steps, or of ``what`` messages say; see :func:`read_steps`."""
+    """The columns of a CSV file of steps, or of ``what`` messages say; see :func:`read_steps`.
+
+    Parameters
+    ----------
+    file : Path
+        The CSV file.
+    what : str
+        What it is, for messages.
+    known : collection of str
+        Parameters of the scene.
+
+    Returns
+    -------
+    dict[str, list[str]]
+        Values by parameter.
+    """
     rows = read_steps(file, what, known)
     return {name: [row[name] for row in rows] for name in rows[0]}
 

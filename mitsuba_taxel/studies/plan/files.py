@@ -13,6 +13,11 @@ from mitsuba_taxel.base.errors import InputError
 def make_folder(folder: Path) -> None:
     """Create ``folder`` and its parents if missing, and check that it is writable.
 
+    Parameters
+    ----------
+    folder : Path
+        Which need not exist.
+
     Raises
     ------
     InputError
@@ -39,6 +44,13 @@ def make_empty_folder(folder: Path) -> None:
 
 def check_new_file(file: Path, *suffixes: str) -> None:
     """Check that ``file`` will be writable.
+
+    Parameters
+    ----------
+    file : Path
+        Which need not exist.
+    *suffixes : str
+        Endings in small letters, with the dot.
 
     Raises
     ------

@@ -16,6 +16,20 @@ def read_steps(file: str | Path, what: str = "steps", known: Collection[str] = (
     Values with a unit in their heading, such as ``fz_mN`` or ``height [cm]``, become those in mm, N, MPa, s and
     degrees, unless the heading is one of the ``known`` parameters as it stands.
 
+    Parameters
+    ----------
+    file : str or Path
+        The CSV file.
+    what : str
+        What it is, for messages.
+    known : collection of str
+        Parameters of the scene.
+
+    Returns
+    -------
+    list[dict[str, str]]
+        A row each.
+
     Raises
     ------
     InputError

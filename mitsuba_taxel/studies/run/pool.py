@@ -53,6 +53,18 @@ class Pool(Protocol):
 def open_pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[Pool]:
     """The pool that executes jobs: this process, ``workers`` processes, or the Dask cluster of a ``scheduler``.
 
+    Parameters
+    ----------
+    workers : int, optional
+        Number of processes.
+    scheduler : str, optional
+        Address of a Dask scheduler.
+
+    Yields
+    ------
+    Pool
+        Whose processes end with the block.
+
     Raises
     ------
     InputError

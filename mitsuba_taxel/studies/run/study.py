@@ -203,7 +203,35 @@ def run_batch(
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
-    """Read the scenes of a batch, and store them if there is a ``folder``; see :func:`sweep`."""
+    """Read the scenes of a batch, and store them if there is a ``folder``; see :func:`sweep`.
+
+    Parameters
+    ----------
+    batch : Batch
+        What is computed.
+    pool : Pool
+        Who computes it.
+    folder : Path or None
+        For the results.
+    retry_failed : bool
+        Whether scenes that failed in an earlier call are computed again.
+    parquet : bool
+        Whether to write ``readings.parquet`` as well.
+    progress : Callable[[Progress], None], optional
+        Called after each scene.
+
+    Returns
+    -------
+    xr.Dataset
+        As of :func:`sweep`.
+
+    Raises
+    ------
+    InputError
+        if the folder or every scene is refused.
+    ComputationError
+        if no scene could be computed, or results could not be stored.
+    """
     clock = Clock(batch.time_budget)
     batch = with_chosen_steps(batch)
     if folder is not None and (stored := stored_study(folder)) and (done := Store(folder).done()):

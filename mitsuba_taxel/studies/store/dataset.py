@@ -340,7 +340,18 @@ def study_error_budget(study: xr.Dataset) -> dict[str, float]:
 
 
 def stage_totals(study: xr.Dataset) -> dict[str, float]:
-    """Seconds of a study by stage, pilot runs included."""
+    """Seconds of a study by stage, pilot runs included.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    dict[str, float]
+        In s.
+    """
     totals = json.loads(study.attrs["pilot_seconds"])
     for stage in study.stage.values:
         totals[str(stage)] = totals.get(str(stage), 0.0) + float(study.seconds.sel(stage=stage).sum())

@@ -57,7 +57,18 @@ def datasheet(
 
 
 def rows_line(counts: Mapping[str, int]) -> str:
-    """The numbers of rows of the parts, as they are printed."""
+    """The numbers of rows of the parts, as they are printed.
+
+    Parameters
+    ----------
+    counts : Mapping[str, int]
+        By part.
+
+    Returns
+    -------
+    str
+        One line.
+    """
     return f"Rows: {', '.join(f'{name} {count}' for name, count in counts.items())}"
 
 

@@ -390,6 +390,13 @@ def _failure(file: Path) -> Failure | None:
 def begin_tree(folder: Path, study: Mapping[str, Any]) -> None:
     """Create the folder of a study of several scenes, each with a subfolder.
 
+    Parameters
+    ----------
+    folder : Path
+        New, empty, or of the same study.
+    study : Mapping[str, Any]
+        Content of its study file.
+
     Raises
     ------
     InputError

@@ -13,6 +13,13 @@ def write_netcdf(study: xr.Dataset, file: Path) -> None:
 
     That method imports all of Dask's scheduler where it is installed, which takes most of a second.
 
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+    file : Path
+        Which is replaced if it exists.
+
     Raises
     ------
     OSError

@@ -82,7 +82,18 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
 
 
 def stored_study(folder: Path) -> dict[str, Any]:
-    """Content of the study file of a folder of one scene's results; empty for any other folder."""
+    """Content of the study file of a folder of one scene's results; empty for any other folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Of anything.
+
+    Returns
+    -------
+    dict[str, Any]
+        Study and scene in one table.
+    """
     try:
         study = read_results(folder)
     except InputError:
@@ -93,6 +104,16 @@ def stored_study(folder: Path) -> dict[str, Any]:
 
 def read_results(folder: Path) -> dict[str, Any]:
     """The study of the results in a folder, as :func:`read_study` returns it.
+
+    Parameters
+    ----------
+    folder : Path
+        That was the ``output`` of a study.
+
+    Returns
+    -------
+    dict[str, Any]
+        Content of its study file.
 
     Raises
     ------

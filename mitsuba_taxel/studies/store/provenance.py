@@ -31,12 +31,18 @@ PLUGIN = "plugin"
 def provenance(batch: Batch) -> dict[str, Any]:
     """What the results of a batch depend on in addition to its values.
 
+    Parameters
+    ----------
+    batch : Batch
+        What is computed.
+
     Returns
     -------
-    ``scene_content``, digests of the scene, of the files that it or a value names, and of the user's own plugins, by
-    their names; ``code``, digest of the sources that readings depend on; ``versions`` by name; ``parameters``, values
-    of those that are not varied; ``units`` of parameters, as far as known; ``forces``, components of the force by
-    parameter; and ``roles``, what parameters are.
+    dict[str, Any]
+        ``scene_content``, digests of the scene, of the files that it or a value names, and of the user's own plugins,
+        by their names; ``code``, digest of the sources that readings depend on; ``versions`` by name; ``parameters``,
+        values of those that are not varied; ``units`` of parameters, as far as known; ``forces``, components of the
+        force by parameter; and ``roles``, what parameters are.
     """
     first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
     parameters = batch.parameters(first)

@@ -43,7 +43,23 @@ class Status(NamedTuple):
 
 
 def study_status(folder: str | Path) -> list[Status]:
-    """Progress of each scene of the study in a folder; raises `InputError` if it holds none."""
+    """Progress of each scene of the study in a folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+        That is the ``output`` of a study.
+
+    Returns
+    -------
+    list[Status]
+        One for each scene.
+
+    Raises
+    ------
+    InputError
+        if the folder holds no study.
+    """
     return list(_states(Path(folder), ""))
 
 

@@ -76,7 +76,18 @@ def draw_results(study: xr.Dataset, folder: Path) -> None:
 
 
 def summary_table(study: xr.Dataset) -> pandas.DataFrame:
-    """Slopes by each varied force, in W/N and, with a circuit, in its units too."""
+    """Slopes by each varied force, in W/N and, with a circuit, in its units too.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row per line of load and taxel.
+    """
     table, circuit = sensitivity_table(study), circuit_of_study(study)
     volts = () if circuit is None else volts_table(study, circuit)
     return table.merge(volts, how="left") if len(volts) else table
