@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -82,3 +83,16 @@ def test_units_keep_their_case_at_the_start_of_a_sentence():
     """Mm is a megametre."""
     texts = {file: file.read_text() for room in ("mitsuba_taxel", "plugins") for file in (ROOT / room).rglob("*.py")}
     assert [str(file) for file, text in texts.items() if re.search(r"\b(Mm|MPA|Nm|Mw)\b", text)] == []
+
+
+def test_what_rooms_offer_exists():
+    """Names of stubs are looked up when they are first used."""
+    missing = []
+    for stub in sorted((ROOT / "mitsuba_taxel").rglob("__init__.pyi")):
+        room = import_module(".".join(stub.parent.relative_to(ROOT).parts))
+        for name in room.__all__:
+            try:
+                getattr(room, name)
+            except (ImportError, AttributeError) as error:
+                missing.append(f"{room.__name__}.{name}: {error}")
+    assert missing == []
