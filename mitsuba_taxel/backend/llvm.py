@@ -45,6 +45,11 @@ def choose_llvm() -> None:
 def check_llvm(variant: str) -> None:
     """Refuse an LLVM that would abort the process at the first render, for a variant of Mitsuba's that uses it.
 
+    Parameters
+    ----------
+    variant : str
+        Of Mitsuba.
+
     Raises
     ------
     ImportError

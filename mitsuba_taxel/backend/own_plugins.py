@@ -43,7 +43,13 @@ def load_plugins(*files: str | Path) -> None:
 
 
 def loaded_plugins() -> tuple[Path, ...]:
-    """The files that :func:`load_plugins` has run."""
+    """The files that :func:`load_plugins` has run.
+
+    Returns
+    -------
+    tuple[Path, ...]
+        In the order in which they were run.
+    """
     return tuple(_LOADED)
 
 

@@ -45,7 +45,18 @@ def plugin_files() -> dict[str, Path]:
 
 
 def plugin_kind(name: str) -> str:
-    """Kind of a plugin of this package, such as ``bsdf``."""
+    """Kind of a plugin of this package, such as ``bsdf``.
+
+    Parameters
+    ----------
+    name : str
+        Of the plugin.
+
+    Returns
+    -------
+    str
+        As of the XML element.
+    """
     return plugin_files()[name].parent.name.removesuffix("s")
 
 
@@ -65,7 +76,13 @@ def register_for_every_variant() -> None:
 
 
 def wanted_variant() -> str:
-    """The variant that ``MITSUBA_TAXEL_VARIANT`` names, whether it exists or not, or else :data:`DEFAULT_VARIANT`."""
+    """The variant that ``MITSUBA_TAXEL_VARIANT`` names, whether it exists or not, or else :data:`DEFAULT_VARIANT`.
+
+    Returns
+    -------
+    str
+        Name of a variant.
+    """
     return os.environ.get("MITSUBA_TAXEL_VARIANT") or DEFAULT_VARIANT
 
 
@@ -79,7 +96,13 @@ def default_variant() -> str:
 
 
 def activate_variant() -> str:
-    """The current variant; sets the default if the user has set none."""
+    """The current variant; sets the default if the user has set none.
+
+    Returns
+    -------
+    str
+        Name of the variant in use.
+    """
     import mitsuba as mi
 
     if mi.variant() is None:

@@ -17,7 +17,18 @@ _LOCK = threading.RLock()
 
 
 def in_turn(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Decorate functions of which only one may run at a time, in any thread; others wait."""
+    """Decorate functions of which only one may run at a time, in any thread; others wait.
+
+    Parameters
+    ----------
+    function : Callable
+        Of any arguments.
+
+    Returns
+    -------
+    Callable
+        Of the same arguments.
+    """
 
     @wraps(function)
     def alone(*args: _P.args, **kwargs: _P.kwargs) -> _R:
@@ -29,7 +40,13 @@ def in_turn(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Signals of this thread that end the process wait until the end: Mitsuba and Dr.Jit, half imported, abort it."""
+    """Signals of this thread that end the process wait until the end: Mitsuba and Dr.Jit, half imported, abort it.
+
+    Yields
+    ------
+    None
+        While signals wait.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
     try:
         yield

@@ -384,7 +384,18 @@ def names_of(name: str, value: object) -> tuple[str, ...]:
 
 
 def check_flags(**flags: object) -> None:
-    """Raise `InputError` unless all of these are True or False."""
+    """Check flags.
+
+    Parameters
+    ----------
+    **flags : object
+        Values given, by the name of the parameter.
+
+    Raises
+    ------
+    InputError
+        unless all are True or False.
+    """
     for name, flag in flags.items():
         require(name, flag, (bool, np.bool_), "True or False")
 

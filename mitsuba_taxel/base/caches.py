@@ -112,6 +112,11 @@ def clear_caches(*functions: Callable[..., Any]) -> None:
     """Empty the caches of some functions, by default all caches in memory: meshes, load paths, factors, tables.
 
     What was kept is computed again when it is needed.
+
+    Parameters
+    ----------
+    *functions : Callable
+        Decorated by :func:`kept`.
     """
     for function in functions:
         cache: Any = function

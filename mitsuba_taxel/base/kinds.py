@@ -112,8 +112,10 @@ def import_all(package: str, path: Iterable[str]) -> None:
 
     Parameters
     ----------
-    package, path
-        ``__name__`` and ``__path__`` of the package.
+    package : str
+        ``__name__`` of the package.
+    path : iterable of str
+        Its ``__path__``.
     """
     for module in iter_modules(path):
         import_module(f"{package}.{module.name}")

@@ -29,6 +29,12 @@ def memory_limit(most: int, kind: int = resource.RLIMIT_AS) -> int:
 
 
 def peak_memory() -> float:
-    """Peak memory of this process so far, in MB."""
+    """Peak memory of this process so far.
+
+    Returns
+    -------
+    float
+        In MB.
+    """
     status = Path("/proc/self/status").read_text()
     return int(status.split("VmHWM:")[1].split()[0]) / 1024

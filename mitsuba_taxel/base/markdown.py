@@ -10,8 +10,17 @@ def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]], left:
 
     Parameters
     ----------
+    headings : sequence of str
+        Of the columns.
+    rows : iterable of sequence of str
+        A cell for each heading.
     left : Collection[str], optional
         Headings of the columns that are aligned left, the first one unless given; the others are aligned right.
+
+    Returns
+    -------
+    str
+        Lines, without a line feed at the end.
     """
     left = headings[:1] if left is None else left
     aligned = [":--" if heading in left else "--:" for heading in headings]

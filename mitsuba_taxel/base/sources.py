@@ -18,6 +18,16 @@ PACKAGE = "mitsuba_taxel"
 def code_digest(*rooms: str) -> str:
     """Hexadecimal digest of every file of some sub-packages, however deep it lies, and of the modules beside them.
 
+    Parameters
+    ----------
+    *rooms : str
+        Names of the sub-packages.
+
+    Returns
+    -------
+    str
+        Of 64 digits.
+
     Raises
     ------
     ImportError
@@ -30,17 +40,22 @@ def code_digest(*rooms: str) -> str:
 
 
 @kept(None)
-def own_code(cls: type) -> str:
+def own_code(own: type) -> str:
     """Hexadecimal digest of the code outside this package by which a class is defined; empty if there is none.
 
     Parameters
     ----------
-    cls : type
+    own : type
         A class of a user, say. Of each class outside this package that it derives from, the whole file counts, with the
         functions and constants that it may use; where there is no file, as in a notebook, its methods.
+
+    Returns
+    -------
+    str
+        Of 64 digits, or empty.
     """
     digest, foreign = hashlib.sha256(), False
-    for base in cls.__mro__:
+    for base in own.__mro__:
         root = base.__module__.partition(".")[0]
         if root == PACKAGE or root in sys.stdlib_module_names:
             continue
@@ -53,9 +68,9 @@ def own_code(cls: type) -> str:
     return digest.hexdigest() if foreign else ""
 
 
-def _code_of(cls: type) -> Iterator[str]:
+def _code_of(own: type) -> Iterator[str]:
     """What the methods and constants of a class are, as far as it does not depend on where they are in memory."""
-    for name, value in sorted(vars(cls).items()):
+    for name, value in sorted(vars(own).items()):
         if isinstance(value, property):
             value = value.fget
         code = getattr(getattr(value, "func", getattr(value, "__func__", value)), "__code__", None)

@@ -112,8 +112,14 @@ def read_table(what: str, file: Path, known: Collection[str] = ()) -> Table:
     what : str
         The file, for messages.
     file : Path
+        Text in UTF-8.
     known : Collection[str], optional
         Headings that are names as they stand, such as parameters of a scene.
+
+    Returns
+    -------
+    Table
+        Its columns, with their headings and units.
 
     Raises
     ------

@@ -17,12 +17,19 @@ _LATIN = frozenset("µ°".encode("latin-1"))
 
 
 def check_regular(file: Path, largest: int) -> None:
-    """Raise an `OSError` that says why a file is not read: a pipe or a device may have no end, and be waited for.
+    """Refuse a file that is not read: a pipe or a device may have no end, and be waited for.
 
     Parameters
     ----------
+    file : Path
+        Of any kind.
     largest : int
         In bytes.
+
+    Raises
+    ------
+    OSError
+        that says why.
     """
     about = file.stat()
     if stat.S_ISDIR(about.st_mode):

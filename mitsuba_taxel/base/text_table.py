@@ -14,14 +14,17 @@ def text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], width: in
 
     Parameters
     ----------
-    headings, rows : sequence of str, and iterable of such
-        Cells.
+    headings : sequence of str
+        Of the columns.
+    rows : iterable of sequence of str
+        A cell for each heading.
     width : int, optional
         Characters of a line, beyond which cells are folded; without it, they never are.
 
     Returns
     -------
-    Lines, without a line feed at the end.
+    str
+        Lines, without a line feed at the end.
     """
     from rich.console import Console
     from rich.table import Table

@@ -14,7 +14,13 @@ _chosen: int | None = None
 
 
 def thread_count() -> int:
-    """The number of cores of the machine, unless another number was set."""
+    """The number of cores of the machine, unless another number was set.
+
+    Returns
+    -------
+    int
+        From 1 on.
+    """
     return _chosen or os.cpu_count() or 1
 
 

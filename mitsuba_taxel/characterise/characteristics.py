@@ -32,15 +32,18 @@ def characteristics(experiments: Iterable[Experiment], off: Changed | None = Non
 
     Parameters
     ----------
+    experiments : iterable of Experiment
+        Of a study or a measurement.
     off : dict of lists of two lists of Experiment, optional
         By mode of the errors of the shape, which are to be included in the errors: the same experiments with readings
         changed by it, up and down.
 
     Returns
     -------
-    Columns: ``figure``; ``force``; the other varied parameters; ``taxel``; ``loading``, which run or branch of growing
-    force, from 1; ``value`` and ``error`` in ``unit``; ``at_N``, the force where it was found; ``from_N`` and ``to_N``,
-    the range of forces; ``remark``, a text that replaces the value, or nothing.
+    pandas.DataFrame
+        Columns: ``figure``; ``force``; the other varied parameters; ``taxel``; ``loading``, which run or branch of
+        growing force, from 1; ``value`` and ``error`` in ``unit``; ``at_N``, the force where it was found; ``from_N``
+        and ``to_N``, the range of forces; ``remark``, a text that replaces the value, or nothing.
     """
     import pandas
 

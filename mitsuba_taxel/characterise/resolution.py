@@ -28,9 +28,11 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
 
     Returns
     -------
-    ``resolution`` over the study's dimensions and ``parameter``, one standard deviation in the parameter's ``unit``;
-    ``resolution_error``, the standard error of that by the derivatives' errors, see :func:`_error`, NaN where these are
-    not known; ``covariance`` over ``parameter`` and ``other``. Infinite where readings do not tell all parameters.
+    xr.Dataset
+        ``resolution`` over the study's dimensions and ``parameter``, one standard deviation in the parameter's
+        ``unit``; ``resolution_error``, the standard error of that by the derivatives' errors, see :func:`_error`, NaN
+        where these are not known; ``covariance`` over ``parameter`` and ``other``. Infinite where readings do not tell
+        all parameters.
 
     Raises
     ------

@@ -210,7 +210,18 @@ def _number(record: dict[Any, Any], column: str, factor: float, latex: bool) -> 
 
 
 def remarks_explained(*tables: pandas.DataFrame) -> list[str]:
-    """A line for each remark that replaces numbers in some tables."""
+    """A line for each remark that replaces numbers in some tables.
+
+    Parameters
+    ----------
+    *tables : pandas.DataFrame
+        With a column ``remark``.
+
+    Returns
+    -------
+    list[str]
+        Empty if there is no remark.
+    """
     said = {remark for table in tables for remark in table.remark}
     return [f"{remark}: {meaning}." for remark, meaning in REMARKS.items() if remark in said]
 

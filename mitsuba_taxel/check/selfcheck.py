@@ -17,7 +17,13 @@ class Check(NamedTuple):
 
 
 def run_checks() -> list[Check]:
-    """Run all checks, in about a second; a check that raises has failed."""
+    """Run all checks, in about a second; a check that raises has failed.
+
+    Returns
+    -------
+    list[Check]
+        In the order in which they ran.
+    """
     return [_guarded("optics", check_optics), _guarded("mechanics", check_mechanics)]
 
 

@@ -60,6 +60,8 @@ def saturation_force(circuit: Circuit, force: Any, power: Any) -> np.ndarray:
 
     Parameters
     ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
     force : (K,) array_like
         In N, in any order.
     power : (..., K, T) array_like

@@ -73,6 +73,11 @@ def solve(
         residuals.
     unknowns : Sequence[Unknown]
         Initial values and bounds.
+
+    Returns
+    -------
+    LeastSquares
+        Estimates with their errors and correlation.
     """
     from scipy.optimize import least_squares
     from scipy.stats import norm, t

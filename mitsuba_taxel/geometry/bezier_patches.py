@@ -62,6 +62,11 @@ def first_touch(one: np.ndarray, other: np.ndarray, shared: str, tolerance: floa
         corner). Meeting elsewhere is contact.
     tolerance : float
         Distance up to which patches count as touching, mm.
+
+    Returns
+    -------
+    Place or None
+        In mm.
     """
     for start in range(0, one.shape[2], FIRST_BATCH):
         batch = slice(start, start + FIRST_BATCH)

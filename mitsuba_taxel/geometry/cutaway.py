@@ -66,6 +66,13 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
         Counter-clockwise seen from outside if the surface is closed.
     normal : (3,) ndarray
         Of length 1.
+    offset : float
+        Of the plane from the origin, mm.
+
+    Returns
+    -------
+    Half
+        Vertices and triangles, and which of these are the cap.
     """
     height = vertices @ normal - offset
     height = height - _clear_of(height, NUDGE * np.ptp(vertices, axis=0).max(initial=0.0))

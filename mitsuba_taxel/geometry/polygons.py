@@ -19,8 +19,15 @@ def triangulated(points: np.ndarray, edges: np.ndarray, strict: bool = True) -> 
     ----------
     points : ndarray
         (N, 2).
+    edges : (E, 2) ndarray of int
+        Start and end of each edge.
     strict : bool
         Whether loops that touch or cross are refused; otherwise triangles may be degenerate or inverted.
+
+    Returns
+    -------
+    (T, 3) ndarray of int
+        Points of each triangle.
 
     Raises
     ------

@@ -16,6 +16,8 @@ def put_radially(
     ----------
     points, centre : (N, 3) ndarray
         Points and centre, (N, 3) or (3,), mm.
+    radius : float
+        Of the sphere or cylinder, mm.
     across : (3, 3) ndarray
         Projection onto the directions of the radius: the identity for a sphere.
 

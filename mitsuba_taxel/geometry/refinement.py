@@ -115,6 +115,8 @@ def of_pieces(
 
     Parameters
     ----------
+    mesh : VolumeMesh
+        With the elements that are cut.
     tets : (M, 4) ndarray
         Corners of the pieces, numbered from 0 without gaps.
     place : (M, 4, 4) ndarray
@@ -123,6 +125,11 @@ def of_pieces(
         Number of the parent element.
     faces, face_parent : ndarray
         (B, 3) corners of the pieces of faces, and (B,) numbers of their parents.
+
+    Returns
+    -------
+    VolumeMesh
+        Of quadratic elements on the same curved walls.
     """
     count = int(tets.max()) + 1
     ends = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)

@@ -25,6 +25,13 @@ def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarr
         In mm.
     triangles : ndarray
         (T, 3).
+
+    Returns
+    -------
+    triangles : (S, 3) ndarray of int
+        Vertices of each triangle.
+    number : (S,) ndarray of int
+        Of the triangle that each was.
     """
     origin = np.arange(len(triangles))
     for _ in range(MOST_ROUNDS):

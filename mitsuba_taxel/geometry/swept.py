@@ -36,6 +36,8 @@ def prism(section: np.ndarray, half_length: float) -> tuple[np.ndarray, np.ndarr
     ----------
     section : (n, 2) ndarray
         Corners along y and z in mm, counter-clockwise, of a section that its middle sees whole.
+    half_length : float
+        Along x, mm.
 
     Returns
     -------

@@ -219,7 +219,24 @@ def first_of_each(keys: np.ndarray, cost: np.ndarray) -> np.ndarray:
 
 
 def subdivided(points: np.ndarray, triangles: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles cut at the vertices ``middle`` (T, 3) on their edges, -1 for none, and the numbers of their parents."""
+    """Triangles cut at vertices on their edges.
+
+    Parameters
+    ----------
+    points : (V, 3) ndarray
+        All vertices, mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+    middle : (T, 3) ndarray of int
+        The vertex on each edge, which begins at the corner of the same column; -1 for none.
+
+    Returns
+    -------
+    triangles : (S, 3) ndarray of int
+        Vertices of each triangle.
+    parents : (S,) ndarray of int
+        Number of the triangle that each is a part of.
+    """
     cuts = (middle >= 0).sum(axis=1)
     pieces, parents = [triangles[cuts == 0]], [np.flatnonzero(cuts == 0)]
 

@@ -80,7 +80,7 @@ def scatters_evenly(bsdf: mi.BSDF) -> bool:
 
 
 def set_wavelength(scene: mi.Scene, leds: Sequence[LedEmitter]) -> None:
-    """Set the wavelength of walls with a reflectance table, if all LEDs have the same.
+    """Set the wavelength of walls with a reflectance table to that of the first LED.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def set_wavelength(scene: mi.Scene, leds: Sequence[LedEmitter]) -> None:
     Raises
     ------
     InputError
-        if there are such tables and the LEDs differ.
+        if a table does not cover it.
     """
     for wall in _walls_with_table(scene):
         wall.set_wavelength(leds[0].wavelength)
@@ -103,6 +103,8 @@ def refuse_unknown_wavelength(scene: mi.Scene, one_by_one: bool) -> None:
 
     Parameters
     ----------
+    scene : mi.Scene
+        A loaded one.
     one_by_one : bool
         Whether LEDs are traced individually, and so may have different wavelengths.
 

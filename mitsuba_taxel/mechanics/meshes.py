@@ -16,6 +16,18 @@ def pad_mesh(pad: Pad | PadFile, mesh_size: float) -> VolumeMesh:
     """The undeformed mesh of a pad, with elements of a size in mm, from disk or from the mesher.
 
     While it is in use it is the same object for all, so that what depends on the mesh alone is found once.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+        In mm.
+    mesh_size : float
+        Length of the edges of elements, mm.
+
+    Returns
+    -------
+    VolumeMesh
+        Undeformed quadratic tetrahedra with tagged faces.
     """
     name = cache.key("mesh", [pad.identity, mesh_size])
     with cache.alone(name):

@@ -60,12 +60,14 @@ def room_needed(pad: Pad, corners: np.ndarray) -> str:
     Parameters
     ----------
     pad : Pad
+        In mm.
     corners : (M, 3) ndarray
         Of the package in the frame of the pad, in mm.
 
     Returns
     -------
-    The least width by bisection, or that cells of this height hold it at no width.
+    str
+        The least width by bisection, or that cells of this height hold it at no width.
     """
     low, high = corners.min(axis=0), corners.max(axis=0)
     number = nearest_cell(pad, 0.5 * (low + high)[None, :2])[0]

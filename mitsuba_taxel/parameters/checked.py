@@ -107,7 +107,13 @@ def _shown(part: Any) -> str:
 
 
 def parameters_of(cls: Any) -> Mapping[str, Parameter]:
-    """The parameters of a dataclass, by field, and those of kinds that it chooses among, by attribute."""
+    """The parameters of a dataclass, by field, and those of kinds that it chooses among, by attribute.
+
+    Returns
+    -------
+    Mapping[str, Parameter]
+        In the order of the fields.
+    """
     return _all_parameters(cls, _chosen(cls))
 
 
@@ -230,7 +236,18 @@ def _set(part: Any, name: str, value: Any) -> None:
 
 
 def values_of(part: Any) -> dict[str, Any]:
-    """The parameters of a part, as entries of a Mitsuba dictionary."""
+    """The parameters of a part, as entries of a Mitsuba dictionary.
+
+    Parameters
+    ----------
+    part : dataclass instance
+        Whose fields are parameters.
+
+    Returns
+    -------
+    dict[str, Any]
+        Values by name; those that are None are left out.
+    """
     values = [(p, getattr(part, name)) for name, p in parameters_of(type(part)).items()]
     return {p.name: _written(p, value) for p, value in values if value is not None}
 

@@ -393,48 +393,197 @@ class Nested(Parameter):
 
 
 def number(default: float | None, unit: str, doc: str, **about: Any) -> Any:
-    """A field for a finite number; see `Number` and `Parameter`."""
+    """A field for a finite number; see `Number` and `Parameter`.
+
+    Parameters
+    ----------
+    default : float or None
+        REQUIRED for none.
+    unit : str
+        Empty if dimensionless.
+    doc : str
+        For the reference, in sentences.
+    **about : Any
+        Other attributes of `Number`, by name.
+
+    Returns
+    -------
+    Any
+        For the body of a dataclass.
+    """
     return stated(Number(default=default, unit=unit, doc=doc, **about))
 
 
 def whole(default: int, minimum: int, maximum: int, doc: str, **conditions: Any) -> Any:
-    """A field for a whole number; see `Whole` and `Parameter`."""
+    """A field for a whole number; see `Whole` and `Parameter`.
+
+    Parameters
+    ----------
+    default : int
+        Within the bounds.
+    minimum, maximum : int
+        Both allowed.
+    doc : str
+        For the reference, in sentences.
+    **conditions : Any
+        Attributes of `Parameter`, by name.
+
+    Returns
+    -------
+    Any
+        For the body of a dataclass.
+    """
     return stated(Whole(default=default, minimum=minimum, maximum=maximum, doc=doc, **conditions))
 
 
 def switch(default: bool, doc: str, **conditions: Any) -> Any:
-    """A field for true or false; see `Parameter`."""
+    """A field for true or false; see `Parameter`.
+
+    Parameters
+    ----------
+    default : bool
+        As given if it is left out.
+    doc : str
+        For the reference, in sentences.
+    **conditions : Any
+        Attributes of `Parameter`, by name.
+
+    Returns
+    -------
+    Any
+        For the body of a dataclass.
+    """
     return stated(Switch(default=default, doc=doc, **conditions))
 
 
 def text(default: str | None, doc: str, what: str = "text", **conditions: Any) -> Any:
-    """A field for any text; see `Text` and `Parameter`."""
+    """A field for any text; see `Text` and `Parameter`.
+
+    Parameters
+    ----------
+    default : str or None
+        REQUIRED for none.
+    doc : str
+        For the reference, in sentences.
+    what : str
+        What is needed, for messages.
+    **conditions : Any
+        Attributes of `Parameter`, by name.
+
+    Returns
+    -------
+    Any
+        For the body of a dataclass.
+    """
     return stated(Text(default=default, what=what, doc=doc, **conditions))
 
 
 def choice(default: str, allowed: Mapping[str, str] | Sequence[str], doc: str, **conditions: Any) -> Any:
-    """A field for one of some words; see `Choice` and `Parameter`."""
+    """A field for one of some words; see `Choice` and `Parameter`.
+
+    Parameters
+    ----------
+    default : str
+        One of the words.
+    allowed : Mapping[str, str] or sequence of str
+        The words, with their meanings.
+    doc : str
+        For the reference, in sentences.
+    **conditions : Any
+        Attributes of `Parameter`, by name.
+
+    Returns
+    -------
+    Any
+        For the body of a dataclass.
+    """
     table = allowed if isinstance(allowed, Mapping) else dict.fromkeys(allowed, "")
     return stated(Choice(default=default, allowed=table, doc=doc, **conditions))
 
 
 def kind(default: str, family: Any, doc: str, also: Mapping[str, str] = MappingProxyType({}), **conditions: Any) -> Any:
-    """A field for the name of a kind of a family, or one of the words ``also``; see `Choice`."""
+    """A field for the name of a kind of a family, or one of the words ``also``; see `Choice`.
+
+    Parameters
+    ----------
+    default : str
+        One of the names or words.
+    family : type[Kind]
+        Whose kinds are allowed, those of a user as well.
+    doc : str
+        For the reference, in sentences.
+    also : Mapping[str, str]
+        Further words, with their meanings.
+    **conditions : Any
+        Attributes of `Parameter`, by name.
+
+    Returns
+    -------
+    Any
+        For the body of a dataclass.
+    """
     return stated(Choice(default=default, allowed=_Meanings(family, also), family=family, doc=doc, **conditions))
 
 
 def vector(default: tuple[float, float, float], unit: str, doc: str, **conditions: Any) -> Any:
-    """A field for three numbers; see `Vector` and `Parameter`."""
+    """A field for three numbers; see `Vector` and `Parameter`.
+
+    Parameters
+    ----------
+    default : tuple[float, float, float]
+        In the unit.
+    unit : str
+        Empty if dimensionless.
+    doc : str
+        For the reference, in sentences.
+    **conditions : Any
+        Attributes of `Parameter`, by name.
+
+    Returns
+    -------
+    Any
+        For the body of a dataclass.
+    """
     return stated(Vector(default=default, unit=unit, doc=doc, **conditions))
 
 
 def transform(doc: str) -> Any:
-    """A field for a transformation, or None; see `Transform`."""
+    """A field for a transformation, or None; see `Transform`.
+
+    Parameters
+    ----------
+    doc : str
+        For the reference, in sentences.
+
+    Returns
+    -------
+    Any
+        For the body of a dataclass.
+    """
     return stated(Transform(doc=doc))
 
 
 def nested(kind: str, made_of: type, default: Any, doc: str, **about: Any) -> Any:
-    """A field for the Python object of another plugin; see `Nested`."""
+    """A field for the Python object of another plugin; see `Nested`.
+
+    Parameters
+    ----------
+    kind : str
+        XML element of the other plugin.
+    made_of : type
+        Class of its Python object.
+    default : Any
+        Such an object, or None.
+    doc : str
+        For the reference, in sentences.
+    **about : Any
+        Other attributes of `Nested`, by name.
+
+    Returns
+    -------
+    Any
+        For the body of a dataclass.
+    """
     return stated(Nested(kind=kind, made_of=made_of, default=default, doc=doc, **about))
 
 
@@ -458,9 +607,24 @@ def stated(parameter: Parameter, **changes: Any) -> Any:
     return field(default=default, metadata={"parameter": parameter})
 
 
-def taken(cls: Any, field: str, **changes: Any) -> Any:
-    """A field for a parameter of another class, with other conditions or another default."""
-    (own,) = (one.metadata["parameter"] for one in fields(cls) if one.name == field)
+def taken(owner: Any, field: str, **changes: Any) -> Any:
+    """A field for a parameter of another class, with other conditions or another default.
+
+    Parameters
+    ----------
+    owner : type
+        The other class.
+    field : str
+        Name of its field.
+    **changes : Any
+        To attributes of the parameter, by name.
+
+    Returns
+    -------
+    Any
+        For the body of a dataclass.
+    """
+    (own,) = (stated_field.metadata["parameter"] for stated_field in fields(owner) if stated_field.name == field)
     return stated(named(own, field), **changes)
 
 

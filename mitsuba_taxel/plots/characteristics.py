@@ -55,6 +55,12 @@ def write_characteristics(
 
     Parameters
     ----------
+    folder : Path
+        An existing one.
+    experiments : sequence of Experiment
+        Of a study or a measurement.
+    maps : sequence of TangentialMap
+        Of the same.
     table, pairs : pandas.DataFrame
         As returned by ``characteristics(experiments)`` and ``symmetric_pairs(maps)``.
     volts : pandas.DataFrame, optional
@@ -62,9 +68,10 @@ def write_characteristics(
 
     Returns
     -------
-    The files: ``characteristics.csv``, ``volts.csv``, ``characteristics.tex``, ``sensitivity.png`` and, where they
-    apply, ``sensitivity_against.png``, ``nonlinearity.png``, ``tangential_map.png`` and ``symmetric_pairs.csv``;
-    pictures as SVG too.
+    list[Path]
+        The files: ``characteristics.csv``, ``volts.csv``, ``characteristics.tex``, ``sensitivity.png`` and, where they
+        apply, ``sensitivity_against.png``, ``nonlinearity.png``, ``tangential_map.png`` and ``symmetric_pairs.csv``;
+        pictures as SVG too.
     """
     writers: dict[str, Callable[[Path], Any]] = {
         "characteristics.csv": lambda file: table.to_csv(file, index=False),

@@ -24,6 +24,11 @@ def plot_optimum(figures: pandas.DataFrame, variables: pandas.DataFrame, history
     ----------
     figures, variables, history : pandas.DataFrame
         Those of an ``Optimum``.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
     """
     axes = panel_axes(1, 3, size=(4.6, 3.4), sharex=False)
     _draw_course(axes[0, 0], history, figures.iloc[0])
@@ -109,6 +114,11 @@ def plot_front(front: pandas.DataFrame, units: Sequence[str]) -> Figure:
         That of an ``Optimum``.
     units : Sequence[str]
         Of the two objectives.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
     """
     axes = panel_axes(1, 1)
     ax = axes[0, 0]

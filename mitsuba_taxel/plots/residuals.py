@@ -31,6 +31,11 @@ def plot_residuals(
         Of the settings, as far as known.
     loads : Collection[str]
         Names of the settings that are components of a load.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
     """
     from matplotlib.figure import Figure
 

@@ -33,6 +33,11 @@ def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figu
     ----------
     spread, parameters : pandas.DataFrame
         Those of a ``Tolerance``.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
     """
     names = list(dict.fromkeys(spread.figure))
     grid = axes_of((10.5, 2.6 * len(names) + 0.5), len(names), 2)

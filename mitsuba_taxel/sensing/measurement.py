@@ -150,7 +150,43 @@ def measured(
     continued: Readings | None = None,
     derivatives: Sequence[str] = (),
 ) -> tuple[Readings, Prepared]:
-    """The result of :func:`measure`, and the scene that was read, for further use without reloading."""
+    """The result of :func:`measure`, and the scene that was read, for further use without reloading.
+
+    Parameters
+    ----------
+    scene : Scene or str or Path or dict or mi.Scene or Prepared
+        As for :func:`measure`.
+    target_error : float, optional
+        As for :func:`measure`.
+    points : int, optional
+        As for :func:`measure`.
+    time_budget : float, optional
+        As for :func:`measure`.
+    seed : int
+        As for :func:`measure`.
+    irradiance : bool
+        As for :func:`measure`.
+    mechanics_error : bool
+        As for :func:`measure`.
+    continued : Readings, optional
+        As for :func:`measure`.
+    derivatives : sequence of str
+        As for :func:`measure`.
+
+    Returns
+    -------
+    readings : Readings
+        As of :func:`measure`.
+    ready : Prepared
+        The scene.
+
+    Raises
+    ------
+    InputError
+        as :func:`measure`.
+    ComputationError
+        as :func:`measure`.
+    """
     check_request(target_error, points, seed, time_budget, derivatives)
     target_error, points, time_budget, seed = map(plain_number, (target_error, points, time_budget, seed))
     check_flags(irradiance=irradiance, mechanics_error=mechanics_error)

@@ -48,6 +48,11 @@ def left_out(
         ``time.time()`` before the scene was first loaded; if given, the lines tell whether all meshes and solutions
         came from the disk cache.
 
+    Returns
+    -------
+    list[str]
+        Empty if nothing was omitted.
+
     Raises
     ------
     InputError

@@ -218,10 +218,17 @@ def prepare_for(
         As for :func:`prepare`; only a `Scene` that does not fix the mesh of its pads gets a finer one.
     target_error : float
         Relative; if the mechanics cannot reach it, the light still gets a share of it.
+    seed : int
+        Of the random numbers of pilot runs.
     clock : Clock, optional
         Steps that would not end in time are not started.
     random : bool
         Whether light needs random paths, as for a map, even where readings do not.
+
+    Returns
+    -------
+    PreparedFor
+        The scene, and what is known of its errors.
     """
     scene = described(scene)
     ready, seconds = _timed(scene)
@@ -315,10 +322,21 @@ def finer_mesh(
 
     Parameters
     ----------
+    scene : Scene
+        As described.
+    ready : Prepared
+        The same, loaded.
     tried : list[tuple[float, float]]
         Mesh sizes in mm and the errors found on them, the present one last.
+    wanted_error : float
+        Relative.
     order : float
         Power of the mesh size with which errors fall.
+
+    Returns
+    -------
+    float or None
+        In mm.
     """
     size, error = tried[-1]
     if not scene.leaves_mesh_open or error <= wanted_error:
@@ -355,6 +373,12 @@ def points_for(
 
     Parameters
     ----------
+    ready : Prepared
+        The scene.
+    target_error : float
+        Relative.
+    seed : int
+        Of the random numbers.
     clock : Clock, optional
         If its time does not suffice, the result is `MOST_POINTS`, and the clock decides.
     first : Run, optional
@@ -362,6 +386,11 @@ def points_for(
         that of the scene, and is found once.
     known_error : float
         Relative error without random numbers: the result is 0 if that of paths would not fall below it in time.
+
+    Returns
+    -------
+    int
+        A power of two, or 0.
     """
     found = found_points(ready.scene) if first is None else {}
     if target_error in found:

@@ -13,7 +13,18 @@ __all__ = ["Specification", "specification_of", "specifications"]
 
 @kept(None)
 def specification_of(plugin: str) -> type[Specification]:
-    """The specification of a plugin of this package."""
+    """The specification of a plugin of this package.
+
+    Parameters
+    ----------
+    plugin : str
+        Its name.
+
+    Returns
+    -------
+    type[Specification]
+        The class that is named as the plugin.
+    """
     name = "".join(word.capitalize() for word in plugin.split("_"))
     return getattr(import_module(f"{__name__}.{plugin}"), name)
 

@@ -40,7 +40,13 @@ class PluginPage:
 
 
 def plugin_names() -> list[str]:
-    """Names of all plugins, by kind and then alphabetically."""
+    """Names of all plugins, by kind and then alphabetically.
+
+    Returns
+    -------
+    list[str]
+        As in ``type="..."`` of a scene.
+    """
     files = plugin_files()
     return sorted(files, key=lambda name: (files[name].parent.name, name))
 
@@ -73,10 +79,15 @@ def plugin_page(name: str, convert: Callable[[str], str] = plain) -> PluginPage:
     convert : Callable[[str], str]
         Converts a docstring's RST to the format of the page; the title is always plain.
 
+    Returns
+    -------
+    PluginPage
+        Title, parameters, prose and examples.
+
     Raises
     ------
-    InputError
-        if there is no plugin of that name.
+    ValueError
+        if the file of the plugin has no such page.
     """
     files = plugin_files()
     if name not in files:

@@ -68,6 +68,11 @@ def cut_at_plane(places: np.ndarray, point: np.ndarray, normal: np.ndarray) -> P
         In mm.
     point, normal : (3,) ndarray
         Of the plane.
+
+    Returns
+    -------
+    PatchCuts
+        Parts of each patch.
     """
     at_corners = [int(np.abs(LATTICE - corner).sum(axis=1).argmin()) for corner in WHOLE]
     heights = (places[:, at_corners] - point) @ normal

@@ -62,6 +62,20 @@ def published() -> Iterator[Any]:
                 yield member
 
 
+def shared() -> Iterator[Any]:
+    """Functions that a room imports from another one; those of the evidence are read by nobody else."""
+    for file in sorted((ROOT / "mitsuba_taxel").rglob("*.py")):
+        room = file.relative_to(ROOT / "mitsuba_taxel").parts[0]
+        for node in ast.walk(ast.parse(file.read_text())):
+            words = (node.module or "").split(".") if isinstance(node, ast.ImportFrom) else []
+            if words[:1] != ["mitsuba_taxel"] or words[1:2] in ([], [room], ["evidence"], ["plugins"]):
+                continue
+            for name in (alias.name for alias in node.names):
+                value = inspect.unwrap(resolved(f"{node.module}.{name}"))
+                if inspect.isfunction(value) and value.__doc__:
+                    yield value
+
+
 def fields_of(value: type) -> set[str]:
     """Of a dataclass or a named tuple; no class else has any."""
     if is_dataclass(value):
@@ -102,6 +116,12 @@ def problems(function: Any) -> Iterator[str]:
 def test_published_functions_state_what_goes_in_and_out():
     functions = {f"{function.__module__}.{function.__qualname__}": function for function in published()}
     assert len(functions) > 120
+    assert [problem for function in functions.values() for problem in problems(function)] == []
+
+
+def test_functions_that_other_rooms_call_state_what_goes_in_and_out():
+    functions = {f"{function.__module__}.{function.__qualname__}": function for function in shared()}
+    assert len(functions) > 350
     assert [problem for function in functions.values() for problem in problems(function)] == []
 
 

@@ -31,12 +31,18 @@ def trace(
     integrator : mi.Integrator
         Its ``sample_paths(scene, pair, index, led_index, sampler, pixels)`` returns the power that one path from each
         LED of ``led_index`` brings to the phototransistor of ``index``, and adds it to the map ``pixels``.
+    scene : mi.Scene
+        A loaded one.
+    pair : TaxelPair
+        The arrays.
     points : int
         Paths for each reading and replicate; rounded up to a power of two.
-    first : int
-        Number of the first of them, 0 or a multiple of ``points``, to continue an earlier run.
+    seed : int
+        Of the random numbers.
     replicates : int
         Independent randomisations.
+    first : int
+        Number of the first of them, 0 or a multiple of ``points``, to continue an earlier run.
     image : bool
         Whether to accumulate the irradiance map.
     crosstalk : bool

@@ -33,6 +33,12 @@ def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangl
 
     Parameters
     ----------
+    mesh : mi.Mesh
+        Under construction.
+    props : mi.Properties
+        Of the plugin.
+    places : Places
+        Of the vertices, mm.
     triangles : (T, 3) ndarray
         Int, counter-clockwise seen from outside.
     """

@@ -50,12 +50,17 @@ def kept_off(places: np.ndarray, bodies: RigidBodies, width: float) -> tuple[np.
     ----------
     places : (V, 3) ndarray
         In mm.
+    bodies : RigidBodies
+        That the pad may touch.
     width : float
         In mm, distance below which a point touches a body.
 
     Returns
     -------
-    The points (V, 3), none of them closer than :data:`LEAST`, and (V,) bool.
+    points : (V, 3) ndarray
+        None of them closer than :data:`LEAST`, mm.
+    touches : (V,) ndarray of bool
+        Whether each point touches a body.
     """
     points, triangles = bodies.surface
     corners, outwards = points[triangles], unit(area_normals(points, triangles))

@@ -401,7 +401,34 @@ def pad_path(
     step_tolerance: float = INTERPOLATION_TOLERANCE,
     refinement: Refinement | None = None,
 ) -> PadPath:
-    """The shared path, the same whichever arguments are left out."""
+    """The shared path, the same whichever arguments are left out.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+        In mm.
+    material : Material
+        Elastic law of the silicone.
+    load : Load
+        Of which states have values.
+    mesh_size : float
+        Length of the edges of elements, mm.
+    judged : bool
+        Whether the stability of states is judged.
+    judged_on : float, optional
+        Length of the edges of elements on which it is, mm.
+    bodies : RigidBodies, optional
+        That keep the pad off.
+    step_tolerance : float
+        As of :func:`load_path`.
+    refinement : Refinement, optional
+        Where elements are smaller.
+
+    Returns
+    -------
+    PadPath
+        Which holds what has been solved.
+    """
     return shared(pad, material, load, mesh_size, judged, judged_on, bodies, step_tolerance, refinement)
 
 

@@ -101,6 +101,8 @@ def number_unknowns(
 
     Parameters
     ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
     held : (N,) ndarray
         Whether each node is fixed.
     walls : Mapping[Mirror, int]
@@ -108,6 +110,11 @@ def number_unknowns(
         states without pressure there.
     plate : ndarray, optional
         Nodes that move together, as on a rigid plate that does not rotate.
+
+    Returns
+    -------
+    Numbering
+        Of displacements, then pressures.
     """
     nodes, corners = len(mesh.points), mesh.corner_count
     body = _Dofs(np.append(held, False), corners)  # the plate is an additional node

@@ -21,7 +21,20 @@ from mitsuba_taxel.mechanics.materials.laws import Material
 
 @kept(4)
 def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
-    """The common symmetries of mesh and load distribution, with the image (N,) of each node."""
+    """The common symmetries of mesh and load distribution, with the image (N,) of each node.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    load : Load
+        Whose distribution counts.
+
+    Returns
+    -------
+    dict[Mirror, (N,) ndarray of int]
+        By mirror, the node that is the image of each.
+    """
     return {mirror: image for mirror, image in node_images(mesh).items() if load.is_symmetric(mesh, mirror, image)}
 
 
@@ -34,7 +47,28 @@ def loaded_pad(
     bodies: RigidBodies | None = None,
     ticks: int = TICKS,
 ) -> LoadedPad:
-    """The part of a pad between mirrors, kept off ``bodies`` where the load goes on."""
+    """The part of a pad between mirrors, kept off ``bodies`` where the load goes on.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the whole undeformed pad.
+    material : Material
+        Elastic law of the silicone.
+    load : Load
+        On the whole pad.
+    mirrors : tuple[Mirror, ...]
+        Between which the part lies.
+    bodies : RigidBodies, optional
+        That keep the pad off.
+    ticks : int
+        As of :func:`new_pad`.
+
+    Returns
+    -------
+    LoadedPad
+        Of which equilibria are solved.
+    """
     return new_pad(mesh, material, load, mirrors, mirror_images(mesh, load), bodies, ticks=ticks)
 
 

@@ -53,7 +53,32 @@ def second_state(
     judged_on: float | None = None,
     bodies: RigidBodies | None = None,
 ) -> SecondState | None:
-    """The state of :func:`load_path` under ``value`` on the second mesh that tells its error; None if no mesh does."""
+    """The state of :func:`load_path` on the second mesh that tells its error.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+        As for :func:`load_path`.
+    material : Material
+        As for :func:`load_path`.
+    value : sequence of float
+        Of the load, in N, mm or MPa.
+    load : Load
+        As for :func:`load_path`.
+    mesh_size : float, optional
+        As for :func:`load_path`.
+    mesh_tolerance : float, optional
+        As for :func:`load_path`.
+    judged_on : float, optional
+        As for :func:`load_path`.
+    bodies : RigidBodies, optional
+        That keep the pad off.
+
+    Returns
+    -------
+    SecondState or None
+        None if no mesh tells it.
+    """
     with lock_of(pad):
         size = chosen_size(pad, material, load, mesh_size, mesh_tolerance)
         path = pad_path(pad, material, load, size, judged_on=judged_on, bodies=bodies)

@@ -20,7 +20,18 @@ DIGEST_SIZE = 32
 
 
 def rubs(load: Load) -> bool:
-    """Whether a load has friction, so that states depend on earlier ones."""
+    """Whether a load has friction, so that states depend on earlier ones.
+
+    Parameters
+    ----------
+    load : Load
+        Of any kind.
+
+    Returns
+    -------
+    bool
+        Whether it has.
+    """
     return load.indenter is not None and load.indenter.friction > 0
 
 

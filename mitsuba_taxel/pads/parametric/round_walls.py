@@ -19,6 +19,8 @@ def onto_round_walls(
 
     Parameters
     ----------
+    pad : Pad
+        With the walls, mm.
     points : (N, 3) ndarray
         In mm, undeformed, near the walls.
     region, cell : (N,) ndarray

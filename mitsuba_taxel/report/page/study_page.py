@@ -45,7 +45,8 @@ def write_report(
 
     Returns
     -------
-    Descriptions of what was left out of the page, and why.
+    list[str]
+        Descriptions of what was left out of the page, and why.
 
     Raises
     ------

@@ -186,7 +186,8 @@ def render_parts(
 
     Returns
     -------
-    (H, W, 3) linear sRGB; white is 1.
+    (H, W, 3) ndarray
+        Linear sRGB; white is 1.
 
     Raises
     ------

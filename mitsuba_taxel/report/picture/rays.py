@@ -33,8 +33,12 @@ def plot_paths(scene: mi.Scene, paths: RayPaths, name: str, file: Path) -> None:
     ----------
     scene : mi.Scene
         The scene of the paths.
+    paths : RayPaths
+        Of a taxel, mm.
     name : str
         Name of the scene in the title.
+    file : Path
+        Of the picture, which is replaced if it exists.
     """
     meshes = [mesh for shape in scene.shapes() if (mesh := shape_mesh(shape)) is not None]
     pair, index = find_taxel(scene, paths.taxel)

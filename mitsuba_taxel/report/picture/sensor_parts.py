@@ -79,11 +79,20 @@ def shown_parts(
 
     Parameters
     ----------
+    scene : mi.Scene
+        A loaded one.
     cut : float or str
         Y in mm; ``middle`` for the centres of the middle row of cells (of photo-reflectors without a pad), ``none`` for
         no cut.
     magnify : float
         Factor of the displacements of deformable pads; packages do not move.
+
+    Returns
+    -------
+    parts : list[ShownPart]
+        Surfaces with their materials.
+    cut : float or None
+        In mm.
 
     Raises
     ------

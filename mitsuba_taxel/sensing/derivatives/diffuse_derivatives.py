@@ -55,6 +55,10 @@ def derivatives_by(
 
     Parameters
     ----------
+    changes : list[Rates]
+        Of :func:`rates`, one for each parameter.
+    live : mi.Scene
+        The loaded scene.
     with_errors : bool
         Whether to compute errors, which take most of the time; else they are NaN.
     degree : int
@@ -65,6 +69,11 @@ def derivatives_by(
         Whether to leave out strain and clearance of the pad; they are NaN then.
     patch_size : float, optional
         Size in mm of the patches for the light instead of the default.
+
+    Returns
+    -------
+    Derivatives
+        In W per unit of each parameter.
 
     Raises
     ------

@@ -55,12 +55,23 @@ def derivatives_of_paths(
 
     Parameters
     ----------
+    changes : list[Rates]
+        Of :func:`rates`, one for each parameter.
+    ready : Prepared
+        The scene.
     powers : (R, T) ndarray
         Readings, in W.
+    seed : int
+        Of the readings.
     points : int
         Of the readings, per taxel and replicate.
     fixed : bool
         Whether derivatives take as many points; else up to `MORE_POINTS` times as many, if noise asks for them.
+
+    Returns
+    -------
+    Derivatives
+        In W per unit of each parameter.
 
     Raises
     ------

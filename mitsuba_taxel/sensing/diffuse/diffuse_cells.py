@@ -382,8 +382,22 @@ def _found_mesh(pattern: bytes, degree: int) -> Mesh:
 
 @kept(80)
 def kept_cell(mesh: Mesh, parts: bytes) -> Cell:
-    """Cached for the derivatives of a reading, and for studies that read a scene again: enough for three states of nine
-    cells, which the search for steps and meshes has solved before."""
+    """A solved cell, cached for the derivatives of a reading, and for studies that read a scene again.
+
+    There is room for three states of nine cells, which the search for steps and meshes has solved before.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Its patches.
+    parts : bytes
+        Its other arguments, pickled.
+
+    Returns
+    -------
+    Cell
+        Of the transport of light.
+    """
     return Cell(mesh, *pickle.loads(parts))
 
 

@@ -547,7 +547,13 @@ def is_file(path: Path) -> bool:
 
 
 def shipped_scenes() -> Path:
-    """The folder of the scenes that ship with the package."""
+    """The folder of the scenes that ship with the package.
+
+    Returns
+    -------
+    Path
+        An absolute one.
+    """
     from importlib.resources import files
 
     return Path(str(files("mitsuba_taxel.scenes"))).resolve()

@@ -156,6 +156,11 @@ def sample_paths(
     progress : Callable[[int, int], None]
         Called with the numbers of reaching paths found and wanted.
 
+    Returns
+    -------
+    RayPaths
+        Vertices in mm, and the power of each path in W.
+
     Raises
     ------
     InputError

@@ -155,7 +155,47 @@ def make_batch(
     name: str = "",
     folder: Path = Path(),
 ) -> Batch:
-    """A batch, checked as far as possible without loading a scene; parameters are those of ``sweep``.
+    """A batch, checked as far as possible without loading a scene.
+
+    Parameters
+    ----------
+    source : str or Path
+        Path or name of the scene.
+    vary : Mapping[str, str or Iterable[object]]
+        As for :func:`sweep`.
+    defines : Mapping[str, object], optional
+        As for :func:`sweep`.
+    together : Mapping[str, str or Iterable[object]], optional
+        As for :func:`sweep`.
+    target_error : float, optional
+        As for :func:`sweep`.
+    points : int, optional
+        As for :func:`sweep`.
+    time_budget : float, optional
+        As for :func:`sweep`.
+    mesh_size : float, optional
+        As for :func:`sweep`.
+    seed : int
+        As for :func:`sweep`.
+    maps : bool
+        As for :func:`sweep`.
+    derivatives : sequence of str
+        As for :func:`sweep`.
+    target_slope : float, optional
+        As for :func:`sweep`.
+    circuit : Circuit, optional
+        As for :func:`sweep`.
+    meshes : str
+        As for :func:`sweep`.
+    name : str
+        Of the scene, in a study of several.
+    folder : Path
+        To which names of files are relative.
+
+    Returns
+    -------
+    Batch
+        What is computed.
 
     Raises
     ------

@@ -49,13 +49,14 @@ def deform(
 
     Returns
     -------
-    Per pad and step ``file`` (PLY, mm; a VTU file has the same name), the load's ``quantity``, ``value`` and ``unit``,
-    ``triangles``, ``min_jacobian`` (smallest volume ratio det F), ``newton_iterations`` (0 of a state between solved
-    ones), ``residual`` (norm of the out-of-balance forces, relative to the load), ``stable`` (None if not checked),
-    ``buckled_at`` (value of the load at which the pad buckled on the way, or None), ``imbalance`` (of load and reaction
-    of the board in this state, relative), ``roof_error_mm`` and ``slope_error_degrees`` (estimated discretisation
-    error; None if unknown). Of a viscoelastic silicone also ``time_s`` and ``time_error`` (relative error of the stress
-    due to time steps), else None.
+    list[dict[str, Any]]
+        Per pad and step ``file`` (PLY, mm; a VTU file has the same name), the load's ``quantity``, ``value`` and
+        ``unit``, ``triangles``, ``min_jacobian`` (smallest volume ratio det F), ``newton_iterations`` (0 of a state
+        between solved ones), ``residual`` (norm of the out-of-balance forces, relative to the load), ``stable`` (None
+        if not checked), ``buckled_at`` (value of the load at which the pad buckled on the way, or None), ``imbalance``
+        (of load and reaction of the board in this state, relative), ``roof_error_mm`` and ``slope_error_degrees``
+        (estimated discretisation error; None if unknown). Of a viscoelastic silicone also ``time_s`` and ``time_error``
+        (relative error of the stress due to time steps), else None.
 
     Raises
     ------

@@ -329,7 +329,18 @@ def missed_slope(
 
 
 def study_error_budget(study: xr.Dataset) -> dict[str, float]:
-    """The error budget of `Readings`, for the worst reading of a study; those that failed are left out."""
+    """The error budget of `Readings`, for the worst reading of a study; those that failed are left out.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    dict[str, float]
+        Relative errors by source.
+    """
     read = np.isfinite(study.power.values)
     power, light = study.power.values[read], study.standard_error.values[read]
     mechanics, geometry = (
