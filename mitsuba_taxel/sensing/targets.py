@@ -377,8 +377,6 @@ def points_for(
         The scene.
     target_error : float
         Relative.
-    seed : int
-        Of the random numbers.
     clock : Clock, optional
         If its time does not suffice, the result is `MOST_POINTS`, and the clock decides.
     first : Run, optional

@@ -89,7 +89,29 @@ class SurfacePart:
 
 @kept(4)
 def surface_of(content: bytes, suffix: str, rules: tuple[Rule, ...], placement: Placement) -> SurfacePart:
-    """The whole surface of the pad in a file, repaired, with regions and cells."""
+    """The whole surface of the pad in a file, repaired, with regions and cells.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the file.
+    suffix : str
+        Its ending, which tells the format.
+    rules : tuple[Rule, ...]
+        Regions of faces; the first rule that matches applies.
+    placement : Placement
+        How the file's geometry becomes that of the pad in mm.
+
+    Returns
+    -------
+    SurfacePart
+        Vertices in mm, triangles, and the region and cell of each.
+
+    Raises
+    ------
+    InputError
+        if the file holds no pad; `GeometryError` with the place of what is wrong with its surface.
+    """
     vertices, triangles = repaired(*read_surface(content, suffix, placement))
     region, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), rules, placement)
     return SurfacePart((), vertices, triangles, region, cell)
