@@ -121,21 +121,21 @@ def command(
                 "target_slope": target_slope,
                 "circuit": circuit_in(circuit),
             }
-            rows = {**together, **(columns_of(steps, known=parameters_in(source)) if steps else {})}
+            rows = {**together, **(columns_of(steps, parameters=parameters_in(source)) if steps else {})}
             study = sweep(source, vary, defines, together=rows, output=folder, progress=progress, **what, **how)
     studies = {"": study}
     if isinstance(study, xr.DataTree):
-        studies = {name: one.to_dataset() for name, one in study.children.items()}
+        studies = {name: child.to_dataset() for name, child in study.children.items()}
     if as_json:
-        described = {name: _as_json(one) for name, one in studies.items()}
+        described = {name: _as_json(child) for name, child in studies.items()}
         about = {"output": str(folder), "failures": study.attrs["failures"].splitlines()}
         print_json({**about, **(described.get("") or {"scenes": described})})
     else:
-        for name, one in studies.items():
-            _show(name, one)
+        for name, child in studies.items():
+            _show(name, child)
         print(f"Results: {folder}")
     _end(study.attrs["failures"].splitlines(), folder)
-    notes = [(name, note) for name, one in studies.items() for note in one.attrs["notes"].splitlines()]
+    notes = [(name, note) for name, child in studies.items() for note in child.attrs["notes"].splitlines()]
     end_beyond_target(f"{name}: {note}" if name else note for name, note in notes)
 
 
@@ -151,7 +151,7 @@ def _as_json(study) -> dict[str, object]:
 
     from .tables import known, records
 
-    budget = {source: known(share) for source, share in study_error_budget(study).items()}
+    budget = {source: known(fraction) for source, fraction in study_error_budget(study).items()}
     return {"sensitivity": records(summary_table(study)), "error_budget": budget, "seconds": stage_totals(study)}
 
 

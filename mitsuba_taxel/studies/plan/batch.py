@@ -32,9 +32,9 @@ RUN_KEYS = (
     "circuit", "meshes",
 )  # fmt: skip
 CHOSEN = ("target_error", "points", "time_budget", "mesh_size", "target_slope")
-"""Optional keys among them."""
+"""Keys of a run that a written study file holds only if they have a value."""
 KEPT_MESHES = ("all", "last", "none")
-"""Which deformed pads are stored: those of all scenes, of the last scene of each curve, or none."""
+"""Choices of the deformed pads to store: of all scenes, of the last scene of each curve, or none."""
 WRITTEN_KEYS = ("provenance",)
 """Additional keys of a study file in a folder of results, which can be run again unchanged."""
 
@@ -88,13 +88,13 @@ class Batch:
 
     def scene(self, values: Mapping[str, str]) -> Scene:
         """The scene with these values of the varied parameters."""
-        told = {**self.defines, **values}
-        return Scene(self.file, {name: word for name, word in told.items() if name != TO_CONTACT}, self.mesh_size)
+        assigned = {**self.defines, **values}
+        return Scene(self.file, {name: word for name, word in assigned.items() if name != TO_CONTACT}, self.mesh_size)
 
     def parameters(self, values: Mapping[str, str]) -> dict[str, str]:
-        """All parameters of that scene, and `TO_CONTACT` if it is given."""
-        told = {**self.defines, **values}
-        return {**self.scene(values).parameters, **{name: told[name] for name in (TO_CONTACT,) if name in told}}
+        """All parameters of :meth:`scene` by name, and `TO_CONTACT` if it has a value."""
+        assigned = {**self.defines, **values}
+        return {**self.scene(values).parameters, **{name: assigned[name] for name in (TO_CONTACT,) if name in assigned}}
 
     @property
     def varied_forces(self) -> tuple[str, ...]:
@@ -103,12 +103,12 @@ class Batch:
 
     @cached_property
     def forces(self) -> dict[str, tuple[str, int]]:
-        """By parameter, the component of the force that it is, and its sign; see `forces_of_parameters`."""
+        """Component of the force and its sign, by the name of its parameter; see `forces_of_parameters`."""
         return forces_of_parameters(self.file)
 
     @cached_property
     def roles(self) -> dict[str, tuple[str, int]]:
-        """By parameter, what it is, and its sign; see `roles_of_parameters`."""
+        """Role and sign of each parameter, by its name; see `roles_of_parameters`."""
         return roles_of_parameters(self.file)
 
     @property
@@ -205,8 +205,11 @@ def make_batch(
     if not isinstance(source, (str, Path)):
         kind = type(source).__name__
         raise InputError(f"a scene of type {kind} is not allowed in a study: path or name of an XML file is needed.")
-    beside = folder / source
-    file = find_scene(beside if is_file(beside) else source).resolve()
+    # The scene: a file relative to the study's folder precedes a shipped scene of the same name.
+    relative = folder / source
+    file = find_scene(relative if is_file(relative) else source).resolve()
+
+    # The dimensions.
     fixed = {name: word_of(value) for name, value in table_of("defines", defines, "values").items()}
     forces = forces_of_parameters(file)
     roles = roles_of_parameters(file)
@@ -214,16 +217,20 @@ def make_batch(
     for parameter in (name for axis in axes for name in axis.values):
         if parameter in fixed:
             raise InputError(f"{parameter} is both varied and given a value: take one of them out.")
+
+    # Settings of the run, each checked alone, then together with the derivatives.
     if points is not None and time_budget is not None:
         raise InputError("points and time_budget exclude each other in a study: give one of them.")
     if mesh_size is not None and not (is_number(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size!r} is not allowed: a finite size in mm above 0 is needed.")
     if not isinstance(maps, (bool, np.bool_)):
         raise InputError(f"maps = {maps!r} is not allowed: true or false is needed.")
-    by = names_of("derivatives", derivatives)
+    differentiated = names_of("derivatives", derivatives)
     if target_slope is not None:
-        by = tuple(dict.fromkeys((*by, *_forces_for(target_slope, axes, forces))))
-    check_request(target_error, points, seed, time_budget, [*by, *(axis.dim for axis in axes if axis.is_open)])
+        differentiated = tuple(dict.fromkeys((*differentiated, *_forces_for(target_slope, axes, forces))))
+    # Steps of an open range are chosen from derivatives by its parameter.
+    open_ranges = [axis.dim for axis in axes if axis.is_open]
+    check_request(target_error, points, seed, time_budget, [*differentiated, *open_ranges])
     if circuit is not None:
         require("circuit", circuit, Circuit, "a Circuit")
     if not isinstance(meshes, str) or meshes not in KEPT_MESHES:
@@ -239,28 +246,31 @@ def make_batch(
         mesh_size=plain_number(mesh_size),
         seed=plain_number(seed),
         maps=bool(maps),
-        derivatives=by,
+        derivatives=differentiated,
         target_slope=plain_number(target_slope),
         circuit=circuit,
         meshes=meshes,
     )
-    scene = batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # or no such names
+
+    # The scene with the first values: it refuses unknown parameters, and lists those without effect.
+    scene = batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})
     for parameter in (name for axis in axes for name in axis.values if name in scene.unused):
         raise InputError(f"{parameter} cannot be varied: nothing in {scene.name} uses its <default>.")
-    alone = [axis.dim for axis in axes if axis.dim != STEP]
+
+    # Steps with times get the load history of each step as one more column.
+    varied_alone = [axis.dim for axis in axes if axis.dim != STEP]
     constants = load_constants(file)
-    past = [
-        histories(axis.values, scene.parameters, alone, roles, constants) if axis.dim == STEP else None for axis in axes
-    ]
-    filled = [
-        axis._replace(values={**axis.values, **words}) if words else axis
-        for axis, words in zip(axes, past, strict=True)
-    ]
-    return replace(batch, axes=tuple(filled))
+    with_histories = []
+    for axis in axes:
+        if axis.dim == STEP:
+            history = histories(axis.values, scene.parameters, varied_alone, roles, constants) or {}
+            axis = axis._replace(values={**axis.values, **history})
+        with_histories.append(axis)
+    return replace(batch, axes=tuple(with_histories))
 
 
 def loads_among(roles: Mapping[str, tuple[str, int]]) -> list[str]:
-    """Names of the parameters with these roles that are components of a load.
+    """Names of the parameters whose role is a component of a load.
 
     Parameters
     ----------
@@ -302,26 +312,26 @@ def _forces_for(target_slope: object, axes: Iterable[Axis], names: Collection[st
 
 
 def read_study_of(table: str, file: Path) -> tuple[dict[str, Any], Any]:
-    """A study file of one scene as it stands, without its table of a name, and that table; None if it has none.
+    """A study file of one scene that holds an additional table, such as ``[fit]``.
 
     Parameters
     ----------
     table : str
-        Its name, such as ``fit``.
+        Name of the additional table.
     file : Path
-        The study file.
+        Study file (TOML).
 
     Returns
     -------
-    content : dict[str, Any]
-        Of the study.
+    study : dict[str, Any]
+        Content of the file as :func:`read_study` returns it, without the table.
     own : Any
-        The table; None without one.
+        Content of the table, unchecked; None if the file has none.
 
     Raises
     ------
     InputError
-        if it cannot be read, holds what no study has, or several scenes.
+        if the file cannot be read, has unknown keys, or holds several scenes.
     """
     content = read_study(file, besides=(table,))
     if len(content["scenes"]) > 1 or "name" in content["scenes"][0]:
@@ -331,13 +341,27 @@ def read_study_of(table: str, file: Path) -> tuple[dict[str, Any], Any]:
 
 
 def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The content of a study file, its scenes in a list under ``scenes``; ``besides`` names additional allowed keys.
+    """The content of a study file.
+
+    Parameters
+    ----------
+    file : str or Path
+        Study file (TOML), of one scene or with ``[[scenes]]``.
+    besides : tuple[str, ...]
+        Keys that are allowed in addition to those of a study.
+
+    Returns
+    -------
+    dict[str, Any]
+        Keys and values of the file. Its scenes are a list of tables under ``scenes``, also if there is only one, which
+        has a ``name`` only in a file with ``[[scenes]]``.
 
     Raises
     ------
     InputError
-        if it cannot be read, or has unknown keys.
+        if the file cannot be read, or has unknown keys.
     """
+    # The file, with the scenes of both forms of a study in a list.
     content = read_toml(f"study {str(file)!r}", Path(file))
     several = "scenes" in content
     allowed = (*RUN_KEYS, *WRITTEN_KEYS, *besides, *(("scenes",) if several else SCENE_KEYS))
@@ -347,6 +371,7 @@ def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any
         scenes = [{name: content.pop(name) for name in SCENE_KEYS if name in content}]
     if not (isinstance(scenes, list) and scenes and all(isinstance(scene, dict) for scene in scenes)):
         raise InputError(f"study {Path(file).name}: scenes is not allowed as it stands: [[scenes]] tables are needed.")
+    # Each scene: known keys, and tables of values.
     for number, scene in enumerate(scenes, start=1):
         where = f"scene {number} of {Path(file).name}" if several else f"study {Path(file).name}"
         _check_names(scene, (*SCENE_KEYS, *(("name",) if several else ())), where)
@@ -357,6 +382,7 @@ def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any
                 raise InputError(
                     f"{where}: {name} = {scene[name]!r} is not allowed: a table of values by parameter is needed."
                 )
+    # Names are subfolders of the results.
     names = [scene.get("name", "") for scene in scenes]
     if several and not all(isinstance(name, str) and name.isidentifier() for name in names):
         raise InputError(f"study {Path(file).name}: names = {names} are not allowed: letters, digits and _ are needed.")
@@ -366,16 +392,16 @@ def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any
 
 
 def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
-    """The batch of one scene of a study from :func:`read_study`; files are relative to ``folder``.
+    """The batch of one scene of a study.
 
     Parameters
     ----------
     study : Mapping[str, Any]
-        Of :func:`read_study`.
+        Content of a study file from :func:`read_study`.
     number : int
-        Of the scene, from 0.
+        Index of the scene in its ``scenes``.
     folder : Path
-        Of the study file.
+        Folder to which paths in the study are relative.
 
     Returns
     -------
@@ -393,7 +419,7 @@ def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
     tables = {name: scene.get(name, {}) for name in TABLES}
     together = dict(tables["together"])
     if "steps" in scene:
-        together.update(columns_of(folder / str(scene["steps"]), known=parameters_in(str(scene["scene"]), folder)))
+        together.update(columns_of(folder / str(scene["steps"]), parameters=parameters_in(str(scene["scene"]), folder)))
     run = {name: study[name] for name in RUN_KEYS if name in study}
     if "circuit" in run:
         run["circuit"] = circuit_of(run["circuit"])
@@ -409,14 +435,14 @@ def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
 
 
 def parameters_in(source: str, folder: Path = Path()) -> Mapping[str, str]:
-    """Defaults of the parameters of a scene as a study states it; none if there is no such scene.
+    """Default values of the parameters of a scene, by name; empty if the scene cannot be read.
 
     Parameters
     ----------
     source : str
-        Path or name of the scene.
+        File relative to ``folder``, or the name of a shipped scene.
     folder : Path
-        Of the study file.
+        Folder of the study file.
 
     Returns
     -------
@@ -424,14 +450,14 @@ def parameters_in(source: str, folder: Path = Path()) -> Mapping[str, str]:
         Defaults by name.
     """
     try:
-        beside = folder / source
-        return Scene(beside if is_file(beside) else source).defaults
-    except InputError:  # which is reported where the scene is needed
+        relative = folder / source
+        return Scene(relative if is_file(relative) else source).defaults
+    except InputError:  # reported where the scene is loaded
         return {}
 
 
-def columns_of(file: Path, what: str = "steps", known: Collection[str] = ()) -> dict[str, list[str]]:
-    """The columns of a CSV file of steps, or of ``what`` messages say; see :func:`read_steps`.
+def columns_of(file: Path, what: str = "steps", parameters: Collection[str] = ()) -> dict[str, list[str]]:
+    """The columns of a CSV file of steps, as lists of words by parameter; arguments are those of :func:`read_steps`.
 
     Parameters
     ----------
@@ -439,7 +465,7 @@ def columns_of(file: Path, what: str = "steps", known: Collection[str] = ()) -> 
         The CSV file.
     what : str
         What it is, for messages.
-    known : collection of str
+    parameters : collection of str
         Parameters of the scene.
 
     Returns
@@ -447,7 +473,7 @@ def columns_of(file: Path, what: str = "steps", known: Collection[str] = ()) -> 
     dict[str, list[str]]
         Values by parameter.
     """
-    rows = read_steps(file, what, known)
+    rows = read_steps(file, what, parameters)
     return {name: [row[name] for row in rows] for name in rows[0]}
 
 

@@ -36,7 +36,13 @@ def make_folder(folder: Path) -> None:
 
 
 def make_empty_folder(folder: Path) -> None:
-    """The same for a folder that must be empty, so that results of two studies never mix."""
+    """Create ``folder`` as :func:`make_folder` does, and check that it is empty: results of two studies never mix.
+
+    Raises
+    ------
+    InputError
+        if it cannot be created or written to, or holds anything.
+    """
     make_folder(folder)
     if any(folder.iterdir()):
         raise InputError(f"output folder {folder} is not empty: results of two studies would mix.")
@@ -48,9 +54,9 @@ def check_new_file(file: Path, *suffixes: str) -> None:
     Parameters
     ----------
     file : Path
-        Which need not exist.
+        File to be written; it may exist.
     *suffixes : str
-        Endings in small letters, with the dot.
+        Allowed suffixes, in lower case with their dot.
 
     Raises
     ------

@@ -27,17 +27,21 @@ def grown(batch: Batch, stored: Mapping[str, Any]) -> Batch:
     batch that does not extend the stored study is returned unchanged.
     """
     before = make_axes(stored.get("vary", {}), stored.get("together"), forces=batch.forces, loads=batch.loads)
+
+    # Each dimension of the stored study is merged with the requested values, or with the requested fixed value.
     fixed, defines = stored["provenance"]["parameters"], dict(batch.defines)
     now = {axis.dim: axis for axis in batch.axes}
     axes = []
     for axis in before:
         if axis.dim not in now and axis.dim not in defines:
             return batch
-        asked = now.pop(axis.dim, None) or Axis(axis.dim, {axis.dim: [defines.pop(axis.dim)]})
-        joined = _rows(axis, asked) if axis.dim == STEP else _values(axis, asked)
+        requested = now.pop(axis.dim, None) or Axis(axis.dim, {axis.dim: [defines.pop(axis.dim)]})
+        joined = _rows(axis, requested) if axis.dim == STEP else _values(axis, requested)
         if joined is None:
             return batch
         axes.append(joined)
+
+    # Each dimension that is new gets the value that was fixed in the stored study.
     for axis in now.values():
         if axis.dim == STEP or axis.dim not in fixed:
             return batch
@@ -46,104 +50,131 @@ def grown(batch: Batch, stored: Mapping[str, Any]) -> Batch:
 
 
 def _better(batch: Batch, stored: Mapping[str, Any]) -> dict[str, Any]:
-    """The stricter of the targets that both have; the stored one where none is requested."""
+    """Targets of the extended study: the stored ones if the batch has none, else the stricter where both have one."""
     if all(getattr(batch, name) is None for name in (*TARGETS, "time_budget")):
         return {name: stored.get(name) for name in TARGETS}
     both = [name for name in TARGETS if getattr(batch, name) is not None and name in stored]
     return {name: (max if name == "points" else min)(getattr(batch, name), stored[name]) for name in both}
 
 
-def _rows(before: Axis, asked: Axis) -> Axis | None:
-    """The longer of two dimensions of rows, if it starts with the rows of the other."""
-    longer, shorter = sorted((before, asked), key=lambda axis: axis.size, reverse=True)
+def _rows(before: Axis, requested: Axis) -> Axis | None:
+    """The longer of two dimensions of rows, if it starts with the rows of the shorter; else None."""
+    longer, shorter = sorted((before, requested), key=lambda axis: axis.size, reverse=True)
     if longer.values.keys() != shorter.values.keys():
         return None
     same = all(_keys(longer.values[name])[: len(words)] == _keys(words) for name, words in shorter.values.items())
     return longer if same else None
 
 
-def _values(before: Axis, asked: Axis) -> Axis:
-    """The values of both dimensions, stored ones as they were written."""
-    old, new = before.values[before.dim], asked.values[asked.dim]
-    known = dict(zip(_keys(old), old, strict=True))
-    if known.keys() <= set(_keys(new)):
-        merged = [known.get(key, word) for key, word in zip(_keys(new), new, strict=True)]
+def _values(before: Axis, requested: Axis) -> Axis:
+    """A dimension with the values of both; values that are stored keep their wording, which names their results."""
+    old, new = before.values[before.dim], requested.values[requested.dim]
+    stored_words = dict(zip(_keys(old), old, strict=True))
+    # The request holds all stored values: it determines the order.
+    if stored_words.keys() <= set(_keys(new)):
+        merged = [stored_words.get(key, word) for key, word in zip(_keys(new), new, strict=True)]
         return Axis(
             before.dim,
             {before.dim: merged},
-            is_force=before.is_force or asked.is_force,
-            is_load=before.is_load or asked.is_load,
+            is_force=before.is_force or requested.is_force,
+            is_load=before.is_load or requested.is_load,
         )
-    joined = old + [word for key, word in zip(_keys(new), new, strict=True) if key not in known]
+
+    # Stored values come first, then new ones; they are sorted if both were monotonic.
+    joined = old + [word for key, word in zip(_keys(new), new, strict=True) if key not in stored_words]
     numbers = as_numbers(joined)
-    if numbers and all(_one_way(as_numbers(words)) for words in (old, new)):
+    if numbers and all(_is_monotonic(as_numbers(words)) for words in (old, new)):
         falls = any(words[-1] < words[0] for words in map(as_numbers, (old, new)) if words)
-        joined = [joined[place] for place in np.argsort(numbers, kind="stable")]
+        joined = [joined[index] for index in np.argsort(numbers, kind="stable")]
         joined = joined[::-1] if falls else joined
     return Axis(
         before.dim,
         {before.dim: joined},
-        is_force=before.is_force or asked.is_force,
-        is_load=before.is_load or asked.is_load,
+        is_force=before.is_force or requested.is_force,
+        is_load=before.is_load or requested.is_load,
     )
 
 
-def _one_way(numbers: Sequence[float] | None) -> bool:
+def _is_monotonic(numbers: Sequence[float] | None) -> bool:
+    """Whether numbers rise strictly, or fall strictly."""
     steps = np.diff(numbers or [])
     return bool(np.all(steps > 0) or np.all(steps < 0))
 
 
 def _keys(words: Sequence[str]) -> list[Any]:
-    """Keys for comparing words: numbers where they are numbers."""
+    """Keys by which words are compared: their numbers, so that 1 equals 1.0, or else the words."""
     return [number[0] if (number := as_numbers([word])) else word for word in words]
 
 
 def without_failed(stored: Mapping[str, Any], batch: Batch, done: Set[int], failed: Set[int]) -> dict[str, Any]:
-    """A stored study without the values of its varied parameters that lead nowhere: none of their scenes has a result,
-    the batch does not ask for them, and one of their scenes has failed, or they are words among numbers.
+    """A stored study without varied values that only failed.
+
+    A value is dropped if none of its scenes has a result, the batch does not request it, and one of its scenes has
+    failed or it is a word among numbers.
 
     Parameters
     ----------
+    stored : Mapping[str, Any]
+        Content of the stored study file.
+    batch : Batch
+        The requested study.
     done, failed : Set[int]
-        Numbers of the stored jobs.
+        Numbers of the stored jobs with a result, and with a failure.
+
+    Returns
+    -------
+    dict[str, Any]
+        The stored content with a reduced table ``vary``.
     """
+    # For each dimension, the indices of values with a result and with a failure.
     axes = make_axes(stored.get("vary", {}), stored.get("together"))
     shape = tuple(axis.size for axis in axes)
     numbers = (np.array([number for number in jobs if number < prod(shape)], dtype=int) for jobs in (done, failed))
-    reached, stopped = ([set(along.tolist()) for along in np.unravel_index(each, shape)] for each in numbers)
-    asked = {axis.dim: axis.values[axis.dim] for axis in batch.axes if axis.dim != STEP}
-    asked |= {name: [word] for name, word in batch.defines.items()}
+    reached, stopped = ([set(along.tolist()) for along in np.unravel_index(flat, shape)] for flat in numbers)
+
+    # Values with a result, requested values, and values that may still be computed are kept.
+    requested = {axis.dim: axis.values[axis.dim] for axis in batch.axes if axis.dim != STEP}
+    requested |= {name: [word] for name, word in batch.defines.items()}
     vary = {}
-    for place, axis in enumerate(axes):
+    for dimension, axis in enumerate(axes):
         if axis.dim == STEP:
             continue
-        words, wanted = axis.values[axis.dim], asked.get(axis.dim, [])
-        keys, numeric = set(_keys(wanted)), bool(wanted) and as_numbers(wanted) is not None
+        words, requested_words = axis.values[axis.dim], requested.get(axis.dim, [])
+        keys, numeric = set(_keys(requested_words)), bool(requested_words) and as_numbers(requested_words) is not None
         vary[axis.dim] = [
             word
             for index, (key, word) in enumerate(zip(_keys(words), words, strict=True))
-            if index in reached[place]
+            if index in reached[dimension]
             or key in keys
-            or not (index in stopped[place] or (numeric and isinstance(key, str)))
+            or not (index in stopped[dimension] or (numeric and isinstance(key, str)))
         ]
     return {**stored, "vary": vary}
 
 
 def moves(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[int, int | None] | None:
-    """New numbers of the jobs of a stored study, by their old numbers, None for those that the new one does not hold;
-    None if it is another study.
+    """New numbers of the jobs of a stored study that is extended.
 
-    Both are contents of study files in folders of results.
+    Parameters
+    ----------
+    before, now : Mapping[str, Any]
+        Contents of the stored and of the extended study file, with their provenance.
+
+    Returns
+    -------
+    dict[int, int or None] or None
+        New number by old number, None for a job that the extended study does not hold. None instead of the dictionary
+        if the two differ in anything that an extension may not change.
     """
     kept = [
-        {name: value for name, value in one.items() if name not in (*GROWING, "provenance")} for one in (before, now)
+        {name: value for name, value in study.items() if name not in (*GROWING, "provenance")}
+        for study in (before, now)
     ]
-    origins = [{**one["provenance"], "parameters": None} for one in (before, now)]
+    origins = [{**study["provenance"], "parameters": None} for study in (before, now)]
     if kept[0] != kept[1] or origins[0] != origins[1]:
         return None
     old, new = _parameters(before), _parameters(now)
-    places = {frozenset(parameters.items()): number for number, parameters in enumerate(new)}
-    return {number: places.get(frozenset(parameters.items())) for number, parameters in enumerate(old)}
+    new_numbers = {frozenset(parameters.items()): number for number, parameters in enumerate(new)}
+    return {number: new_numbers.get(frozenset(parameters.items())) for number, parameters in enumerate(old)}
 
 
 def _parameters(study: Mapping[str, Any]) -> list[dict[str, str]]:

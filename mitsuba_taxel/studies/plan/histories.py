@@ -19,21 +19,27 @@ def histories(
     roles: Mapping[str, tuple[str, int]] = MappingProxyType({}),
     constants: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, list[str]] | None:
-    """The load history of each step, by the name of its parameter; None where steps have no times or give their
-    histories themselves.
+    """The load history of each step of a load path with times.
 
     Parameters
     ----------
     steps : Mapping[str, Sequence[str]]
         Words by parameter, one for each step.
     parameters : Mapping[str, str]
-        Of the scene. Load components that steps do not give keep its values, or are 0.
+        Parameters of the scene. Load components without a column in the steps keep its values, or are 0.
     varied : Sequence[str]
-        Parameters that are varied besides.
+        Names of parameters that are varied in other dimensions of the study.
     roles : Mapping[str, tuple[str, int]]
-        What parameters are, and their signs; see `roles_of_parameters`. Others are what they are called.
+        Roles of parameters and their signs; see `roles_of_parameters`. A parameter without an entry has its name as
+        role.
     constants : Mapping[str, str]
         Components of the load that no parameter changes, by role.
+
+    Returns
+    -------
+    dict[str, list[str]] or None
+        By the name of the history's parameter, one word for each step: times and loads of all earlier steps. None if
+        the steps have no times, or a column of histories already.
 
     Raises
     ------
@@ -52,13 +58,16 @@ def histories(
         raise InputError(
             "steps with a column time need a scene with the parameter history, which receives the earlier loads."
         )
-    # The kind of load is that of the steps, else that of the scene.
-    known = {**parameters, **steps}
+
+    # The load's components: those that are columns of the steps, else those that are parameters of the scene.
+    available = {**parameters, **steps}
     names = next((names for names in LOADS if {*map(name_of, names)} & set(steps)), None)
-    names = names or next((names for names in LOADS if {*map(name_of, names)} & set(known)), FORCES)
-    beside = [name for name in (*map(name_of, names), time, history) if name in varied]
-    if beside:
-        raise InputError(f"{beside[0]} cannot be varied beside steps with times: give it in the steps.")
+    names = names or next((names for names in LOADS if {*map(name_of, names)} & set(available)), FORCES)
+    conflicts = [name for name in (*map(name_of, names), time, history) if name in varied]
+    if conflicts:
+        raise InputError(f"{conflicts[0]} cannot be varied beside steps with times: give it in the steps.")
+
+    # One column for the time and one for each component of the load, as the plugin reads them.
     count = len(steps[time])
     if count > MOST_HISTORY:
         raise InputError(f"{count} steps with times are not allowed: at most {MOST_HISTORY} are.")
@@ -69,21 +78,20 @@ def histories(
         columns.append([_negative(word) for word in words] if sign < 0 else list(words))
     rows = [" ".join(row) for row in zip(*columns, strict=True)]
     if as_numbers(" ".join(rows).split()) is None:
-        shown = ", ".join(name_of(role) for role in (TIME, *names) if name_of(role) in known)
+        shown = ", ".join(name_of(role) for role in (TIME, *names) if name_of(role) in available)
         raise InputError(f"steps with times need finite numbers for {shown}.")
-    _check_times([float(word) for word in columns[0]])
+    for number, (before, now) in enumerate(pairwise(float(word) for word in columns[0]), start=2):
+        if now < before:
+            raise InputError(
+                f"steps: time = {now:g} s in row {number} is not allowed: at least {before:g} s is needed."
+            )
+
+    # Each step's history is that of the scene, or an unloaded state at time 0, and all rows before the step.
     earlier = [parameters[history] if parameters[history].strip() else " ".join(["0"] * (1 + len(names)))]
     return {history: ["; ".join([*earlier, *rows[:number]]) for number in range(count)]}
 
 
 def _negative(word: str) -> str:
+    """The word of a number with the opposite sign; 0 is unchanged."""
     word = word.strip()
     return word[1:] if word.startswith("-") else word if as_numbers([word]) == [0.0] else f"-{word.removeprefix('+')}"
-
-
-def _check_times(times: Sequence[float]) -> None:
-    for number, (before, time) in enumerate(pairwise(times), start=2):
-        if time < before:
-            raise InputError(
-                f"steps: time = {time:g} s in row {number} is not allowed: at least {before:g} s is needed."
-            )

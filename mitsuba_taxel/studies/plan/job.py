@@ -1,4 +1,4 @@
-"""Jobs of a study: one scene each, and what comes of it."""
+"""Jobs of a study, one for each scene, and their outcomes: a result or a failure."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ class Job:
     file : Path
         The scene.
     parameters : dict[str, str]
-        Values of its parameters, and of `TO_CONTACT`, with which derivatives are those of the first contact instead.
+        Values of its parameters. With a value of `TO_CONTACT`, derivatives are those of the first contact, not of the
+        readings.
     points, seed : int
         As for ``measure``; 0 if light should be computed without random numbers.
     mesh_size : float or None
@@ -38,19 +39,20 @@ class Job:
     mechanics_error : bool
         As for ``measure``.
     meshes, maps : bool
-        Whether to return the surfaces of its pads, and its irradiance map.
+        Whether to return the surfaces of the deformed pads, and the irradiance map.
     derivatives : tuple[str, ...]
         As for ``measure``; their errors are computed together with that of the mechanics.
     where_smooth : bool
-        Whether they are computed only where readings need no random numbers, and left out without a remark elsewhere.
+        Whether derivatives are computed only if the readings need no random numbers, and else omitted without a remark.
     bare : bool
         Whether the error of the pads' shape may remain unknown.
     continued : Readings or None
         Readings of the same scene with fewer points, which this job extends.
     sides : dict[str, int]
-        On which side all curves of the study go on from here, by parameter: 1 at larger, -1 at smaller values.
+        Side on which all other values of a parameter in the study lie, by parameter: 1 if they are larger, -1 if
+        smaller, 0 if on both sides. Derivatives at a kink are those of that side.
     plugins : tuple[Path, ...]
-        Files of the user's own plugins, which the process that computes it runs first.
+        Files of the user's own plugins, loaded by the process that computes the job.
     """
 
     number: int
@@ -99,8 +101,17 @@ class Failure:
 
 
 def describe(values: Mapping[str, str], roles: Mapping[str, Sequence[Any]] = MappingProxyType({})) -> str:
-    """Values of parameters, in words, without the load history, what meshes are moved from, and the way to contact if
-    any else is told. Parameters without one of the ``roles`` are what they are called."""
+    """Values of parameters as text, such as ``fz=-4, fx=1``, by which messages identify a scene.
+
+    Load histories and the mesh's reference scene are omitted, and `TO_CONTACT` too unless it is the only value.
+
+    Parameters
+    ----------
+    values : Mapping[str, str]
+        Values by parameter.
+    roles : Mapping[str, Sequence[Any]]
+        Role and sign by parameter. A parameter without an entry has its name as role.
+    """
     past = {name for name, (role, *_) in roles.items() if role == HISTORY} or {HISTORY}
     shown = {name: value for name, value in values.items() if name not in past | {MESHED_AS}}
     if shown.keys() - {TO_CONTACT}:

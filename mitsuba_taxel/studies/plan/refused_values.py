@@ -1,4 +1,4 @@
-"""Values of a batch that no scene takes, before anything is computed or written."""
+"""Refusal of values that no scene of a batch accepts, before anything is computed or written."""
 
 from __future__ import annotations
 
@@ -13,28 +13,29 @@ from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import Axis
 
 MOST_VALUES = 64
-"""Of a longer dimension, the words and the least and largest numbers are checked: ranges have two ends."""
+"""Largest dimension whose values are all checked. In a longer one, words and the two extreme numbers are checked."""
 MOST_OTHERS = 8
-"""Combinations of the other dimensions with which a value is tried, spread evenly, before it is refused."""
+"""Number of combinations of the other dimensions, spread evenly, that must all refuse a value."""
 
 
 def check_values(batch: Batch) -> None:
-    """Raise for a value that each scene with it refuses, or a derivative that none has; what only some combinations
-    refuse fails there alone.
+    """Refuse a batch with a value that all scenes refuse, or with a derivative that no scene has.
+
+    A value that only some combinations refuse is allowed: these scenes fail, others are computed.
 
     Raises
     ------
     InputError
-        that names the value, and says what is allowed.
+        if there is such a value or derivative; the message names it and says what is allowed.
     """
     from mitsuba_taxel.sensing.scene.parsed_parts import refusal_of
 
     for axis in batch.axes:
-        others = [each for each in batch.axes if each is not axis]
+        other_axes = [dimension for dimension in batch.axes if dimension is not axis]
         for index in _checked(axis):
             value = {name: words[index] for name, words in axis.values.items()}
             refusal = None
-            for rest in _spread(others):
+            for rest in _spread(other_axes):
                 refusal = refusal_of(batch.scene({**rest, **value}))
                 if refusal is None:
                     break
@@ -45,12 +46,12 @@ def check_values(batch: Batch) -> None:
 
 
 def check_derivatives(batch: Batch) -> None:
-    """Raise if no scene of the batch has one of its derivatives; what only some of them lack fails there alone.
+    """Refuse a batch with a derivative that no scene has; a scene that alone lacks it fails when it is computed.
 
     Raises
     ------
     InputError
-        that names the parameter.
+        if there is such a derivative; the message names its parameter.
     """
     from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 
@@ -66,7 +67,7 @@ def check_derivatives(batch: Batch) -> None:
 
 
 def _checked(axis: Axis) -> list[int]:
-    """Indices along a dimension."""
+    """Indices of the values of a dimension that are checked: all, or words and extreme numbers of a long one."""
     if axis.size <= MOST_VALUES:
         return list(range(axis.size))
     indices: set[int] = set()
@@ -82,9 +83,9 @@ def _checked(axis: Axis) -> list[int]:
 
 
 def _spread(axes: Sequence[Axis]) -> Iterator[dict[str, str]]:
-    """Some combinations of values, spread evenly."""
+    """At most `MOST_OTHERS` combinations of values by parameter, spread evenly over the dimensions."""
     shape = tuple(axis.size for axis in axes)
     count = math.prod(shape)
     for number in dict.fromkeys(np.linspace(0, count - 1, min(count, MOST_OTHERS)).round().astype(int).tolist()):
-        places = zip(axes, np.unravel_index(number, shape), strict=True) if axes else ()
-        yield {name: words[i] for axis, i in places for name, words in axis.values.items()}
+        positions = zip(axes, np.unravel_index(number, shape), strict=True) if axes else ()
+        yield {name: words[i] for axis, i in positions for name, words in axis.values.items()}

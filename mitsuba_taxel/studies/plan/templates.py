@@ -56,7 +56,7 @@ _TOUCH = (
 """,
     ),
 )
-"""What the scene with a ball has in place of what that with a force has."""
+"""Pairs of texts that make the template of a scene with a ball from that with a force: replaced text, replacement."""
 
 
 def write_template(kind: str, file: str | Path, part: str | Path | None = None) -> None:
@@ -100,7 +100,7 @@ def _text(kind: str) -> str:
 
 
 def _circuit_text(part: Part) -> str:
-    """The template of a circuit with the numbers of a part in it; those that it does not state are left out."""
+    """The template of a circuit with the numbers of a part; lines of numbers that its datasheet lacks are comments."""
     circuit = circuit_of_part(part).as_table()
     figures = part.electrical
     typical = figures["collector_current_typical_A"]
@@ -112,6 +112,8 @@ def _circuit_text(part: Part) -> str:
         "transfer": f"A/W: {typical:g} A {condition}{between}",
         "led_efficiency": "W/A, assumed; its product with transfer is what the part states",
     }
+
+    # Lines of the template: values of the part with their origin as comment, lines without a value as comments.
     unknown = {*OPTIONAL.values(), "led_drift"} - {ours for name, ours in OPTIONAL.items() if name in figures}
     head = f"# {part.name}: {part.title}\n# {part.source}; what the part does not state is an example.\n"
     lines = []

@@ -1,4 +1,4 @@
-"""First contacts in studies: a parameter beside those of a scene asks for one."""
+"""First contacts in studies, requested by an additional parameter that no scene has."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing.scene.left_out import NONE
 
 TO_CONTACT = "to_contact"
-"""Parameter of all studies, such as 'fz=-40': the load path of the scene is followed along fz to where its pad first
-touches anything, or to there; 'none' leaves it where it is."""
+"""Parameter of all studies that requests the first contact.
+
+With the value 'fz=-40', the load path of the scene is followed along fz until its pad first touches anything, at most
+to -40; with 'none' it is not followed."""
 
 
-def way_to_contact(word: str) -> tuple[str, float] | None:
-    """The parameter along which a path is followed, and the furthest value; None if it is not followed.
+def path_to_contact(word: str) -> tuple[str, float] | None:
+    """The parameter along which the load path is followed to contact, and its last value; None for ``none``.
 
     Raises
     ------
     InputError
-        if the word is no value of `TO_CONTACT`.
+        if the word is not a value of `TO_CONTACT`.
     """
     if word == NONE:
         return None
@@ -30,7 +32,7 @@ def way_to_contact(word: str) -> tuple[str, float] | None:
 
 
 def as_number(word: str) -> float:
-    """The number that a word tells; NaN if it tells none."""
+    """The number that a word states; NaN if it is not a number."""
     try:
         return float(word)
     except ValueError:

@@ -18,9 +18,9 @@ from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing.reading.results import RESULTS
 
 MOST_CHECKED = 5
-"""Number of places along a smooth curve where the effect of the mechanics' error is computed."""
+"""Number of scenes along a smooth curve at which the effect of the mechanics' error is computed."""
 MOST_JOBS = 100_000
-"""More scenes than this in one study are taken for a mistake."""
+"""Largest number of scenes in a study; more are refused as a likely mistake."""
 STEP = "step"
 """Dimension of values taken together, row by row."""
 TAKEN = frozenset(
@@ -40,7 +40,7 @@ class Axis(NamedTuple):
     values : dict[str, list[str]]
         By parameter, one word for each index along the dimension.
     is_open : bool
-        Whether these are the ends of a range whose steps have yet to be chosen.
+        Whether the values are the two ends of a range whose steps are still to be chosen.
     is_force : bool
         Whether its parameter is a component of the force.
     is_load : bool
@@ -79,18 +79,21 @@ def make_axes(
     forces : Collection[str], optional
         Names of the parameters that are components of the force.
     loads : Collection[str], optional
-        Names of those that are components of another load.
+        Names of the parameters that are components of another load: displacements, pressures.
 
     Raises
     ------
     InputError
         if nothing is varied, a parameter is varied twice, values are not allowed, or there are too many scenes.
     """
+    # One dimension for each parameter that is varied alone.
     vary, together = table_of("vary", vary, "values"), table_of("together", together, "values")
     rows = {name: parse_values(name, values, folder) for name, values in together.items()}
     axes = [
         _axis(name, values, folder, name in forces, name in forces or name in loads) for name, values in vary.items()
     ]
+
+    # One further dimension for all parameters that are taken together.
     lengths = {name: len(words) for name, words in rows.items()}
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"{name} has {length}" for name, length in lengths.items())
@@ -100,6 +103,8 @@ def make_axes(
             raise InputError(f"{name} is varied twice, alone and together with others: take one of them out.")
     if rows:
         axes.append(Axis(STEP, rows))
+
+    # Limits of the whole study.
     for name in (*vary, *rows):
         if name in TAKEN:
             raise InputError(f"{name} cannot be varied, as a result has that name: rename the parameter.")
@@ -158,22 +163,31 @@ def _lines(name: str, file: Path) -> list[str]:
 
 
 def _distinct(name: str, words: list[str]) -> list[str]:
+    """The words unchanged; refused if two are equal, as numbers if all are numbers."""
     if len(set(as_numbers(words) or words)) < len(words):
         raise InputError(f"{name} = {','.join(words)!r} holds a value twice: distinct values are needed.")
     return words
 
 
 def combinations(axes: Sequence[Axis]) -> Iterator[tuple[tuple[int, ...], dict[str, str]]]:
-    """All combinations of values, each as its indices and its values by parameter; the last dimension varies
-    fastest."""
+    """All combinations of values, the last dimension varying fastest.
+
+    Yields
+    ------
+    index : tuple[int, ...]
+        Index along each dimension.
+    values : dict[str, str]
+        Word of each varied parameter.
+    """
     for index in product(*(range(axis.size) for axis in axes)):
-        places = zip(axes, index, strict=True)
-        yield index, {name: words[i] for axis, i in places for name, words in axis.values.items()}
+        positions = zip(axes, index, strict=True)
+        yield index, {name: words[i] for axis, i in positions for name, words in axis.values.items()}
 
 
 def _range(name: str, text: str) -> list[str]:
+    """The values of a range ``start:stop:step``, stop included, in exact decimal arithmetic."""
     try:
-        start, stop, step = (Decimal(part) for part in text.split(":"))
+        start, stop, step = (Decimal(word) for word in text.split(":"))
     except (ValueError, InvalidOperation):
         raise InputError(
             f"{name} = {text!r} is not a range: start:stop:step, three numbers, is needed (for a component of the "
@@ -199,8 +213,11 @@ def _is_in_range(number: Decimal) -> bool:
 
 
 def curve_dimension(axes: Sequence[Axis]) -> str:
-    """Dimension to plot readings against: steps or the first force, else the first other load, the first number, or the
-    first parameter."""
+    """Name of the dimension to plot readings against.
+
+    Of the dimensions with several values: steps or the first force, else the first other load, else the first numeric
+    parameter. Without any of these, the first dimension.
+    """
     longer = [axis for axis in axes if axis.size > 1]
     forces = [axis.dim for axis in longer if axis.dim == STEP or axis.is_force]
     loads = [axis.dim for axis in longer if axis.is_load]
@@ -209,8 +226,14 @@ def curve_dimension(axes: Sequence[Axis]) -> str:
 
 
 def sides_along(axis: Axis) -> list[dict[str, int]]:
-    """For each index along a dimension, on which side of it all other values of each numeric parameter lie: 1 if they
-    are larger, -1 if smaller, 0 if there are some on both."""
+    """Side on which the other values of a dimension lie, for each of its values.
+
+    Returns
+    -------
+    list[dict[str, int]]
+        For each index along the dimension, by numeric parameter: 1 if all other values are larger, -1 if all are
+        smaller, 0 if there are values on both sides.
+    """
     sides: list[dict[str, int]] = [{} for _ in range(axis.size)]
     for name, words in axis.values.items():
         if numbers := as_numbers(words):
@@ -221,10 +244,10 @@ def sides_along(axis: Axis) -> list[dict[str, int]]:
 
 
 def checked_places(axis: Axis) -> set[int]:
-    """Indices along an axis where the effect of the mechanics' error is computed: it changes slowly along a smooth
-    curve.
+    """Indices along a dimension at which the effect of the mechanics' error is computed.
 
-    All indices, if the values are not monotonic or few.
+    The effect changes slowly along a smooth curve, so that `MOST_CHECKED` indices suffice there. All indices are
+    returned if there are fewer, or if the values are not monotonic.
     """
     steps = [np.diff(numbers) for words in axis.values.values() if (numbers := as_numbers(words))]
     smooth = len(steps) == len(axis.values) and all(np.all(step >= 0) or np.all(step <= 0) for step in steps)

@@ -1,8 +1,8 @@
-"""Choice of the steps of a force that a study leaves open: as few as its curves and their slopes need.
+"""Choice of the steps of a force whose range has no step size: as few as its curves and their slopes need.
 
-Between two steps, a curve is interpolated by the cubic Hermite polynomial of their readings and slopes. Where a reading
-in between deviates from it, it becomes a step, and both halves are examined; otherwise the cubics through all three
-steps are about sixteen times as accurate.
+Between two steps, a curve is interpolated by the cubic Hermite polynomial of their readings and slopes. The reading in
+the middle is computed as well, and becomes a step. If it deviates from the polynomial, both halves are examined;
+otherwise the polynomials through all three steps are about sixteen times as accurate as the first.
 """
 
 from __future__ import annotations
@@ -29,17 +29,19 @@ SLOPE_ERROR = 0.01
 """Default tolerance, relative to the largest slope of a curve."""
 MOST_HALVINGS = 6
 MOST_CURVES = 4
-"""Number of curves, spread evenly over a study, whose steps are determined; all curves get the steps of all of them."""
+"""Number of curves, spread evenly over a study, whose steps are determined; all curves get the union of these steps."""
 
 
 @in_turn
 def with_chosen_steps(batch: Batch) -> Batch:
-    """The batch with values of the force that it leaves open, and with the derivatives by it.
+    """The batch with chosen steps for its open range, and with derivatives by that force.
+
+    A batch without an open range is returned unchanged.
 
     Raises
     ------
     InputError
-        if readings have no derivative by it: with mirrors, a step has to be given.
+        if there are two open ranges, or readings have no derivative by the force, as with mirrors.
     ComputationError
         if the load path fails, or a curve has a kink.
     """
@@ -50,47 +52,76 @@ def with_chosen_steps(batch: Batch) -> Batch:
         names = " and ".join(axis.dim for axis in open_axes)
         raise InputError(f"{names} have no step: only one force may be without.")
     (axis,) = open_axes
-    others = [one for one in batch.axes if one is not axis]
-    curves = [values for _, values in combinations(others)]
+
+    # Steps, as fractions of the range, of some curves spread evenly over the other dimensions.
+    other_axes = [dimension for dimension in batch.axes if dimension is not axis]
+    curves = [values for _, values in combinations(other_axes)]
     chosen = np.unique(np.linspace(0, len(curves) - 1, MOST_CURVES).round().astype(int))
     steps = sorted({step for number in chosen for step in _Curve(batch, axis, curves[number]).steps()})
+
+    # The range is replaced by the values at these fractions.
     start, stop = (float(word) for word in axis.values[axis.dim])
-    words = [f"{start + share * (stop - start):.10g}" for share in steps]
-    filled = tuple(axis._replace(values={axis.dim: words}, is_open=False) if one is axis else one for one in batch.axes)
-    return replace(batch, axes=filled, derivatives=tuple(dict.fromkeys((*batch.derivatives, axis.dim))))
+    words = [f"{start + fraction * (stop - start):.10g}" for fraction in steps]
+    filled = axis._replace(values={axis.dim: words}, is_open=False)
+    axes = tuple(filled if dimension is axis else dimension for dimension in batch.axes)
+    return replace(batch, axes=axes, derivatives=tuple(dict.fromkeys((*batch.derivatives, axis.dim))))
 
 
 class _Curve:
-    """Readings of all taxels along one force, other parameters being fixed."""
+    """Readings of all taxels along one force.
 
-    def __init__(self, batch: Batch, axis: Axis, others: Mapping[str, str]) -> None:
-        self._batch, self._name, self._others = batch, axis.dim, others
+    Parameters
+    ----------
+    batch : Batch
+        Study of the scene.
+    axis : Axis
+        The open range of the force.
+    fixed : Mapping[str, str]
+        Values of the other varied parameters.
+    """
+
+    def __init__(self, batch: Batch, axis: Axis, fixed: Mapping[str, str]) -> None:
+        self._batch, self._name, self._fixed = batch, axis.dim, fixed
         self._ends = [float(word) for word in axis.values[axis.dim]]
-        self._known: dict[float, tuple[np.ndarray, np.ndarray]] = {}  # readings, and slopes before and behind
+        self._readings: dict[float, tuple[np.ndarray, np.ndarray]] = {}  # by fraction; see _read
 
     def steps(self) -> list[float]:
-        """Steps, as fractions of the range."""
-        self._known = {share: self._read(share) for share in (0.0, 0.5, 1.0)}
-        left = [(0.0, 1.0)] if self._ends[0] != self._ends[1] else []
-        for _ in range(MOST_HALVINGS):
-            left = [half for ends in left if not self._follows(*ends) for half in _halves(*ends)]
-            for one, other in left:
-                self._known[(one + other) / 2] = self._read((one + other) / 2)
-        for one, other in left:
-            if not self._follows(one, other):
-                near = self._ends[0] + (one + other) / 2 * (self._ends[1] - self._ends[0])
-                raise ComputationError(
-                    f"{self._name} needs a step, start:stop:step: {MOST_HALVINGS} halvings do not resolve {near:.4g}."
-                )
-        return sorted(self._known)
+        """Steps, as sorted fractions of the range.
 
-    def _read(self, share: float) -> tuple[np.ndarray, np.ndarray]:
-        """Readings (T,) in W, and slopes (2, T) by the fraction of the range where a smaller one ends and a larger one
-        begins, which differ at a kink; from disk, if an earlier run has read them."""
+        Raises
+        ------
+        ComputationError
+            if the curve is not resolved after `MOST_HALVINGS` halvings, as at a kink.
+        """
+        self._readings = {fraction: self._read(fraction) for fraction in (0.0, 0.5, 1.0)}
+        intervals = [(0.0, 1.0)] if self._ends[0] != self._ends[1] else []
+        # Intervals whose middle deviates from the interpolation are halved.
+        for _ in range(MOST_HALVINGS):
+            intervals = [half for ends in intervals if not self._follows(*ends) for half in _halves(*ends)]
+            for lower, upper in intervals:
+                self._readings[(lower + upper) / 2] = self._read((lower + upper) / 2)
+        for lower, upper in intervals:
+            if not self._follows(lower, upper):
+                force = self._ends[0] + (lower + upper) / 2 * (self._ends[1] - self._ends[0])
+                raise ComputationError(
+                    f"{self._name} needs a step, start:stop:step: {MOST_HALVINGS} halvings do not resolve {force:.4g}."
+                )
+        return sorted(self._readings)
+
+    def _read(self, fraction: float) -> tuple[np.ndarray, np.ndarray]:
+        """Readings and slopes at a fraction of the range, from the cache of an earlier run if it holds them.
+
+        Returns
+        -------
+        power : numpy.ndarray
+            (T,) W.
+        slopes : numpy.ndarray
+            (2, T) W, derivatives by the fraction towards smaller and towards larger fractions, which differ at a kink.
+        """
         from mitsuba_taxel.mechanics import cache
 
         start, stop = self._ends
-        values = {**self._others, self._name: f"{start + share * (stop - start):.10g}"}
+        values = {**self._fixed, self._name: f"{start + fraction * (stop - start):.10g}"}
         scene = self._batch.scene(values)
         name = cache.key("reading and slopes", self._origin, self._name, scene.parameters, scene.mesh_size)
         arrays = cache.load(name)
@@ -101,11 +132,12 @@ class _Curve:
 
     @cached_property
     def _origin(self) -> list[Any]:
-        """What readings depend on in addition to values."""
+        """Scene content, code and versions, on which readings depend in addition to values."""
         origin = provenance(self._batch)
         return [origin[name] for name in ("scene_content", "code", "versions")]
 
     def _computed(self, scene: Scene, values: Mapping[str, str]) -> dict[str, np.ndarray]:
+        """``power`` (T,) in W, and ``slopes`` (2, T) in W/N towards smaller and towards larger forces."""
         from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import COARSE, derivatives_by
         from mitsuba_taxel.sensing.derivatives.scene_rates import rates
         from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
@@ -113,28 +145,30 @@ class _Curve:
         try:
             change = rates(scene, self._name)
             sides = [replace(change, side=side) for side in (-1, 1)]
-            found = derivatives_by(sides, prepare(scene).scene, False, COARSE, of_light_alone=True)
+            derivatives = derivatives_by(sides, prepare(scene).scene, False, COARSE, of_light_alone=True)
         except NotDiffuse as error:
             raise InputError(f"{self._name} needs a step, start:stop:step: {error}") from error
         except (InputError, ComputationError) as error:
             raise type(error)(f"{describe(values, self._batch.roles)}: {error}") from error
         finally:
             gc.collect()
-        return {"power": found.power, "slopes": found.values.T}
+        return {"power": derivatives.power, "slopes": derivatives.values.T}
 
-    def _follows(self, one: float, other: float) -> bool:
-        """Whether the reading between two steps agrees with the cubic through them."""
-        (a, (_, slope_a)), (b, (slope_b, _)) = self._known[one], self._known[other]
-        value, slopes = self._known[(one + other) / 2]
-        length = other - one
-        off = np.abs((a + b) / 2 + length * (slope_a - slope_b) / 8 - value)
-        slope_off = np.abs(1.5 * (b - a) / length - (slope_a + slope_b) / 4 - slopes)
-        steepest = max(np.abs(rate).max() for _, rate in self._known.values())
+    def _follows(self, lower: float, upper: float) -> bool:
+        """Whether reading and slope in the middle of an interval agree with the cubic polynomial through its ends."""
+        (a, (_, slope_a)), (b, (slope_b, _)) = self._readings[lower], self._readings[upper]
+        value, slopes = self._readings[(lower + upper) / 2]
+        length = upper - lower
+        # Value and derivative of the Hermite polynomial in the middle, minus the computed ones.
+        deviation = np.abs((a + b) / 2 + length * (slope_a - slope_b) / 8 - value)
+        slope_deviation = np.abs(1.5 * (b - a) / length - (slope_a + slope_b) / 4 - slopes)
+        # Readings are compared with their own size, slopes with the steepest of the curve.
+        steepest = max(np.abs(rate).max() for _, rate in self._readings.values())
         slope_error = self._batch.target_slope or SLOPE_ERROR
-        close = off <= (self._batch.target_error or LIGHT_ERROR) * np.abs(value)
-        return bool(np.all(close & (slope_off <= slope_error * steepest)))
+        close = deviation <= (self._batch.target_error or LIGHT_ERROR) * np.abs(value)
+        return bool(np.all(close & (slope_deviation <= slope_error * steepest)))
 
 
-def _halves(one: float, other: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    middle = (one + other) / 2
-    return (one, middle), (middle, other)
+def _halves(lower: float, upper: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    middle = (lower + upper) / 2
+    return (lower, middle), (middle, upper)

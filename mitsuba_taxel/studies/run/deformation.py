@@ -41,7 +41,7 @@ def deform(
     folder : Path
         Created if missing; meshes of the same name are replaced.
     steps : Sequence[Mapping[str, object]]
-        Of a load path: additional values for the scene's parameters at each step.
+        Steps of a load path: additional values of the scene's parameters at each.
     vtu : bool
         Whether to write displacement, stress and strain inside the silicone too, for ParaView.
     progress : Callable[[int, int], None], optional
@@ -50,13 +50,14 @@ def deform(
     Returns
     -------
     list[dict[str, Any]]
-        Per pad and step ``file`` (PLY, mm; a VTU file has the same name), the load's ``quantity``, ``value`` and
-        ``unit``, ``triangles``, ``min_jacobian`` (smallest volume ratio det F), ``newton_iterations`` (0 of a state
-        between solved ones), ``residual`` (norm of the out-of-balance forces, relative to the load), ``stable`` (None
-        if not checked), ``buckled_at`` (value of the load at which the pad buckled on the way, or None), ``imbalance``
-        (of load and reaction of the board in this state, relative), ``roof_error_mm`` and ``slope_error_degrees``
-        (estimated discretisation error; None if unknown). Of a viscoelastic silicone also ``time_s`` and ``time_error``
-        (relative error of the stress due to time steps), else None.
+        A row for each pad and step: ``file`` (PLY, mm; a VTU file has the same name), the load's ``quantity``,
+        ``value`` and ``unit``, ``triangles``, ``min_jacobian`` (smallest volume ratio det F), ``newton_iterations`` (0
+        for a state between solved ones), ``residual`` (norm of the out-of-balance forces, relative to the load),
+        ``stable`` (None if not checked), ``buckled_at`` (load at which the pad buckled earlier on the path, or None),
+        ``imbalance`` (relative difference of load and reaction of the board), ``board_force_N`` and
+        ``board_force_error_N`` (reaction of the board; the error is None if unknown), ``roof_error_mm`` and
+        ``slope_error_degrees`` (estimated discretisation error; None if unknown), ``time_s`` and ``time_error`` (of a
+        viscoelastic silicone, the latter the relative error of the stress due to time steps; else None).
 
     Raises
     ------
@@ -68,12 +69,16 @@ def deform(
     make_folder(folder)
     rows = []
     file = find_scene(source)
+
+    # The load history of each step with a time.
     columns = {name: [str(values[name]) for values in steps] for name in steps[0]} if steps else {}
     parameters = Scene(file, {**defines, **(steps[0] if steps else {})}).parameters
-    before = histories(columns, parameters, (), roles_of_parameters(file), load_constants(file)) or {}
+    history = histories(columns, parameters, (), roles_of_parameters(file), load_constants(file)) or {}
+
+    # One scene for each step, one file for each of its pads.
     for step, values in enumerate(steps, start=1):
-        past = {name: words[step - 1] for name, words in before.items()}
-        scene = Scene(file, {**defines, **values, **past})
+        earlier = {name: words[step - 1] for name, words in history.items()}
+        scene = Scene(file, {**defines, **values, **earlier})
         pads = deformed_pads(scene.load())
         if not pads:
             raise InputError(f"{scene.name} holds no deformable_pad: there is nothing to deform.")
@@ -86,7 +91,7 @@ def deform(
 
 
 def _written(pad: PadShape, file: Path, vtu: bool) -> dict[str, Any]:
-    """Write one deformed pad, and return its row."""
+    """Write one deformed pad, and return its row of :func:`deform`."""
     from mitsuba_taxel.mechanics import contact_pressure, reactions, write_vtu
 
     state = pad.state
@@ -119,13 +124,13 @@ def _written(pad: PadShape, file: Path, vtu: bool) -> dict[str, Any]:
 
 
 def write_mesh(pad: PadShape, file: Path) -> None:
-    """Write a deformed pad as PLY (mm), with region and cell per face."""
+    """Write a deformed pad as PLY (mm), with the region and the cell of each face."""
     with replacing(file) as temporary:
         pad.closed().write_ply(str(temporary))
 
 
 def mesh_key(pad: PadShape) -> str:
-    """A key that two pads share only if their surfaces are identical."""
+    """Digest of a pad's surface, vertices and faces, in hexadecimal digits."""
     import mitsuba as mi
 
     parameters = mi.traverse(pad)

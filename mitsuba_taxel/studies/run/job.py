@@ -1,4 +1,4 @@
-"""One job of a study, which reads a scene. Job and result can be sent to another process."""
+"""Execution of one job of a study: readings of its scene. Jobs and results can be sent to another process."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.scene.left_out import NONE
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, loaded_pads
 from mitsuba_taxel.studies.plan.job import MAPS, MESHES, Failure, Job, JobResult
-from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT, as_number, way_to_contact
+from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT, as_number, path_to_contact
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ ELSEWHERE = (
     " A study stores derivatives only without random numbers; taxel render --derivatives finds them by differences of "
     "random paths."
 )
-"""Remark where a study has no derivatives."""
+"""End of the remark on readings without derivatives because their light is not diffuse."""
 
 
 def run(job: Job) -> JobResult | Failure:
@@ -56,9 +56,11 @@ def failure_of(error: BaseException) -> Failure:
 
 @in_turn
 def _read(job: Job) -> JobResult:
+    """Readings of a job's scene, its derivatives or first contact, errors of its pads' roofs, and its files."""
     with stages.record() as seconds:
-        own = {name: word for name, word in job.parameters.items() if name != TO_CONTACT}
-        scene = Scene(job.file, own, job.mesh_size)
+        # Scene and readings.
+        parameters = {name: word for name, word in job.parameters.items() if name != TO_CONTACT}
+        scene = Scene(job.file, parameters, job.mesh_size)
         ready = prepare(scene)
         readings = measure(
             ready,
@@ -68,11 +70,15 @@ def _read(job: Job) -> JobResult:
             mechanics_error=job.mechanics_error,
             continued=job.continued,
         )
-        way = way_to_contact(job.parameters.get(TO_CONTACT, NONE))
-        if way is None:
+
+        # Derivatives of the readings, or the first contact and its derivatives.
+        path = path_to_contact(job.parameters.get(TO_CONTACT, NONE))
+        if path is None:
             readings = _with_derivatives(readings, job, scene, ready.scene)
         else:
-            readings = replace(readings, contact=_contact(job, scene, *way))
+            readings = replace(readings, contact=_contact(job, scene, *path))
+
+        # Errors of the roofs, which a bare job leaves unknown; contents of files.
         errors: list[Any] = [None for _ in loaded_pads(ready.scene)] if job.bare else roof_errors(ready.scene)
         files = {}
         with stages.stage("files"):
@@ -85,7 +91,7 @@ def _read(job: Job) -> JobResult:
 
 
 def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> Readings:
-    """With the requested derivatives, or a remark why there are none."""
+    """The readings with the requested derivatives, or with a remark that gives the reason why there are none."""
     if not job.derivatives or (job.where_smooth and readings.points):
         return readings
     from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
@@ -106,6 +112,7 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
 
 
 def _contact(job: Job, scene: Scene, along: str, furthest: float) -> FirstContact:
+    """The first contact of a scene's pad, from its value of the parameter ``along`` to the value ``furthest``."""
     from mitsuba_taxel.sensing.derivatives.first_contact import first_contact
 
     start = as_number(scene.parameters.get(along, ""))
@@ -121,11 +128,12 @@ def _contact(job: Job, scene: Scene, along: str, furthest: float) -> FirstContac
 
 
 def _name(pad: PadShape) -> str:
-    """A file name that identifies the surface."""
+    """File name of a pad's mesh, the same for pads with identical surfaces, which are stored once."""
     return f"{MESHES}/pad_{mesh_key(pad)[:16]}.ply"
 
 
 def _content(suffix: str, write: Callable[[Path], None]) -> bytes:
+    """Content of the file that ``write`` writes; the suffix determines its format."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"file{suffix}"
         write(file)

@@ -27,14 +27,26 @@ MOST_PILOT_CURVES = 8
 def piloted_settings(batch: Batch, machines: int) -> Settings:
     """Points and mesh size with which the first, middle and last scene of some of the curves reach the target.
 
-    There are no points if none of them needs random paths, as a map or a time budget without a target does. The default
-    target is 0.005 for the light alone, on the scene's own mesh. A time budget limits the points to those that
-    ``machines`` can trace in the remaining time.
+    Without a target error, the target is 0.005 for the light alone, on the scene's own mesh. The number of points is 0
+    if none of the scenes needs random paths; a map, and a time budget without a target, need them. A time budget
+    limits the points to those that can be traced in the remaining time.
+
+    Parameters
+    ----------
+    batch : Batch
+        Study whose settings are determined.
+    machines : int
+        Speed of the pool that computes it, relative to this machine.
+
+    Returns
+    -------
+    Settings
+        Points for each taxel and replicate, and mesh size in mm or None.
 
     Raises
     ------
     InputError, ComputationError
-        of the first scene, if none can be read.
+        if no pilot scene can be read; the error is that of the first.
     """
     pilot = _Pilot(batch, machines)
     failed = []
@@ -49,7 +61,7 @@ def piloted_settings(batch: Batch, machines: int) -> Settings:
 
 
 class _Pilot:
-    """Requirements and costs of the pilot scenes of a batch."""
+    """Required settings and costs of the pilot scenes of a batch, collected by :meth:`read`."""
 
     def __init__(self, batch: Batch, machines: int) -> None:
         self.batch, self.machines = batch, machines
@@ -57,15 +69,18 @@ class _Pilot:
         self.clock = Clock(batch.time_budget)
         self.points: list[int] = []
         self.mesh_size = batch.mesh_size
-        self._seconds: list[tuple[float, float]] = []  # of a scene without tracing; of tracing the first points
+        self._seconds: list[tuple[float, float]] = []  # by scene, see _costs
 
     def read(self, values: Mapping[str, str]) -> None:
+        """Determine points and mesh size of the scene with these values; the mesh of earlier scenes is its coarsest."""
         scene = self.batch.scene(values).with_mesh_size(self.mesh_size)
+        # Without a target: points for the light alone, none if light without random numbers is accurate enough.
         if self.batch.target_error is None:
             ready = prepare(scene)
             certain = None if self.random else without_random_numbers(ready, mechanics_error=False)
             enough = certain is not None and certain.light_share <= LIGHT_ERROR
             points = 0 if enough else points_for(ready, LIGHT_ERROR)
+        # With a target: points and mesh for the total error, in the share of the time budget that one curve has.
         else:
             curves = math.prod(axis.size for axis in self.batch.axes) / self._curve_size
             allowed = None if self.batch.time_budget is None else Clock(self.clock.left / curves)
@@ -79,26 +94,28 @@ class _Pilot:
         """Seconds of a scene without tracing, and of tracing the first points."""
         start = time.perf_counter()
         run = Run(prepare(scene), self.batch.seed)
-        apart = time.perf_counter() - start
+        without_tracing = time.perf_counter() - start
         run.extend_to(FIRST_POINTS)
-        return apart, run.seconds
+        return without_tracing, run.seconds
 
     def affordable_points(self) -> int:
         """Points for each taxel and replicate that the remaining time budget allows."""
         if not self._seconds:
             return MOST_POINTS
         jobs = math.prod(axis.size for axis in self.batch.axes)
-        apart, tracing = np.mean(self._seconds, axis=0)
-        steps = (self.clock.left * self.machines / jobs - apart) / tracing
+        without_tracing, tracing = np.mean(self._seconds, axis=0)
+        steps = (self.clock.left * self.machines / jobs - without_tracing) / tracing
         return int(min(FIRST_POINTS * 2 ** math.floor(math.log2(max(steps, 1))), MOST_POINTS))
 
     @property
     def _curve_size(self) -> int:
+        """Number of scenes of a curve."""
         curve = curve_dimension(self.batch.axes)
         return next(axis.size for axis in self.batch.axes if axis.dim == curve)
 
 
 def _pilot_scenes(batch: Batch) -> Iterator[dict[str, str]]:
+    """Values of the varied parameters of the first, middle and last scene of some curves, spread evenly."""
     dims = [axis.dim for axis in batch.axes]
     curve = dims.index(curve_dimension(batch.axes))
     count = batch.axes[curve].size
@@ -108,5 +125,5 @@ def _pilot_scenes(batch: Batch) -> Iterator[dict[str, str]]:
     for start in (starts[i] for i in chosen):
         for end in ends:
             index = (*start[:curve], end, *start[curve + 1 :])
-            places = zip(batch.axes, index, strict=True)
-            yield {name: words[i] for axis, i in places for name, words in axis.values.items()}
+            positions = zip(batch.axes, index, strict=True)
+            yield {name: words[i] for axis, i in positions for name, words in axis.values.items()}

@@ -22,7 +22,7 @@ from mitsuba_taxel.studies.run import processes
 from mitsuba_taxel.studies.run.job import failure_of, run
 
 MOST_WORKERS = 120
-"""Each uses eight of the 1024 open files that a process is commonly allowed."""
+"""Largest number of worker processes: each needs eight of the 1024 open files that a process is commonly allowed."""
 
 Curve = Sequence[Job]
 """Jobs that may share a load path."""
@@ -35,11 +35,11 @@ class Pool(Protocol):
     Attributes
     ----------
     name : str
-        Description.
+        Description, for messages and records.
     machines : int
-        Approximate speed relative to this machine, whose cores local processes share.
+        Approximate speed relative to this machine; 1 for local processes, which share its cores.
     processes : int
-        Jobs that are computed at once.
+        Number of jobs that are computed at the same time.
     """
 
     name: str
@@ -51,19 +51,19 @@ class Pool(Protocol):
 
 @contextmanager
 def open_pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[Pool]:
-    """The pool that executes jobs: this process, ``workers`` processes, or the Dask cluster of a ``scheduler``.
+    """The pool that executes jobs: local processes, a Dask cluster, or else this process.
 
     Parameters
     ----------
     workers : int, optional
-        Number of processes.
+        Number of local processes.
     scheduler : str, optional
-        Address of a Dask scheduler.
+        Address of the scheduler of a Dask cluster.
 
     Yields
     ------
     Pool
-        Whose processes end with the block.
+        Its processes or connections end with the context.
 
     Raises
     ------
@@ -90,6 +90,8 @@ def open_pool(workers: int | None = None, scheduler: str | None = None) -> Itera
 
 
 class _Here:
+    """This process, which computes jobs in their order."""
+
     name = "this process"
     machines = 1
     processes = 1
@@ -100,10 +102,11 @@ class _Here:
 
 
 class _Processes:
-    """Local processes, each on a curve of its own while there are enough: on a shared curve, one solves and others
-    wait.
+    """Local processes.
 
-    A process that dies is replaced. Its job is repeated alone at the end, as the cause may have been lack of memory.
+    Each process works on a curve that no other process works on, as long as there are enough curves: jobs of a curve
+    share a load path, which one process solves while the others wait. A process that dies is replaced. Its job is
+    repeated alone at the end, as the cause may have been lack of memory.
     """
 
     machines = 1
@@ -111,54 +114,61 @@ class _Processes:
     def __init__(self, count: int) -> None:
         self.name = f"{count} {'process' if count == 1 else 'processes'}"
         self._count = self.processes = count
-        self._executors: dict[int, ProcessPoolExecutor] = {}  # one process each, so that a process can be chosen
+        self._executors: dict[int, ProcessPoolExecutor] = {}  # each of one process, so that jobs can be assigned to it
 
     def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
-        deadly = []
+        interrupted = []
         try:
             for job, outcome in self._spread([curve for curve in curves if curve], self._count):
                 if outcome is None:
-                    deadly.append(job)
+                    interrupted.append(job)
                 else:
                     yield job, outcome
-        except GeneratorExit:  # no further outcome is wanted
+        except GeneratorExit:  # the caller needs no further outcomes
             self.stop()
             raise
-        if deadly:
+        if interrupted:
             self.stop()  # idle processes hold memory as well
-        for job, outcome in self._spread([deadly], 1):
+        for job, outcome in self._spread([interrupted], 1):
             yield job, outcome or Failure("the process that computed it died twice: fewer workers need less memory")
 
     def _spread(self, curves: Sequence[Curve], count: int) -> Iterator[tuple[Job, JobResult | Failure | None]]:
-        """The outcomes of jobs from so many processes, as they arrive; None if the process died.
+        """Outcomes of jobs in ``count`` processes, as they arrive; None for a job whose process died.
 
-        Each process works along a curve, then along the next unassigned one, then joins the one with most jobs left.
+        Each process works along a curve, then along the next unassigned curve. When none is unassigned, it takes jobs
+        of the curve with most remaining jobs.
         """
         threads = processes.share_of_cores(min(count, max(len(curves), 1)))
-        untouched = deque(map(deque, curves))
-        ahead: list[deque[Job]] = [deque()] * count
+        unassigned = deque(map(deque, curves))
+        queues: list[deque[Job]] = [deque()] * count
         running: dict[Future[JobResult | Failure], tuple[int, Job]] = {}
-        came: list[tuple[Job, JobResult | Failure | None]] = []
+        arrived: list[tuple[Job, JobResult | Failure | None]] = []
         idle = list(range(count))
         while True:
+            # Idle processes get their next job.
             for process in idle:
-                ahead[process] = ahead[process] or (untouched.popleft() if untouched else max(ahead, key=len))
-                if ahead[process]:
-                    job = ahead[process].popleft()
+                queues[process] = queues[process] or (unassigned.popleft() if unassigned else max(queues, key=len))
+                if queues[process]:
+                    job = queues[process].popleft()
                     running[self._submit(process, job, threads)] = process, job
-            yield from came
+
+            # The caller receives the last outcomes while all processes work.
+            yield from arrived
             if not running:
                 return
-            idle, came = [], []
+
+            # Wait for the next outcomes; the executor of a process that died is removed.
+            idle, arrived = [], []
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 process, job = running.pop(future)
                 idle.append(process)
                 died = isinstance(future.exception(), BrokenProcessPool)
                 if died:
                     processes.end(self._executors.pop(process))
-                came.append((job, None if died else future.result()))
+                arrived.append((job, None if died else future.result()))
 
     def _submit(self, process: int, job: Job, threads: int) -> Future[JobResult | Failure]:
+        """Submit a job to a process, which is started if it does not run."""
         if process not in self._executors:
             self._executors[process] = processes.start(1, sharing=self._count)
         try:
@@ -174,7 +184,7 @@ class _Processes:
 
 
 def do(job: Job, threads: int) -> JobResult | Failure:
-    """Execute a job in a worker process, with so many threads for the mechanics."""
+    """Execute a job in a worker process, with ``threads`` threads for the mechanics."""
     set_thread_count(threads)
     return run(job)
 
@@ -201,7 +211,7 @@ def _cluster(address: str) -> Iterator[Pool]:
 
 
 class _Cluster:
-    """The workers of a Dask cluster; Dask reassigns the jobs of one that dies."""
+    """The workers of a Dask cluster; Dask reassigns the jobs of a worker that dies."""
 
     def __init__(self, client, address: str) -> None:
         self.name = f"scheduler {address}"
@@ -214,9 +224,9 @@ class _Cluster:
 
         submit: Callable = self._client.submit
         jobs = chain.from_iterable(curves)
-        given = {submit(run, job, pure=False, key=f"taxel-{id(self)}-{job.number}"): job for job in jobs}
-        for future in as_completed(list(given), loop=self._client.loop):
-            job = given.pop(future)
+        submitted = {submit(run, job, pure=False, key=f"taxel-{id(self)}-{job.number}"): job for job in jobs}
+        for future in as_completed(list(submitted), loop=self._client.loop):
+            job = submitted.pop(future)
             try:
                 error = future.exception()
                 outcome = future.result() if error is None else failure_of(error)

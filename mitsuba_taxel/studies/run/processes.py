@@ -1,4 +1,4 @@
-"""Worker processes of this one: they share its cores, leave interrupts to it, and do not outlive it."""
+"""Worker processes: they share the cores of this machine, ignore interrupts, and end with their parent."""
 
 # Why not `loky` or `joblib`: their executors fail as a whole when one process dies, and give no choice of the process
 # for a job. What is here, executors of one process each, cores that are shared, ignored signals and the end with the
@@ -20,13 +20,21 @@ from mitsuba_taxel.base.threads import set_thread_count
 
 
 def start(count: int, sharing: int) -> ProcessPoolExecutor:
-    """``count`` of ``sharing`` processes that share the cores; each starts when there is work for it."""
+    """An executor of worker processes, each of which starts with its first job.
+
+    Parameters
+    ----------
+    count : int
+        Number of its processes.
+    sharing : int
+        Number of processes, of all executors, that share the cores.
+    """
     _start_tracker()
     return ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin, (sharing,))
 
 
 def _start_tracker() -> None:
-    """Start Python's resource tracker such that it ignores the signal of a terminal that closes."""
+    """Start Python's resource tracker such that it survives the closing of the terminal (SIGHUP)."""
     if threading.current_thread() is not threading.main_thread():
         resource_tracker.ensure_running()
         return
@@ -38,7 +46,7 @@ def _start_tracker() -> None:
 
 
 def end(*executors: ProcessPoolExecutor) -> None:
-    """Terminate all processes at once."""
+    """Terminate all processes of executors immediately."""
     for executor in executors:
         for process in list((executor._processes or {}).values()):
             process.terminate()
@@ -52,7 +60,7 @@ def share_of_cores(sharing: int) -> int:
 
 
 def keep_to_share(sharing: int) -> None:
-    """Limit threads to the share of one of ``sharing`` processes: waiting threads of Dr.Jit take time too."""
+    """Limit the threads of this process to its share of the cores: idle threads of Dr.Jit take time too."""
     import drjit as dr
 
     dr.set_thread_count(share_of_cores(sharing))
@@ -60,13 +68,15 @@ def keep_to_share(sharing: int) -> None:
 
 
 def _begin(sharing: int) -> None:
-    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to all; the parent decides when to end
+    """Prepare a worker process: signals, its end with the parent, warnings, threads."""
+    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to all processes; the parent ends this one
         signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
-    warnings.simplefilter("ignore", UnusedDefault)  # the parent has told
+    warnings.simplefilter("ignore", UnusedDefault)  # the parent has warned
     keep_to_share(sharing)
 
 
 def _follow(parent: BaseProcess) -> None:
+    """End this process when its parent has ended, also if that was killed."""
     parent.join()
     os._exit(1)

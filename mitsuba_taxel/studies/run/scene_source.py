@@ -1,4 +1,4 @@
-"""The file of a scene that a study is of, also where the scene was made in Python."""
+"""The scene file of a study whose scene is a `Scene`, read from a file or made in Python."""
 
 from __future__ import annotations
 
@@ -17,9 +17,23 @@ from mitsuba_taxel.studies.store.folder import SCENE, Store
 
 @contextmanager
 def file_of(source: Scene, folder: Path | None) -> Iterator[tuple[Path, dict[str, str]]]:
-    """The file of a scene, and the values of its parameters that are not those of the file.
+    """The file of a scene, and the values of its parameters that differ from the defaults in the file.
 
     A scene made in Python is written to the folder of results, where it stays, or else to a temporary folder.
+
+    Parameters
+    ----------
+    source : Scene
+        The scene.
+    folder : Path or None
+        Folder of results.
+
+    Yields
+    ------
+    file : Path
+        Scene file (XML).
+    values : dict[str, str]
+        Values by parameter; empty for a scene made in Python.
 
     Raises
     ------

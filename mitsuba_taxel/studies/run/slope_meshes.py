@@ -1,4 +1,4 @@
-"""Mesh sizes for the slopes of a batch's curves."""
+"""Mesh size with which the slopes of a batch's curves reach their target error."""
 
 from __future__ import annotations
 
@@ -18,12 +18,24 @@ from mitsuba_taxel.studies.plan.job import describe
 from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
 
 MOST_CURVES = 4
-"""Number of curves, spread evenly over a study, of which the first and the last scene are examined."""
+"""Number of curves, spread evenly over a study, whose first and last scene are examined."""
 
 
 @in_turn
 def mesh_size_for_slopes(batch: Batch, mesh_size: float | None) -> float | None:
-    """In mm: ``mesh_size``, or a smaller one with which the slopes by force reach the batch's target.
+    """The mesh size with which the slopes by force reach the batch's target at the ends of some curves.
+
+    Parameters
+    ----------
+    batch : Batch
+        Study with a ``target_slope``.
+    mesh_size : float or None
+        Largest size, mm; None for that of the scene.
+
+    Returns
+    -------
+    float or None
+        ``mesh_size`` or a smaller size, mm.
 
     Raises
     ------
@@ -34,10 +46,10 @@ def mesh_size_for_slopes(batch: Batch, mesh_size: float | None) -> float | None:
     forces = [name for name in batch.derivatives if name in batch.forces]
     curve = next(axis for axis in batch.axes if axis.dim == curve_dimension(batch.axes))
     ends = [{name: words[end] for name, words in curve.values.items()} for end in (0, -1)]
-    others = [values for _, values in combinations([axis for axis in batch.axes if axis is not curve])]
-    for number in np.unique(np.linspace(0, len(others) - 1, MOST_CURVES).round().astype(int)):
+    curves = [values for _, values in combinations([axis for axis in batch.axes if axis is not curve])]
+    for number in np.unique(np.linspace(0, len(curves) - 1, MOST_CURVES).round().astype(int)):
         for end in ends:
-            values = {**others[number], **end}
+            values = {**curves[number], **end}
             try:
                 mesh_size = _mesh_size(batch.scene(values).with_mesh_size(mesh_size), forces, batch.target_slope)
             except (InputError, ComputationError) as error:
@@ -46,23 +58,28 @@ def mesh_size_for_slopes(batch: Batch, mesh_size: float | None) -> float | None:
 
 
 def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
+    """The mesh size, in mm, with which the slopes of a scene reach the target; the finest that can be computed, if none
+    does."""
     from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
     from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 
-    tried: list[tuple[float, float]] = []
+    tried: list[tuple[float, float]] = []  # mesh size in mm, relative error of the slopes
     size, failed = scene.mesh_size, 0.0
     for _ in range(MOST_MESHES):
+        # Error of the slopes with the current mesh.
         try:
             ready = prepare(scene)
-            found = derivatives_by([rates(scene, name) for name in forces], ready.scene, of_light_alone=True)
-        except ComputationError:  # the load path fails a little earlier
+            derivatives = derivatives_by([rates(scene, name) for name in forces], ready.scene, of_light_alone=True)
+        except ComputationError:  # with finer elements, a load path may end at a smaller load
             if not tried:
                 raise
             assert scene.mesh_size is not None
             failed = scene.mesh_size
         else:
             size = scene.mesh_size
-            tried.append((smallest_mesh_size(ready, loaded=True), slope_share(found)))
+            tried.append((smallest_mesh_size(ready, loaded=True), slope_share(derivatives)))
+
+        # The next mesh, by extrapolation of the errors, coarser than one that has failed.
         finer = finer_mesh(scene, ready, tried, target, SLOPE_ORDER)
         if finer is not None and finer <= failed:
             finer = _between(tried[-1][0], failed)
@@ -73,13 +90,16 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
 
 
 def _between(size: float, failed: float) -> float | None:
-    """The mesh size halfway between one that is too coarse and one that fails."""
+    """The mesh size halfway, on the ladder of sizes, between a size that is too coarse and a size that fails.
+
+    None if there is no size in between.
+    """
     rungs = round(math.log(failed / size) / math.log(RUNG)) // 2
     return size * RUNG**rungs if rungs else None
 
 
 def slope_share(derivatives: Derivatives) -> float:
-    """Largest error of a derivative, relative to the largest of those by the same parameter."""
+    """Largest error of a derivative, relative to the largest derivative by the same parameter."""
     steepest = np.abs(derivatives.values).max(axis=0)
     errors = derivatives.standard_errors.max(axis=0)
     return float((errors / np.where(steepest > 0, steepest, np.inf)).max(initial=0.0))

@@ -34,7 +34,7 @@ from mitsuba_taxel.studies.store.opening import open_study, stored_study
 from mitsuba_taxel.studies.store.provenance import provenance
 
 RECENT = 16
-"""Scenes whose time tells whether another ends within a time budget."""
+"""Number of last scenes whose median time is expected of the next one, to keep a time budget."""
 
 
 class Progress(NamedTuple):
@@ -167,16 +167,18 @@ def sweep(
         "meshes": meshes,
     }
     folder = None if output is None else path_of("output", output)
+
+    # A scene object is written to a file, and the study of that file is run.
     if isinstance(source, Scene):
         varied = {*table_of("vary", vary, "values"), *table_of("together", together, "values")}
         with file_of(source, folder) as (file, values):
-            given = {name: word for name, word in values.items() if name not in varied}
+            fixed = {name: word for name, word in values.items() if name not in varied}
             how: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "retry_failed": retry_failed}
             what["mesh_size"] = source.mesh_size if mesh_size is None else mesh_size
             return sweep(
                 file,
                 vary,
-                {**given, **table_of("defines", defines, "values")},
+                {**fixed, **table_of("defines", defines, "values")},
                 together=together,
                 output=folder,
                 parquet=parquet,
@@ -184,6 +186,8 @@ def sweep(
                 **what,
                 **how,
             )
+
+    # Everything is checked before anything is computed. Values are tried in scenes only if results are stored.
     batch = make_batch(source, vary, defines, together=together, **what)
     check_flags(retry_failed=retry_failed, parquet=parquet)
     check_progress(progress)
@@ -203,16 +207,16 @@ def run_batch(
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
-    """Read the scenes of a batch, and store them if there is a ``folder``; see :func:`sweep`.
+    """Read the scenes of a batch, and store their results.
 
     Parameters
     ----------
     batch : Batch
-        What is computed.
+        Scene, varied parameters and settings.
     pool : Pool
-        Who computes it.
+        Executes the jobs.
     folder : Path or None
-        For the results.
+        Folder for the results; None if they are not stored.
     retry_failed : bool
         Whether scenes that failed in an earlier call are computed again.
     parquet : bool
@@ -223,7 +227,7 @@ def run_batch(
     Returns
     -------
     xr.Dataset
-        As of :func:`sweep`.
+        The results, as :func:`sweep` returns them.
 
     Raises
     ------
@@ -232,12 +236,15 @@ def run_batch(
     ComputationError
         if no scene could be computed, or results could not be stored.
     """
+    # Steps of an open range are chosen; a stored study is extended.
     clock = Clock(batch.time_budget)
     batch = with_chosen_steps(batch)
     if folder is not None and (stored := stored_study(folder)) and (done := Store(folder).done()):
         failed = Store(folder).failures().keys()
         batch = grown(batch, without_failed(stored, batch, set(done), failed))
     origin = provenance(batch)
+
+    # Without a folder, results stay in memory.
     if folder is None:
         return _dataset(batch, origin, _compute(batch, pool, None, progress, clock))
     from mitsuba_taxel.studies.store.tables import (
@@ -248,6 +255,7 @@ def run_batch(
         write_summary,
     )
 
+    # With a folder, each result is stored when it arrives; tables and plots are written at the end.
     if parquet:
         check_parquet()
     store = Store(folder)
@@ -279,7 +287,8 @@ def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr
 
 
 class _Computed(NamedTuple):
-    """Outcomes of the jobs of a batch, by place along its dimensions."""
+    """Outcomes of the jobs of a batch by their indices along its dimensions, the settings, and the seconds of the pilot
+    runs by stage."""
 
     results: dict[tuple[int, ...], Kept]
     failures: dict[tuple[int, ...], Failure]
@@ -290,18 +299,25 @@ class _Computed(NamedTuple):
 def _compute(
     batch: Batch, pool: Pool, store: Store | None, progress: Callable[[Progress], None] | None, clock: Clock
 ) -> _Computed:
+    """Results of the jobs of a batch, from the store where it holds them, else from the pool."""
+    # All jobs, by curve.
     settings, pilot_seconds = _settings(batch, store, pool.machines)
-    place = {number: index for number, (index, _) in enumerate(combinations(batch.axes))}
+    indices = {number: index for number, (index, _) in enumerate(combinations(batch.axes))}
     curves = _curves(batch, settings, store is not None)
     jobs = [job for curve in curves for job in curve]
-    failures = {number: failure for number, failure in store.failures().items() if number in place} if store else {}
+
+    # Stored failures stand, stored results with sufficient settings too; other jobs are computed, and extend stored
+    # results with fewer points.
+    failures = {number: failure for number, failure in store.failures().items() if number in indices} if store else {}
     stored = ((job.number, store.load(job.number, job.parameters)) for job in jobs) if store else ()
-    there = {number: kept for number, kept in stored if kept is not None}
-    results = {number: kept for number, kept in there.items() if _is_enough(kept.readings, settings)}
-    curves = [[_continued(job, there.get(job.number), settings) for job in curve] for curve in curves]
+    earlier = {number: kept for number, kept in stored if kept is not None}
+    results = {number: kept for number, kept in earlier.items() if _is_enough(kept.readings, settings)}
+    curves = [[_continued(job, earlier.get(job.number), settings) for job in curve] for curve in curves]
     worst = max((kept.readings.relative_total_error for kept in results.values()), default=0.0)
-    known = {*results, *failures}
-    outcomes = pool.outcomes([job for job in curve if job.number not in known] for curve in curves)
+    finished = {*results, *failures}
+    outcomes = pool.outcomes([job for job in curve if job.number not in finished] for curve in curves)
+
+    # Each outcome is stored and reported; no further job is started if the next would exceed the time budget.
     spent: deque[float] = deque(maxlen=RECENT)
     for job, outcome in outcomes:
         if store:
@@ -320,36 +336,40 @@ def _compute(
             outcomes.close()
             break
     return _Computed(
-        {place[number]: kept for number, kept in sorted(results.items())},
-        {place[number]: failure for number, failure in sorted(failures.items())},
+        {indices[number]: kept for number, kept in sorted(results.items())},
+        {indices[number]: failure for number, failure in sorted(failures.items())},
         settings,
         pilot_seconds,
     )
 
 
 def _is_enough(readings: Readings, settings: Settings) -> bool:
-    """Whether readings of an earlier run meet the present settings; without points, one by random paths does not."""
+    """Whether readings of an earlier run meet the present settings; if these have no points, random paths do not."""
     enough = readings.points >= settings.points if settings.points else not readings.points
     return enough and readings.mesh_size == settings.mesh_size
 
 
 def _continued(job: Job, kept: Kept | None, settings: Settings) -> Job:
-    """The job, extending earlier readings of fewer points if there are any."""
+    """The job, which extends earlier readings of the same mesh with fewer points if there are any."""
     if kept is None or job.maps or not settings.points or kept.readings.mesh_size != settings.mesh_size:
         return job
     return job if kept.readings.points < FIRST_POINTS else replace(job, continued=kept.readings)
 
 
 def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
-    """The jobs grouped by curve: those of one curve may share a load path."""
+    """The jobs of a batch, grouped by curve: the scenes along the curve's dimension, which may share a load path."""
+    # What the jobs have in common. If no derivatives are requested, those by the varied forces are computed where they
+    # cost little: without random numbers.
     curve = [axis.dim for axis in batch.axes].index(curve_dimension(batch.axes))
     keeps = {"all": stored, "none": False}
     checked = checked_places(batch.axes[curve])
     offered = not batch.derivatives and not settings.points and not batch.bare
+
+    # One job for each combination; the indices along the other dimensions identify its curve.
     curves: dict[tuple[int, ...], list[Job]] = {}
     sides = [sides_along(axis) for axis in batch.axes]
     parameters: dict[str, str] = {}
-    for number, (place, values) in enumerate(combinations(batch.axes)):
+    for number, (index, values) in enumerate(combinations(batch.axes)):
         parameters = {**(parameters or batch.parameters(values)), **values}  # the scene is read once
         job = Job(
             number=number,
@@ -358,20 +378,23 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
             points=settings.points,
             seed=batch.seed,
             mesh_size=settings.mesh_size,
-            mechanics_error=place[curve] in checked and not batch.bare,
+            mechanics_error=index[curve] in checked and not batch.bare,
             derivatives=batch.varied_forces if offered else batch.derivatives,
             where_smooth=offered,
             bare=batch.bare,
-            sides={name: side for along, i in zip(sides, place, strict=True) for name, side in along[i].items()},
-            meshes=not batch.bare and keeps.get(batch.meshes, stored and place[curve] == batch.axes[curve].size - 1),
+            sides={name: side for along, i in zip(sides, index, strict=True) for name, side in along[i].items()},
+            meshes=not batch.bare and keeps.get(batch.meshes, stored and index[curve] == batch.axes[curve].size - 1),
             maps=stored and batch.maps,
         )
-        curves.setdefault((*place[:curve], *place[curve + 1 :]), []).append(job)
+        curves.setdefault((*index[:curve], *index[curve + 1 :]), []).append(job)
     return list(curves.values())
 
 
 def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Settings, dict[str, float]]:
-    """Points and mesh size for every scene: as requested, from an earlier run, or from pilot runs."""
+    """Points and mesh size for all scenes, and the seconds of pilot runs by stage.
+
+    They are as requested, those of an earlier run unless the target is stricter now, or determined by pilot runs.
+    """
     if batch.points is not None and batch.target_slope is None:
         return Settings(batch.points, batch.mesh_size), {}
     choice = store.choice if store else None
@@ -381,6 +404,7 @@ def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Setting
         settings = Settings(batch.points, batch.mesh_size) if batch.points else piloted_settings(batch, machines)
         if batch.target_slope is not None:
             settings = settings._replace(mesh_size=mesh_size_for_slopes(batch, settings.mesh_size))
+    # Points of an earlier run are not reduced, so that its results can be extended.
     if choice is not None and settings.points and choice[0].mesh_size == settings.mesh_size:
         settings = settings._replace(points=max(settings.points, choice[0].points))
     if store:
@@ -435,12 +459,16 @@ def run_study(
     check_progress(progress)
     content, here = read_study(file), file.resolve().parent
     with open_pool(workers, scheduler) as pool:
+        # A study of one scene.
         if not content["scenes"][0].get("name"):
             batch = batch_from(content, 0, here)
             check_values(batch)
             return run_batch(batch, pool, folder, retry_failed, parquet, progress)
+
+        # A study of several scenes.
         begin_tree(folder, content)
         failures: dict[str, InputError | ComputationError] = {}
+        # Each scene has its folder; the failure of one does not stop the others, unless nothing can be stored.
         for number, scene in enumerate(content["scenes"]):
             try:
                 batch = batch_from(content, number, here)

@@ -1,4 +1,4 @@
-"""Training sets of forces and noisy readings, in three parts that share no force."""
+"""Training sets of forces and noisy readings, split into three parts without common forces."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ LEAST_FORCES = 10
 
 
 class _Rows(NamedTuple):
-    """One row for each job: parameters as columns; power and standard error in W, of shape (rows, taxels)."""
+    """Readings of jobs, one row each: parameters, power and its standard error (rows, taxels) in W, units by name."""
 
     parameters: pd.DataFrame
     power: np.ndarray
@@ -103,25 +103,32 @@ def training_set(
     if parquet:
         check_parquet()
     studies = _scenes(study)
-    one = next(iter(studies.values()))
-    circuit = circuit_of_study(one)
+    first_study = next(iter(studies.values()))
+    circuit = circuit_of_study(first_study)
     _check(split, copies, seed, sigma > 0 or circuit is not None)
     copies, seed = plain_number(copies), plain_number(seed)
+
+    # The readings of all scenes, and the part of the training set to which each row belongs.
     rows = _rows(studies)
-    part = _part_of(rows.parameters[_force_columns(rows.parameters)], split, seed)
+    subset = _part_of(rows.parameters[_force_columns(rows.parameters)], split, seed)
     done = np.isfinite(rows.power).all(axis=1)
 
     random = np.random.default_rng(seed)
+    # Noisy copies of the readings, and the columns that follow from them.
     spread = sigma * np.abs(rows.power) if relative else sigma
     noisy = rows.power + spread * random.standard_normal((copies, *rows.power.shape))
-    copied = [_table(rows, _told(rows, power, circuit, random), one.taxel.values)[done] for power in noisy]
+    copied = [_table(rows, _columns(rows, power, circuit, random), first_study.taxel.values)[done] for power in noisy]
+
+    # Rows of all copies by part.
     tables = {
-        name: pd.concat([table[part[done] == number] for table in copied], ignore_index=True)
+        name: pd.concat([table[subset[done] == number] for table in copied], ignore_index=True)
         for number, name in enumerate(PARTS)
     }
     for name, table in tables.items():
         if table.empty:
             raise InputError(f"split = {tuple(split)} is not allowed: no job with readings is left for {name}.")
+
+    # Files, with the datasheet.
     if folder is not None:
         left_out = rows.parameters[~done]
         words = f"{100 * sigma:g}% of each reading" if relative else f"{sigma:g} W"
@@ -131,7 +138,7 @@ def training_set(
 
 
 def _read_noise(noise: float | str) -> tuple[float, bool]:
-    """Standard deviation of the noise, and whether it is a share of the reading rather than in W."""
+    """Standard deviation of the noise, and whether it is relative to the reading rather than in W."""
     words = str(noise).strip()
     try:
         sigma = float(words.removesuffix("%"))
@@ -143,6 +150,7 @@ def _read_noise(noise: float | str) -> tuple[float, bool]:
 
 
 def _check(split: Sequence[float], copies: int, seed: int, noisy: bool) -> None:
+    """Raise `InputError` for a split, a number of copies or a seed that is not allowed."""
     good = is_row(split, is_number) and len(split) == len(PARTS) and min(split) > 0
     if not (good and math.isclose(sum(split), 1)):
         raise InputError(f"split = {split!r} is not allowed: three shares above 0, of sum 1, are needed.")
@@ -152,7 +160,13 @@ def _check(split: Sequence[float], copies: int, seed: int, noisy: bool) -> None:
 
 
 def _scenes(study: xr.Dataset | xr.DataTree) -> dict[str, xr.Dataset]:
-    """Studies of single scenes by name, which is blank for a study of one scene; raises `InputError`."""
+    """Studies by the name of their scene, which is blank for a study of one scene.
+
+    Raises
+    ------
+    InputError
+        if the argument is no study, or holds no power.
+    """
     require("study", study, (xr.Dataset, xr.DataTree), "what sweep or open_study returned")
     if isinstance(study, xr.Dataset):
         scenes = {"": study}
@@ -172,33 +186,33 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _Rows:
     InputError
         if scenes differ in their taxels or components of force.
     """
-    each = [_rows_of(study) for study in studies.values()]
-    first, *others = each
-    for name, rows in zip(list(studies)[1:], others, strict=True):
+    per_scene = [_rows_of(study) for study in studies.values()]
+    first, *rest = per_scene
+    for name, rows in zip(list(studies)[1:], rest, strict=True):
         if rows.power.shape[1] != first.power.shape[1]:
             raise InputError(f"scene {name} has {rows.power.shape[1]} taxels: {first.power.shape[1]} are needed.")
         if _force_columns(rows.parameters) != _force_columns(first.parameters):
             raise InputError(f"scene {name} has other forces as parameters than the first: the same are needed.")
     if len(studies) > 1:
-        for name, rows in zip(studies, each, strict=True):
+        for name, rows in zip(studies, per_scene, strict=True):
             rows.parameters.insert(0, "scene", name)
-    parameters = pd.concat([rows.parameters for rows in each], ignore_index=True)
+    parameters = pd.concat([rows.parameters for rows in per_scene], ignore_index=True)
     return _Rows(
         parameters.apply(_as_numbers),
-        np.concatenate([rows.power for rows in each]),
-        np.concatenate([rows.standard_error for rows in each]),
-        {name: unit for rows in each for name, unit in rows.units.items()},
+        np.concatenate([rows.power for rows in per_scene]),
+        np.concatenate([rows.standard_error for rows in per_scene]),
+        {name: unit for rows in per_scene for name, unit in rows.units.items()},
     )
 
 
 def _rows_of(study: xr.Dataset) -> _Rows:
-    """The jobs of one scene, with the values of all parameters, varied or not."""
+    """The jobs of one scene, with the values of all parameters, varied and fixed."""
     power = study.power.transpose(..., "taxel")
     dims = power.dims[:-1]
     one_each = power.isel(taxel=0, drop=True)
     values: dict[Hashable, object] = dict(json.loads(study.attrs["parameters"]))
     for name, coordinate in one_each.coords.items():
-        if name != "step":  # only an index
+        if name != "step":  # an index without meaning of its own
             values[name] = coordinate.broadcast_like(one_each).transpose(*dims).values.ravel()
     count = power.shape[-1]
     return _Rows(
@@ -210,6 +224,7 @@ def _rows_of(study: xr.Dataset) -> _Rows:
 
 
 def _as_numbers(column: pd.Series) -> pd.Series:
+    """The column as numbers, or unchanged if a value is not a number."""
     try:
         return pd.to_numeric(column)
     except (ValueError, TypeError):
@@ -221,7 +236,9 @@ def _force_columns(parameters: pd.DataFrame) -> list[str]:
 
 
 def _part_of(forces: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndarray:
-    """The number of each row's part.
+    """Index into `PARTS` for each row, (rows,).
+
+    Forces are ranked by a hash of seed and force, and the ranking is cut at the shares.
 
     Raises
     ------
@@ -233,29 +250,44 @@ def _part_of(forces: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndar
     if len(ranked) < LEAST_FORCES:
         raise InputError(f"distinct forces in the study: {len(ranked)}, but at least {LEAST_FORCES} are needed.")
     cuts = np.round(np.cumsum(split)[:-1] * len(ranked))
-    parts = dict(zip(ranked, np.searchsorted(cuts, np.arange(len(ranked)), side="right"), strict=True))
-    return np.array([parts[force] for force in words])
+    subsets = dict(zip(ranked, np.searchsorted(cuts, np.arange(len(ranked)), side="right"), strict=True))
+    return np.array([subsets[force] for force in words])
 
 
-def _told(
+def _columns(
     rows: _Rows, power: np.ndarray, circuit: Circuit | None, random: np.random.Generator
 ) -> dict[str, np.ndarray]:
-    """What is told of each taxel, each (rows, taxels), for noisy power in W."""
-    told = {"power_{}_W": power}
+    """Columns of all taxels for noisy power (rows, taxels) in W, by the pattern of their names.
+
+    Each is (rows, taxels): power, voltage and counts if there is a circuit, and the standard error of the light.
+    """
+    columns = {"power_{}_W": power}
     if circuit is not None:
-        told["voltage_{}_V"], told["counts_{}"] = sampled(circuit, power, random)
-    return {**told, "standard_error_{}_W": rows.standard_error}
+        columns["voltage_{}_V"], columns["counts_{}"] = sampled(circuit, power, random)
+    return {**columns, "standard_error_{}_W": rows.standard_error}
 
 
-def _table(rows: _Rows, told: Mapping[str, np.ndarray], taxels: np.ndarray) -> pd.DataFrame:
-    """The columns of a training set, for all rows."""
+def _table(rows: _Rows, columns: Mapping[str, np.ndarray], taxels: np.ndarray) -> pd.DataFrame:
+    """The table of a training set: forces, parameters that differ between rows, and the columns of each taxel.
+
+    Parameters
+    ----------
+    rows : _Rows
+        Parameters of the rows, and their units, which become part of the columns' names.
+    columns : Mapping[str, np.ndarray]
+        (rows, taxels) by the pattern of the columns' names, from :func:`_columns`.
+    taxels : np.ndarray
+        (taxels,) numbers that replace the braces of a pattern.
+    """
     forces = _force_columns(rows.parameters)
-    others = [name for name in rows.parameters if name not in forces]
-    varied = [name for name in others if rows.parameters[name].nunique() > 1]
+    other_parameters = [name for name in rows.parameters if name not in forces]
+    varied = [name for name in other_parameters if rows.parameters[name].nunique() > 1]
     named = {name: f"{name}_{unit}" for name, unit in rows.units.items() if unit != "1"}
     parameters = rows.parameters[[*forces, *varied]].rename(columns=named)
-    each = [pd.DataFrame(values, columns=[name.format(taxel) for taxel in taxels]) for name, values in told.items()]
-    return pd.concat([parameters, *each], axis="columns")
+    frames = [
+        pd.DataFrame(values, columns=[pattern.format(taxel) for taxel in taxels]) for pattern, values in columns.items()
+    ]
+    return pd.concat([parameters, *frames], axis="columns")
 
 
 def _write(folder: Path, tables: Mapping[str, pd.DataFrame], sheet: str, parquet: bool) -> None:

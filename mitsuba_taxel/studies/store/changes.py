@@ -1,4 +1,4 @@
-"""What differs between the study of a folder and one that shall be written into it, in words."""
+"""Messages that name the first difference between a stored study and the study to be written into its folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.studies.store.provenance import PLUGIN
 
 MOST_LETTERS = 200
-"""Largest length of a line of a study file in a message."""
+"""Largest number of characters of a study file's line in a message."""
 _LIST = re.compile(r"\[\n(.*?)\n\]", re.DOTALL)
 
 
@@ -21,12 +21,19 @@ def changed_study(now: str, before: str, scene_now: str, scene_before: str) -> s
     Parameters
     ----------
     now, before : str
-        The files' texts.
+        Texts of the requested and of the stored study file (TOML).
     scene_now, scene_before : str
-        Texts of their scenes, XML; empty if not known.
+        Texts of their scenes (XML); empty if not available.
+
+    Returns
+    -------
+    str
+        A clause about the stored study, for an error message.
     """
     if now == before:
         return ""
+
+    # Equal definitions: the difference is in the code, or in a file that the scene names.
     try:
         studies = [toml.loads(text) for text in (now, before)]
         origins = [study.pop("provenance") for study in studies]
@@ -38,13 +45,23 @@ def changed_study(now: str, before: str, scene_now: str, scene_before: str) -> s
                 return changed_files(new["scene_content"], old["scene_content"], scene_now, scene_before)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, InputError):  # damaged, or of old code
         pass
+
+    # Else the first line that differs, a list being one line.
     pairs = zip_longest(*(_LIST.sub(_on_one_line, text).splitlines() for text in (now, before)), fillvalue="nothing")
     line, line_before = next(((new, old) for new, old in pairs if new != old), ("", ""))
     return f"it has {_short(line_before)} instead of {_short(line)}"
 
 
 def changed_files(now: dict[str, str], before: dict[str, str], scene_now: str, scene_before: str) -> str:
-    """The first file whose digest has changed, and what has changed in a scene; an empty text if none has."""
+    """The first file whose digest differs, and the first difference of the scene if it is that; empty if none differs.
+
+    Parameters
+    ----------
+    now, before : dict[str, str]
+        Digests by file name, of the requested and of the stored study; the scene is the first.
+    scene_now, scene_before : str
+        Texts of their scenes (XML).
+    """
     for name in {**before, **now}:
         if name not in now:
             plugin = name.removeprefix(f"{PLUGIN} ")
@@ -58,7 +75,7 @@ def changed_files(now: dict[str, str], before: dict[str, str], scene_now: str, s
 
 
 def changed_scene(now: str, before: str) -> str:
-    """The first value that differs between two scenes, or else the first line; an empty text if none is known."""
+    """The first value that differs between two scenes (XML texts), or else the first line; empty if there is none."""
     try:
         pairs = [list(_values(ElementTree.fromstring(text))) for text in (now, before)]
     except (ElementTree.ParseError, RecursionError):
@@ -76,7 +93,10 @@ def changed_scene(now: str, before: str) -> str:
 
 
 def _values(element: ElementTree.Element, around: str = "") -> list[tuple[str, str]]:
-    """Each value of a scene with its name in words, such as ``wall of deformable_pad``, in the order of the text."""
+    """Values of an element and its children in the order of the text, each after a description of where it stands.
+
+    A description is, for instance, ``wall of deformable_pad``; ``around`` is the name of the enclosing element.
+    """
     named = element.get("name") or element.get("id") or element.get("type") or element.tag
     if element.tag == "default":
         return [(f"the <default> {named}", element.get("value", ""))]
@@ -87,8 +107,9 @@ def _values(element: ElementTree.Element, around: str = "") -> list[tuple[str, s
     return [*own, *(value for child in element for value in _values(child, inner))]
 
 
-def _on_one_line(found: re.Match[str]) -> str:
-    return f"[{', '.join(line.strip().removesuffix(',') for line in found[1].splitlines())}]"
+def _on_one_line(match: re.Match[str]) -> str:
+    """A list of a TOML file that has a line for each value, on one line."""
+    return f"[{', '.join(line.strip().removesuffix(',') for line in match[1].splitlines())}]"
 
 
 def _short(line: str) -> str:

@@ -27,24 +27,31 @@ from mitsuba_taxel.studies.plan.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, curve_dimension
 from mitsuba_taxel.studies.store.folder import Kept
 
-Place = tuple[int, ...]
+Index = tuple[int, ...]
 
 NOT_COMPUTED = "errors of the pads' shape were not computed: the stated error is that of the light alone"
-"""Note of a study whose scenes were read without them."""
+"""Note of a study whose scenes were read without the errors of the pads' shape."""
 
 
 def assemble(
-    axes: Sequence[Axis], results: Mapping[Place, Kept], failures: Mapping[Place, Failure], about: Mapping[str, Any]
+    axes: Sequence[Axis], results: Mapping[Index, Kept], failures: Mapping[Index, Failure], about: Mapping[str, Any]
 ) -> xr.Dataset:
-    """Dataset over the axes' dimensions, ``taxel``, ``replicate`` and ``stage``.
+    """The labelled array of a study, over the axes' dimensions, ``taxel``, ``replicate`` and ``stage``.
 
     Parameters
     ----------
-    results, failures : Mapping[Place, Kept] and Mapping[Place, Failure]
-        By place along the axes; readings without a result are NaN.
+    axes : Sequence[Axis]
+        Dimensions of the study.
+    results, failures : Mapping[Index, Kept] and Mapping[Index, Failure]
+        Outcomes of the jobs by index along the axes; readings without a result are NaN.
     about : Mapping[str, Any]
         ``scene``, ``seed``, ``target_error``, ``target_slope``, ``points``, ``mesh_size``, ``parameters``, ``units``,
-        ``versions``, ``pilot_seconds``.
+        ``forces``, ``roles``, ``versions``, ``pilot_seconds``.
+
+    Returns
+    -------
+    xr.Dataset
+        The dataset that ``sweep`` returns, without the results of a circuit.
 
     Raises
     ------
@@ -56,6 +63,7 @@ def assemble(
         raise InputError(
             f"the study holds scenes of {' and '.join(map(str, counts))} taxels: the same number in each is needed."
         )
+    # Readings, errors of the light and seconds of all scenes, NaN where there is no result.
     shape, dims, curve = tuple(axis.size for axis in axes), [axis.dim for axis in axes], curve_dimension(axes)
     abscissa = _abscissa(axes[dims.index(curve)])
     first = next(iter(results.values())).readings
@@ -63,10 +71,12 @@ def assemble(
     replicates = np.full(shape + first.replicates.shape, math.nan)
     error = np.full(shape + first.power.shape, math.nan)
     seconds = np.zeros((*shape, len(stages)))
-    for place, result in results.items():
-        replicates[place], error[place] = result.readings.replicates, result.readings.standard_error
-        seconds[place] = [result.seconds.get(stage, 0.0) for stage in stages]
+    for index, result in results.items():
+        replicates[index], error[index] = result.readings.replicates, result.readings.standard_error
+        seconds[index] = [result.seconds.get(stage, 0.0) for stage in stages]
     power = replicates.mean(axis=-2)
+
+    # Errors of mechanics and geometry, interpolated along curves, and the total of all errors in W.
     deviation = _deviation(results, power, dims.index(curve), abscissa)
     mechanics = power * _shares(deviation, power, mechanics_share)
     facets = _facets(results, power, dims.index(curve), abscissa)
@@ -78,6 +88,8 @@ def assemble(
     if np.nan_to_num(geometry).any():
         along["geometry_error"] = geometry
     variables = _variables([*dims], shape, results, along, curve, abscissa)
+
+    # Notes: missing scenes, missed targets, then the remarks of the readings.
     notes = _notes(results)
     if missing := math.prod(shape) - len(results) - len(failures):
         notes.insert(0, f"{missing} of {math.prod(shape)} scenes have no reading yet: the same command computes them")
@@ -112,7 +124,7 @@ def assemble(
 
 
 def _provenance(about: Mapping[str, Any]) -> dict[str, Any]:
-    """Attributes of a dataset that say what it is of, and how it was computed."""
+    """Attributes of a dataset: its scene, settings, parameters, versions and seconds of pilot runs."""
     return {
         **{name: about[name] for name in ("scene", "seed", "points")},
         **{name: about[name] for name in ("target_error", "target_slope", "mesh_size") if about[name] is not None},
@@ -123,12 +135,12 @@ def _provenance(about: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _files(
-    name: str, folder: str, about: str, dims: list[str], shape: tuple[int, ...], results: Mapping[Place, Kept]
+    name: str, folder: str, about: str, dims: list[str], shape: tuple[int, ...], results: Mapping[Index, Kept]
 ) -> dict[str, tuple]:
-    """The variable ``name``: the files of each result in a folder; empty if there are none."""
+    """The variable ``name``, the files of each result in a subfolder, joined by blanks; no variable without files."""
     names = np.full(shape, "", dtype=object)
-    for place, result in results.items():
-        names[place] = " ".join(file for file in result.files if file.startswith(f"{folder}/"))
+    for index, result in results.items():
+        names[index] = " ".join(file for file in result.files if file.startswith(f"{folder}/"))
     return {name: (dims, names.astype(str), {"long_name": about})} if names.any() else {}
 
 
@@ -139,7 +151,7 @@ def _coordinates(
     coordinates: dict[str, tuple] = {}
     for axis in axes:
         for name, words in axis.values.items():
-            if roles.get(name, (name,))[0] == HISTORY:  # repeats the earlier steps
+            if roles.get(name, (name,))[0] == HISTORY:  # only repeats the earlier steps
                 continue
             numbers = as_numbers(words)
             unit = {"units": units[name]} if numbers and name in units else {}
@@ -149,21 +161,21 @@ def _coordinates(
     return coordinates
 
 
-def _notes(results: Mapping[Place, Kept]) -> list[str]:
-    """Distinct notes of all readings; of those on mechanics, the worst."""
+def _notes(results: Mapping[Index, Kept]) -> list[str]:
+    """Distinct remarks of all readings, a note on unequal points, and a summary of the mechanics' errors."""
     remarks = [remark for result in results.values() for remark in result.readings.remarks]
     errors = [error for result in results.values() for error in result.readings.roof_errors]
     points = [result.readings.points for result in results.values()]
-    few = sum(each < max(points) for each in points)
-    if few and min(points):  # without random numbers, a scene that needs paths gets its own number
+    few = sum(count < max(points) for count in points)
+    if few and min(points):  # 0 is light without random numbers, beside which scenes with mirrors have their own points
         remarks.append(f"{few} of {len(results)} scenes have fewer points: the same command computes the rest")
-    asked = not errors or any(result.readings.deviation is not None for result in results.values())
-    return [*dict.fromkeys(remarks), *(describe_mechanics(errors) if asked else [NOT_COMPUTED])]
+    computed = not errors or any(result.readings.deviation is not None for result in results.values())
+    return [*dict.fromkeys(remarks), *(describe_mechanics(errors) if computed else [NOT_COMPUTED])]
 
 
-def _failures(axes: Sequence[Axis], failures: Mapping[Place, Failure], roles: Mapping[str, Sequence[Any]]) -> list[str]:
+def _failures(axes: Sequence[Axis], failures: Mapping[Index, Failure], roles: Mapping[str, Sequence[Any]]) -> list[str]:
     values = dict(combinations(axes))
-    return [f"{describe(values[place], roles)}: {failure.message}" for place, failure in failures.items()]
+    return [f"{describe(values[index], roles)}: {failure.message}" for index, failure in failures.items()]
 
 
 def _responsivity(readings: Readings) -> dict[str, tuple]:
@@ -174,10 +186,10 @@ def _responsivity(readings: Readings) -> dict[str, tuple]:
 
 
 def _abscissa(axis: Axis) -> np.ndarray:
-    """(size,) place along a dimension, by which results between two scenes are interpolated: the length of the way
-    through the space of its numeric parameters, each over its range; the number of the scene if none changes.
+    """Abscissa (size,) along a dimension, by which results between two scenes are interpolated.
 
-    Errors of the mechanics grow with the load, and loads need not be evenly spaced.
+    It is the length of the path through the space of the numeric parameters, each relative to its range, or the index
+    of the scene if none changes. Errors of the mechanics grow with the load, and loads need not be evenly spaced.
     """
     numbers = [np.array(values) for values in map(as_numbers, axis.values.values()) if values]
     ranges = [(values, np.ptp(values)) for values in numbers]
@@ -185,76 +197,111 @@ def _abscissa(axis: Axis) -> np.ndarray:
     if not scaled:
         return np.arange(axis.size, dtype=float)
     steps = np.linalg.norm(np.diff(scaled, axis=1), axis=0)
-    # Scenes of equal parameters are told apart, as interpolation needs places that grow.
+    # Scenes of equal parameters differ slightly, as interpolation needs an increasing abscissa.
     return np.concatenate([[0.0], np.cumsum(np.maximum(steps, 1e-9))])
 
 
-def _deviation(results: Mapping[Place, Kept], power: np.ndarray, curve: int, abscissa: np.ndarray) -> np.ndarray:
-    """(..., T) W, effect of the mechanics' error on each reading."""
+def _deviation(results: Mapping[Index, Kept], power: np.ndarray, curve: int, abscissa: np.ndarray) -> np.ndarray:
+    """Effect of the mechanics' error on each reading, (..., T) W; 0 for pads without load."""
 
-    def found(readings: Readings) -> np.ndarray | None:
+    def deviation_of(readings: Readings) -> np.ndarray | None:
         unloaded = readings.deviation is None and not readings.roof_errors
         return np.zeros(len(readings.taxel)) if unloaded else readings.deviation
 
-    return _along_curves({place: found(result.readings) for place, result in results.items()}, power, curve, abscissa)
+    deviations = {index: deviation_of(result.readings) for index, result in results.items()}
+    return _along_curves(deviations, power, curve, abscissa)
 
 
-def _facets(results: Mapping[Place, Kept], power: np.ndarray, curve: int, abscissa: np.ndarray) -> np.ndarray:
-    """(..., T) W, effect of the facets of curved walls on each reading, from that of chords."""
-    known = {place: result.readings.facets for place, result in results.items()}
-    facets = _along_curves(known, power, curve, abscissa)
+def _facets(results: Mapping[Index, Kept], power: np.ndarray, curve: int, abscissa: np.ndarray) -> np.ndarray:
+    """Effect of the facets of curved walls on each reading, (..., T) W; 0 where it was not estimated."""
+    estimated = {index: result.readings.facets for index, result in results.items()}
+    facets = _along_curves(estimated, power, curve, abscissa)
     return np.where(np.isfinite(power), np.nan_to_num(facets), math.nan)
 
 
 def _along_curves(
-    changes: Mapping[Place, np.ndarray | None], power: np.ndarray, curve: int, abscissa: np.ndarray
+    changes: Mapping[Index, np.ndarray | None], power: np.ndarray, curve: int, abscissa: np.ndarray
 ) -> np.ndarray:
-    """(..., T) W, changes of readings; along the curve, between scenes where they are known, the share of the power is
-    interpolated linearly."""
-    share = np.full(power.shape, math.nan)
-    open_places = np.zeros(power.shape[:-1], dtype=bool)
-    for place, change in changes.items():
+    """Changes of all readings, interpolated between the scenes of a curve at which they were computed.
+
+    Parameters
+    ----------
+    changes : Mapping[Index, np.ndarray or None]
+        (T,) W by index of the scene, None where it was not computed.
+    power : np.ndarray
+        (..., T) W.
+    curve : int
+        Axis of ``power`` along which the change relative to the power is interpolated linearly.
+    abscissa : np.ndarray
+        (size,) of that axis, increasing.
+
+    Returns
+    -------
+    np.ndarray
+        (..., T) W, NaN for scenes without a reading and for curves without a computed change.
+    """
+    relative = np.full(power.shape, math.nan)
+    is_open_at = np.zeros(power.shape[:-1], dtype=bool)
+    for index, change in changes.items():
         if change is None:
-            open_places[place] = True
+            is_open_at[index] = True
         else:
-            share[place] = np.divide(change, power[place], out=np.zeros_like(change), where=power[place] > 0)
-    for line, is_open in zip(_lines_along(share, curve), _lines_along(open_places[..., None], curve), strict=True):
-        known, wanted = np.isfinite(line).all(axis=1), is_open[:, 0]
-        if known.any() and wanted.any():
-            columns = [np.interp(abscissa[wanted], abscissa[known], column[known]) for column in line.T]
-            line[wanted] = np.column_stack(columns)
-    return share * power
+            relative[index] = np.divide(change, power[index], out=np.zeros_like(change), where=power[index] > 0)
+    for line, is_open in zip(_lines_along(relative, curve), _lines_along(is_open_at[..., None], curve), strict=True):
+        computed, interpolated = np.isfinite(line).all(axis=1), is_open[:, 0]
+        if computed.any() and interpolated.any():
+            at, known_at = abscissa[interpolated], abscissa[computed]
+            line[interpolated] = np.column_stack([np.interp(at, known_at, taxel[computed]) for taxel in line.T])
+    return relative * power
 
 
 def _lines_along(array: np.ndarray, axis: int) -> Iterator[np.ndarray]:
-    """Views (n, last) of an array along one of its axes and the last one."""
+    """Views (n, T) of an array (..., T), each along ``axis`` at a fixed index of the remaining axes."""
     lines = np.moveaxis(array, axis, -2)
     for index in np.ndindex(lines.shape[:-2]):
         yield lines[index]
 
 
-def _shares(change: np.ndarray, power: np.ndarray, share: Callable[[np.ndarray, np.ndarray], float]) -> np.ndarray:
-    """(..., 1) relative error of each scene, from the changes of its readings."""
-    shares = [share(change[place], power[place]) for place in np.ndindex(power.shape[:-1])]
+def _shares(change: np.ndarray, power: np.ndarray, error_of: Callable[[np.ndarray, np.ndarray], float]) -> np.ndarray:
+    """Relative error of each scene, (..., 1), from the changes of its readings and their power, both (..., T) W."""
+    shares = [error_of(change[index], power[index]) for index in np.ndindex(power.shape[:-1])]
     return np.reshape(shares, (*power.shape[:-1], 1))
 
 
 def _variables(
     dims: list[str],
     shape: tuple[int, ...],
-    results: Mapping[Place, Kept],
+    results: Mapping[Index, Kept],
     along: Mapping[str, np.ndarray],
     curve: str,
     abscissa: np.ndarray,
 ) -> dict[str, xr.DataArray]:
-    """The listed results of all readings; those ``along`` the curves are given, and others are absent without a
-    value."""
+    """The variables of all results in `RESULTS`.
+
+    Parameters
+    ----------
+    dims, shape : list[str] and tuple[int, ...]
+        Dimensions of the study, and their lengths.
+    results : Mapping[Index, Kept]
+        Results by index.
+    along : Mapping[str, np.ndarray]
+        Power and its errors, (..., T) by name, interpolated along curves. Of `_ALONG`, only these become variables.
+    curve : str
+        Dimension along which other results that change smoothly are interpolated.
+    abscissa : np.ndarray
+        (size,) of that dimension, increasing.
+
+    Returns
+    -------
+    dict[str, xr.DataArray]
+        By name; results without any value are absent.
+    """
     variables = {}
     for result in RESULTS:
         if result.name in _ALONG:
             values = along.get(result.name)
         else:
-            values = _collected({place: result.of(kept.readings) for place, kept in results.items()}, shape)
+            values = _collected({index: result.of(kept.readings) for index, kept in results.items()}, shape)
         if values is None:
             continue
         about = {"long_name": result.meaning} | ({"units": result.unit} if result.unit else {})
@@ -269,37 +316,50 @@ def _variables(
 _ALONG_CURVE = "along_curve"
 """Name of the coordinate by which results are interpolated; it is not kept."""
 _ALONG = ("power", "standard_error", "mechanics_error", "geometry_error", "total_error", "deviation")
-"""Results whose errors are the same share of all readings of a scene, known at some scenes of a curve only."""
+"""Results that are computed for the whole study: relative errors of mechanics and geometry are common to all taxels of
+a scene, and computed at some scenes of a curve only."""
 
 
-def _collected(values: Mapping[Place, Any], shape: tuple[int, ...]) -> np.ndarray | None:
-    """Values of all places in one array, NaN or empty text where there is none; None if nowhere."""
-    known = {place: np.asarray(value) for place, value in values.items() if value is not None}
-    if not known:
+def _collected(values: Mapping[Index, Any], shape: tuple[int, ...]) -> np.ndarray | None:
+    """Values of all scenes in one array, NaN or empty text for a scene without a value; None if no scene has one."""
+    arrays = {index: np.asarray(value) for index, value in values.items() if value is not None}
+    if not arrays:
         return None
-    own = np.max([value.shape for value in known.values()], axis=0).astype(int)  # a contact may lack its derivatives
-    is_text = any(value.dtype.kind == "U" for value in known.values())
+    own = np.max([value.shape for value in arrays.values()], axis=0).astype(int)  # a contact may lack its derivatives
+    is_text = any(value.dtype.kind == "U" for value in arrays.values())
     array = np.full((*shape, *own), "", dtype=object) if is_text else np.full((*shape, *own), math.nan)
-    for place, value in known.items():
+    for index, value in arrays.items():
         if value.shape == tuple(own):
-            array[place] = value
+            array[index] = value
     return array.astype(str) if is_text else array
 
 
-def _parameters(results: Mapping[Place, Kept]) -> dict[str, tuple]:
-    """Parameters of the derivatives, and units."""
-    for each in _derivatives(results).values():
-        return {"parameter": ("parameter", list(each.parameters)), "derivative_unit": ("parameter", list(each.units))}
+def _parameters(results: Mapping[Index, Kept]) -> dict[str, tuple]:
+    """Coordinates of the dimension ``parameter`` of derivatives: names and units; empty without derivatives."""
+    for derivatives in _derivatives(results).values():
+        return {
+            "parameter": ("parameter", list(derivatives.parameters)),
+            "derivative_unit": ("parameter", list(derivatives.units)),
+        }
     return {}
 
 
-def _derivatives(results: Mapping[Place, Kept]) -> dict[Place, Derivatives]:
-    found = ((place, result.readings.derivatives) for place, result in results.items())
-    return {place: each for place, each in found if each is not None}
+def _derivatives(results: Mapping[Index, Kept]) -> dict[Index, Derivatives]:
+    """The derivatives of all readings that have them."""
+    derivatives = {index: result.readings.derivatives for index, result in results.items()}
+    return {index: values for index, values in derivatives.items() if values is not None}
 
 
 def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> str:
-    """Note on readings (..., T) in W whose total error exceeds the target or is unknown; empty if there are none."""
+    """Note on readings whose total error exceeds the target or is unknown; empty if there are none.
+
+    Parameters
+    ----------
+    target_error : float
+        Largest relative error.
+    power, total : np.ndarray
+        (..., T) W, readings and their total errors; NaN where there is no reading.
+    """
     read = np.isfinite(power)
     relative = shares(total[read], power[read])
     beyond = ~(relative <= target_error)
@@ -310,17 +370,28 @@ def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> 
 
 
 def missed_slope(
-    target: float, rates: Mapping[str, Any], results: Mapping[Place, Kept], forces: Collection[str] = FORCES
+    target: float, rates: Mapping[str, Any], results: Mapping[Index, Kept], forces: Collection[str] = FORCES
 ) -> str:
-    """Note on slopes whose error, relative to the steepest, exceeds the target or is unknown; empty if there are
-    none."""
-    names = next((each.parameters for each in _derivatives(results).values()), ())
+    """Note on slopes whose relative error exceeds the target or is unknown; empty if there are none.
+
+    Parameters
+    ----------
+    target : float
+        Largest error of a slope by a force, relative to the steepest taxel.
+    rates : Mapping[str, Any]
+        Variables ``derivative`` and ``derivative_error``, each (..., T, parameters).
+    results : Mapping[Index, Kept]
+        Results by index, whose slopes are compared.
+    forces : Collection[str]
+        Names of the parameters that are forces.
+    """
+    names = next((derivatives.parameters for derivatives in _derivatives(results).values()), ())
     if not names:
         return f"target slope {target:g} not reached: there are no derivatives"
     by_force = [number for number, name in enumerate(names) if name in forces]
     relative = []
-    for place in results:
-        values, errors = (rates[name].values[place][:, by_force] for name in ("derivative", "derivative_error"))
+    for index in results:
+        values, errors = (rates[name].values[index][:, by_force] for name in ("derivative", "derivative_error"))
         steepest = np.abs(values).max(axis=0)
         relative.append(errors.max(axis=0) / np.where(steepest > 0, steepest, np.inf))
     worst = "unknown" if np.isnan(relative).any() else f"{np.max(relative):.2g}"
@@ -329,7 +400,7 @@ def missed_slope(
 
 
 def study_error_budget(study: xr.Dataset) -> dict[str, float]:
-    """The error budget of `Readings`, for the worst reading of a study; those that failed are left out.
+    """The error budget, as of `Readings`, of the worst reading of a study; failed readings are left out.
 
     Parameters
     ----------

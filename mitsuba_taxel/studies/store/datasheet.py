@@ -15,12 +15,23 @@ from mitsuba_taxel.electronics import saturated_words
 from mitsuba_taxel.electronics.volts import circuit_of_study
 
 MOST_NAMED = 20
-"""Largest number of omitted jobs that are listed individually."""
+"""Largest number of omitted jobs that are listed by their values."""
 
 
 class Making(NamedTuple):
-    """How a training set was made: standard deviation of the noise of the light in words, empty without any; whether
-    there are voltages, with the noise of a circuit; copies and seed."""
+    """How a training set was made.
+
+    Attributes
+    ----------
+    noise : str
+        Standard deviation of the noise added to the power, in words; empty without noise.
+    in_volts : bool
+        Whether there are voltages, with the noise of a circuit.
+    copies : int
+        Noisy copies of each job.
+    seed : int
+        Seed of split and noise.
+    """
 
     noise: str
     in_volts: bool
@@ -31,7 +42,7 @@ class Making(NamedTuple):
 def datasheet(
     studies: Mapping[str, xr.Dataset], tables: Mapping[str, pd.DataFrame], making: Making, left_out: pd.DataFrame
 ) -> str:
-    """A page in Markdown.
+    """The datasheet of a training set, a page in Markdown.
 
     Parameters
     ----------
@@ -57,7 +68,7 @@ def datasheet(
 
 
 def rows_line(counts: Mapping[str, int]) -> str:
-    """The numbers of rows of the parts, as they are printed.
+    """The printed line with the number of rows of each part.
 
     Parameters
     ----------
@@ -99,7 +110,7 @@ def _source(studies: Mapping[str, xr.Dataset]) -> str:
 
 
 def _columns(rows: pd.DataFrame) -> str:
-    """Meaning and range of each column."""
+    """Table of the columns, with their meanings and ranges."""
     lines = []
     for name, column in rows.items():
         unit, meaning = _meaning(str(name))
@@ -139,6 +150,7 @@ def _meaning(column: str) -> tuple[str, str]:
 
 
 def _noise(making: Making) -> str:
+    """Description of the noise in power and voltages, and of the copies."""
     copies = "One noisy copy" if making.copies == 1 else f"{making.copies} noisy copies"
     of_light = (
         "Gaussian, added to each reading, independent of other readings and of the Monte Carlo error; its standard "

@@ -40,21 +40,21 @@ from mitsuba_taxel.studies.store.changes import changed_study
 
 STUDY, LOCK, RUN, CHOICE = "study.toml", ".lock", "run.json", "points.json"
 SCENE = "study_scene.xml"
-"""The scene as it was when the study began; that of a scene made in Python is itself what is read."""
+"""The scene at the start of the study. For a scene made in Python, it is the file that jobs read."""
 JOBS, FAILED = "jobs", "failed"
 GROWING, GROWN = ".growing", ".grown"
 """Folders of a study that is being extended: incomplete, and complete."""
 _SUFFIXES = (".npz", ".json")
-"""Of the files of jobs and of failures."""
+"""Suffixes of the files of jobs and of failures."""
 HEADING = "# The study whose results lie beside this file; it can be run again into another folder.\n"
 
 
 class StoreError(ComputationError):
-    """Results cannot be written, so that computing more of them is pointless."""
+    """Results cannot be written, so that further jobs are useless."""
 
 
 class Kept(NamedTuple):
-    """The result of a job as stored, with the names of its files."""
+    """The result of a job as stored: readings, seconds by stage, and the names of its files in the folder."""
 
     readings: Readings
     seconds: dict[str, float]
@@ -71,10 +71,18 @@ class Store:
 
     @contextmanager
     def writing(self, content: Mapping[str, Any], scene: str, workers: str, processes: int) -> Iterator[None]:
-        """Lock the folder for one run of the study ``content``, which starts or resumes it.
+        """Lock the folder for a run that starts or resumes a study.
 
-        ``scene`` is the text of its scene; ``workers`` says in words who computes it, in how many ``processes`` at
-        once.
+        Parameters
+        ----------
+        content : Mapping[str, Any]
+            Content of the study file, with its provenance.
+        scene : str
+            Text of its scene.
+        workers : str
+            Name of the pool that computes it.
+        processes : int
+            Number of jobs that are computed at the same time.
 
         Raises
         ------
@@ -98,25 +106,30 @@ class Store:
             lock.release()
 
     def _refuse_links(self) -> None:
-        """Raise if what is written into lies elsewhere: a study harms nothing but its own folder."""
+        """Raise `InputError` for links and wrong kinds of files: a study writes only within its own folder."""
         for name in (LOCK, SCENE, JOBS, FAILED, MESHES, MAPS, GROWING, GROWN):
-            place = self.folder / name
+            path = self.folder / name
             kind = "file" if name in (LOCK, SCENE) else "folder"
-            if place.is_symlink():
+            if path.is_symlink():
                 raise InputError(f"output folder {self.folder} is not allowed: {name} in it is a link, not a {kind}.")
-            if place.exists() and place.is_dir() is (kind == "file"):
+            if path.exists() and path.is_dir() is (kind == "file"):
                 raise InputError(f"output folder {self.folder} is not allowed: {name} in it is not a {kind}.")
 
     def _begin(self, content: Mapping[str, Any], scene: str) -> None:
+        """Write the definition of the study, or check that it agrees with the stored one, which it may extend."""
         self._finish_growing()
         if not (self.folder / STUDY).exists():
             if any(not file.name.startswith(".") and file.name != SCENE for file in self.folder.iterdir()):
                 raise InputError(f"output folder {self.folder} is not empty: results of two studies would mix.")
             write_text(self.folder / STUDY, HEADING + tomli_w.dumps(content))
+
+        # Another study is refused, unless it extends the stored one or that has no results.
         before = (self.folder / STUDY).read_text(encoding="utf-8", errors="replace").removeprefix(HEADING)
         difference = changed_study(tomli_w.dumps(content), before, scene, self.scene)
         if difference and not self._forget(content) and not self._grow(before, content):
             raise InputError(f"output folder {self.folder} holds another study ({difference}): choose another folder.")
+
+        # Scene and folders of results.
         if self.scene != scene:
             write_text(self.folder / SCENE, scene)
         for name in (JOBS, FAILED):
@@ -126,14 +139,14 @@ class Store:
 
     @property
     def scene(self) -> str:
-        """Text of the scene when the study began; empty if it is not there."""
+        """Text of the scene at the start of the study; empty if it cannot be read."""
         try:
             return (self.folder / SCENE).read_text(encoding="utf-8", errors="replace")
         except OSError:
             return ""
 
     def _forget(self, content: Mapping[str, Any]) -> bool:
-        """Begin the study anew if its run has left no result; False, and nothing is changed, if it has."""
+        """Replace the stored study if it has no result, and return True; else change nothing, and return False."""
         if self.done() or not (self.folder / JOBS).is_dir():
             return False
         self.forget_failures()
@@ -142,11 +155,12 @@ class Store:
         return True
 
     def _grow(self, before: str, content: Mapping[str, Any]) -> bool:
-        """Extend the stored study to one that holds all of its jobs, renumbered; False if it is another study.
+        """Extend the stored study to one that holds all of its results, with new numbers.
 
-        The extended study is prepared in a folder beside the results. Once that has its final name, a run that is
-        killed is completed by the next one.
+        Returns False, and changes nothing, if it is another study. The extended study is prepared in a folder beside
+        the results. Once that has its final name, the next run completes the extension if this one is killed.
         """
+        # New numbers of the stored jobs; jobs with results must not be lost.
         try:
             stored = toml.loads(before)
             numbers = moves(stored, content)
@@ -154,10 +168,12 @@ class Store:
             return False
         if numbers is None:
             return False
-        left_out = {number for number, place in numbers.items() if place is None}
+        left_out = {number for number, new_number in numbers.items() if new_number is None}
         if left_out.intersection(self.done()) or (left_out and not (self.folder / JOBS).is_dir()):
             return False
         self.aims_higher = any(stored.get(name) != content.get(name) for name in TARGETS)
+
+        # Copies of all files under their new numbers, then the switch to the extended study.
         ready = self.folder / GROWING
         shutil.rmtree(ready, ignore_errors=True)
         for name, suffix in zip((JOBS, FAILED), _SUFFIXES, strict=True):
@@ -171,23 +187,24 @@ class Store:
         return True
 
     def _finish_growing(self) -> None:
-        """Replace the results by those that :meth:`_grow` has prepared."""
+        """Replace the results by the extended study that :meth:`_grow` has prepared, if there is one."""
         ready = self.folder / GROWN
         if not ready.is_dir():
             return
         with replacing(self.folder / STUDY) as file:
             shutil.copyfile(ready / STUDY, file)
-        # A run that is killed between two of these steps is completed by repeating them.
+        # A run that is killed between two of these steps is completed by repeating them. Files of users in the old
+        # folders are kept.
         for name in (JOBS, FAILED):
-            place, before = self.folder / name, ready / f"{name}_before"
+            target, before = self.folder / name, ready / f"{name}_before"
             if (ready / name).is_dir():
-                if place.is_dir() and not before.exists():
-                    place.rename(before)
-                (ready / name).rename(place)
+                if target.is_dir() and not before.exists():
+                    target.rename(before)
+                (ready / name).rename(target)
             ours = {path.name for suffix in _SUFFIXES for path in _numbered(before, suffix).values()}
             for foreign in before.iterdir() if before.is_dir() else ():
                 if foreign.name not in ours and not foreign.name.startswith(PREFIX):
-                    foreign.rename(place / foreign.name)
+                    foreign.rename(target / foreign.name)
         shutil.rmtree(ready)
 
     def _note_run(self, workers: str, processes: int) -> None:
@@ -198,12 +215,12 @@ class Store:
 
     @property
     def choice(self) -> tuple[Settings, dict[str, float]] | None:
-        """Settings chosen by pilot runs, and the seconds these took by stage; None before.
+        """Settings chosen by pilot runs, and the seconds of these runs by stage; None before they have run.
 
         Raises
         ------
         InputError
-            if they can no longer be read: results of other settings would not match the stored ones.
+            if the file is damaged: results of other settings would not match the stored results.
         """
         file = self.folder / CHOICE
         try:
@@ -241,7 +258,13 @@ class Store:
             file.unlink()
 
     def keep(self, job: Job, outcome: JobResult | Failure) -> None:
-        """Store the outcome of a job; it is on disk when this returns. Raises `StoreError`."""
+        """Store the outcome of a job, which is on disk when this method returns.
+
+        Raises
+        ------
+        StoreError
+            if it cannot be written.
+        """
         try:
             if isinstance(outcome, Failure):
                 write_text(self._failed(job.number), json.dumps(asdict(outcome)))
@@ -264,7 +287,7 @@ class Store:
                     file.write_bytes(content)
 
     def load(self, number: int, parameters: Mapping[str, str]) -> Kept | None:
-        """Stored result of a job with these parameters; None if it is missing, damaged or of other parameters."""
+        """Stored result of job ``number``; None if it is missing, damaged or has other parameters."""
         try:
             arrays = archive.unpack(self._job(number).read_bytes())
             kept = None if arrays is None else _kept(arrays)
@@ -290,6 +313,7 @@ _OPTIONAL = ("responsivity", "deviation", "dark_error", "facets")
 
 
 def _arrays(kept: Kept) -> dict[str, np.ndarray]:
+    """The arrays of a result's file; numbers, texts and lists are JSON in the array ``words``."""
     readings = kept.readings
     words = {
         "points": readings.points,
@@ -310,28 +334,32 @@ def _arrays(kept: Kept) -> dict[str, np.ndarray]:
 
 
 def _of_derivatives(derivatives: Derivatives | None) -> dict[str, np.ndarray]:
-    return {} if derivatives is None else {f"{BY}{name}": np.array(each) for name, each in vars(derivatives).items()}
+    if derivatives is None:
+        return {}
+    return {f"{BY}{name}": np.array(values) for name, values in vars(derivatives).items()}
 
 
 def _of_contact(contact: FirstContact | None) -> dict[str, np.ndarray]:
-    return {} if contact is None else {f"{CONTACT}{name}": np.array(each) for name, each in vars(contact).items()}
+    return {} if contact is None else {f"{CONTACT}{name}": np.array(value) for name, value in vars(contact).items()}
 
 
 def _contact(arrays: Mapping[str, np.ndarray]) -> FirstContact | None:
-    found = {name.removeprefix(CONTACT): array for name, array in arrays.items() if name.startswith(CONTACT)}
-    if not found:
+    """The first contact in a result's file, None if it has none; raises if it is damaged."""
+    fields = {name.removeprefix(CONTACT): array for name, array in arrays.items() if name.startswith(CONTACT)}
+    if not fields:
         return None
-    _require(found["rates"].ndim == 1 and found["rates"].dtype == float)
-    return FirstContact(float(found["value"]), found["rates"], str(found["touched"]), str(found["ended"]))
+    _require(fields["rates"].ndim == 1 and fields["rates"].dtype == float)
+    return FirstContact(float(fields["value"]), fields["rates"], str(fields["touched"]), str(fields["ended"]))
 
 
 def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives | None:
-    found = {name.removeprefix(BY): array for name, array in arrays.items() if name.startswith(BY)}
-    if not found:
+    """The derivatives in a result's file, None if it has none; raises if they are damaged."""
+    fields = {name.removeprefix(BY): array for name, array in arrays.items() if name.startswith(BY)}
+    if not fields:
         return None
-    names, units = (tuple(found.pop(name).tolist()) for name in ("parameters", "units"))
-    strain, clearance = (float(found.pop(name)) for name in ("strain", "clearance"))
-    kept = Derivatives(names, units, strain=strain, clearance=clearance, method=str(found.pop("method")), **found)
+    names, units = (tuple(fields.pop(name).tolist()) for name in ("parameters", "units"))
+    strain, clearance = (float(fields.pop(name)) for name in ("strain", "clearance"))
+    kept = Derivatives(names, units, strain=strain, clearance=clearance, method=str(fields.pop("method")), **fields)
     _require(kept.values.shape == kept.standard_errors.shape == (taxels, len(names)))
     _require(kept.power.shape == kept.power_errors.shape == (taxels,))
     _require(kept.strain_rates.shape == kept.clearance_rates.shape == (len(names),))
@@ -339,6 +367,7 @@ def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives |
 
 
 def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
+    """The result in the arrays of its file; raises if they are damaged."""
     words = json.loads(str(arrays["words"]))
     seconds, files = words.pop("seconds"), words.pop("files")
     errors = [None if error is None else RoofError(**error) for error in words.pop("roof_errors")]
@@ -370,16 +399,17 @@ def _require(condition: bool) -> None:
 
 
 def _is_seconds(seconds: object) -> bool:
-    """Whether these are times by stage."""
+    """Whether the argument is a dictionary of times."""
     return isinstance(seconds, dict) and all(isinstance(time, (int, float)) for time in seconds.values())
 
 
 def _numbered(folder: Path, suffix: str) -> dict[int, Path]:
-    """The files of jobs in a folder by number; other files are ignored."""
+    """The files of jobs in a folder by job number; other files are ignored."""
     return {int(file.stem): file for file in folder.glob(f"*{suffix}") if re.fullmatch("[0-9]{6}", file.stem)}
 
 
 def _failure(file: Path) -> Failure | None:
+    """The failure in a file; None if the file is damaged."""
     try:
         failure = Failure(**json.loads(file.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError, RecursionError):

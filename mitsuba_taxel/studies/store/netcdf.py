@@ -11,7 +11,7 @@ from xarray.backends import ScipyDataStore
 def write_netcdf(study: xr.Dataset, file: Path) -> None:
     """Write a study to a NetCDF 3 file, byte for byte as ``study.to_netcdf`` does.
 
-    That method imports all of Dask's scheduler where it is installed, which takes most of a second.
+    ``to_netcdf`` imports all of Dask's scheduler where that is installed, which takes most of a second.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     Parameters
     ----------
     folder : str or Path
-        That was the ``output`` of a study.
+        The ``output`` of a study.
 
     Returns
     -------
@@ -44,15 +44,19 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     """
     folder = path_of("folder", folder)
     study = read_results(folder)
+
+    # Several scenes: a tree of the studies that have results.
     names = [scene.get("name") for scene in study["scenes"]]
     if names != [None]:
-        begun = [name for name in names if (folder / name / STUDY).exists() and Store(folder / name).done()]
-        if not begun:
+        started = [name for name in names if (folder / name / STUDY).exists() and Store(folder / name).done()]
+        if not started:
             raise InputError(f"study {folder} holds no result yet: run it first.")
-        tree = xr.DataTree.from_dict({name: open_study(folder / name) for name in begun})
-        lines = [f"{name}: {line}" for name in begun for line in tree[name].attrs["failures"].splitlines()]
+        tree = xr.DataTree.from_dict({name: open_study(folder / name) for name in started})
+        lines = [f"{name}: {line}" for name in started for line in tree[name].attrs["failures"].splitlines()]
         tree.attrs["failures"] = "\n".join(lines)
         return tree
+
+    # One scene: its dimensions, as when the study was run, and all stored results.
     (scene,), origin, store = study["scenes"], study["provenance"], Store(folder)
     axes = make_axes(
         scene.get("vary", {}),
@@ -60,16 +64,18 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
         forces=origin.get("forces", FORCES),
         loads=loads_among(origin.get("roles", {})),
     )
-    places = dict(enumerate(combinations(axes)))
+    jobs = dict(enumerate(combinations(axes)))
     results = {}
-    for number in sorted(places.keys() & store.done()):
-        place, values = places[number]
+    for number in sorted(jobs.keys() & store.done()):
+        index, values = jobs[number]
         kept = store.load(number, {**origin["parameters"], **values})
         if kept:
-            results[place] = kept
+            results[index] = kept
     if not results:
         raise InputError(f"study {folder} holds no result yet: run it first.")
-    failures = {places[number][0]: failure for number, failure in store.failures().items() if number in places}
+    failures = {jobs[number][0]: failure for number, failure in store.failures().items() if number in jobs}
+
+    # The labelled array, from the definition of the study alone.
     settings, pilot_seconds = store.choice or (Settings(study.get("points", 0), None), {})
     about = {"scene": Path(scene["scene"]).name, "seed": study["seed"]}
     about |= {name: study.get(name) for name in ("target_error", "target_slope")}
@@ -103,7 +109,7 @@ def stored_study(folder: Path) -> dict[str, Any]:
 
 
 def read_results(folder: Path) -> dict[str, Any]:
-    """The study of the results in a folder, as :func:`read_study` returns it.
+    """Content of the study file in a folder of results, as :func:`read_study` returns it.
 
     Parameters
     ----------
@@ -118,7 +124,7 @@ def read_results(folder: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        if there is none, or it was not written by a run.
+        if there is no such file, or it was not written by a run.
     """
     reason = why_unreadable(folder / STUDY)
     if reason:
@@ -145,7 +151,7 @@ def read_results(folder: Path) -> dict[str, Any]:
 
 
 def _are_roles(roles: object) -> bool:
-    """Whether these are roles, with their factors, by parameter."""
+    """Whether the argument is a dictionary of pairs, role and factor."""
     return isinstance(roles, dict) and all(
         isinstance(role, list) and len(role) == 2 and isinstance(role[0], str) and is_number(role[1])
         for role in roles.values()

@@ -23,13 +23,13 @@ ROOMS = (
     "backend", "base", "geometry", "parameters", "parts", "pads", "mechanics", "transport", "specification", "kernels",
     "electronics", "sensing", "plugins", "studies",
 )  # fmt: skip
-"""The code that readings of a study depend on."""
+"""Packages whose sources readings of a study depend on."""
 PLUGIN = "plugin"
-"""Word before the name of a file of the user's own plugins."""
+"""Word before the name of a file of the user's plugins, among the digests."""
 
 
 def provenance(batch: Batch) -> dict[str, Any]:
-    """What the results of a batch depend on in addition to its values.
+    """Everything that results of a batch depend on in addition to its values.
 
     Parameters
     ----------
@@ -39,10 +39,10 @@ def provenance(batch: Batch) -> dict[str, Any]:
     Returns
     -------
     dict[str, Any]
-        ``scene_content``, digests of the scene, of the files that it or a value names, and of the user's own plugins,
-        by their names; ``code``, digest of the sources that readings depend on; ``versions`` by name; ``parameters``,
-        values of those that are not varied; ``units`` of parameters, as far as known; ``forces``, components of the
-        force by parameter; and ``roles``, what parameters are.
+        ``scene_content``, digests by file name of the scene, of the files that it or a value names, and of the user's
+        plugins; ``code``, digest of the sources that readings depend on; ``versions`` of packages by name;
+        ``parameters``, values of the parameters that are not varied; ``units`` of parameters with a unit; ``forces``,
+        component of the force and sign by parameter; and ``roles``, role and sign by parameter.
     """
     first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
     parameters = batch.parameters(first)
@@ -64,7 +64,15 @@ def own_code() -> str:
 
 
 def _files_of(scene: Path, values: set[str]) -> list[Path]:
-    """The scene, and every file beside it that it, a scene that it names, or a value of its parameters names."""
+    """The scene, and the files that it names, that values of its parameters name, and that scenes among them name.
+
+    Parameters
+    ----------
+    scene : Path
+        Scene file; names are relative to its folder.
+    values : set[str]
+        Values of its parameters.
+    """
     files = {scene: None}
     scenes = [(scene, values)]
     while scenes:

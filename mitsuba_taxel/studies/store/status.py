@@ -21,16 +21,16 @@ class Status(NamedTuple):
     Attributes
     ----------
     name : str
-        Of the scene in a study of several scenes, else blank.
+        Name of the scene in a study of several scenes, else blank.
     done, failed, total : int
-        Jobs with a result, failed jobs, and all jobs.
+        Numbers of jobs with a result, of failed jobs, and of all jobs.
     error : float
         Largest relative standard error of a reading so far.
     running : bool
         Whether a run is in progress.
     seconds_left : tuple[float, float] or None
-        If the scenes that are left take as long as the fastest, and as the slowest, that are done; None if nothing runs
-        or nothing is done yet. Scenes whose error of mechanics is computed, and others, are counted apart.
+        Remaining time, if each remaining scene takes as long as the fastest, and as the slowest, finished scene. Scenes
+        with an error of mechanics are compared with such scenes only. None if there is no run or no result.
     """
 
     name: str
@@ -64,8 +64,11 @@ def study_status(folder: str | Path) -> list[Status]:
 
 
 def _states(folder: Path, name: str) -> Iterator[Status]:
+    """Progress of the study in a folder, whose scene has this name, or of the scenes in its subfolders."""
     study = read_results(folder)
     scenes = study["scenes"]
+
+    # Several scenes, each in a subfolder if it has been started.
     if scenes[0].get("name"):
         for scene in scenes:
             if (folder / scene["name"] / STUDY).exists():
@@ -73,6 +76,8 @@ def _states(folder: Path, name: str) -> Iterator[Status]:
             else:
                 yield Status(scene["name"], 0, 0, _size(scene), 0.0, False, None)
         return
+
+    # One scene: all stored results with the parameters of their job count.
     axes = _axes(scenes[0], study["provenance"].get("forces", FORCES), study["provenance"].get("roles", {}))
     store, values = Store(folder), dict(enumerate(values for _, values in combinations(axes)))
     fixed = study["provenance"]["parameters"]
@@ -80,9 +85,9 @@ def _states(folder: Path, name: str) -> Iterator[Status]:
     kept = {number: result for number in numbers if (result := store.load(number, {**fixed, **values[number]}))}
     failed, running = values.keys() & store.failures().keys(), _is_running(folder)
     seconds = {number: sum(result.seconds.values()) for number, result in kept.items()}
-    left = _seconds_left(axes, seconds, failed, _processes(folder)) if running else None
+    seconds_left = _seconds_left(axes, seconds, failed, _processes(folder)) if running else None
     error = max((result.readings.relative_total_error for result in kept.values()), default=0.0)
-    yield Status(name, len(kept), len(failed), len(values), error, running, left)
+    yield Status(name, len(kept), len(failed), len(values), error, running, seconds_left)
 
 
 def _axes(scene: dict, forces: Collection[str] = FORCES, roles: Mapping[str, tuple[str, int]] = MappingProxyType({})):
@@ -90,10 +95,12 @@ def _axes(scene: dict, forces: Collection[str] = FORCES, roles: Mapping[str, tup
 
 
 def _size(scene: dict) -> int:
+    """Number of jobs of a scene."""
     return sum(1 for _ in combinations(_axes(scene)))
 
 
 def _is_running(folder: Path) -> bool:
+    """Whether a run has locked the folder."""
     from filelock import FileLock, Timeout
 
     try:
@@ -104,7 +111,7 @@ def _is_running(folder: Path) -> bool:
 
 
 def _processes(folder: Path) -> int:
-    """Jobs that are computed at once."""
+    """Number of jobs that the run computes at the same time; 1 if it is not recorded."""
     try:
         return max(1, int(json.loads((folder / RUN).read_text(encoding="utf-8"))["processes"]))
     except (OSError, ValueError, TypeError, KeyError, RecursionError):  # not written yet, or damaged
@@ -114,15 +121,29 @@ def _processes(folder: Path) -> int:
 def _seconds_left(
     axes: Sequence[Axis], seconds: Mapping[int, float], failed: Set[int], processes: int
 ) -> tuple[float, float] | None:
-    """The least and most seconds for the jobs that are left, from those of the jobs that are done, by number."""
+    """Least and most seconds that the remaining jobs take; None if no job is done.
+
+    Parameters
+    ----------
+    axes : Sequence[Axis]
+        Dimensions of the study.
+    seconds : Mapping[int, float]
+        Seconds of each finished job, by number.
+    failed : Set[int]
+        Numbers of failed jobs.
+    processes : int
+        Number of jobs that are computed at the same time.
+    """
     if not seconds:
         return None
     curve = [axis.dim for axis in axes].index(curve_dimension(axes))
     checked = checked_places(axes[curve])
-    kinds = [place[curve] in checked for place, _ in combinations(axes)]
+    checked_jobs = [index[curve] in checked for index, _ in combinations(axes)]
     least = most = 0.0
+    # Jobs with and without an error of mechanics, each by the times of jobs of their kind, or of all if none is done.
     for kind in (True, False):
-        own = [taken for number, taken in seconds.items() if kinds[number] is kind] or list(seconds.values())
-        left = sum(each is kind and number not in seconds and number not in failed for number, each in enumerate(kinds))
-        least, most = least + left * min(own) / processes, most + left * max(own) / processes
+        jobs = [number for number, is_checked in enumerate(checked_jobs) if is_checked is kind]
+        times = [seconds[number] for number in jobs if number in seconds] or list(seconds.values())
+        remaining = sum(number not in seconds and number not in failed for number in jobs)
+        least, most = least + remaining * min(times) / processes, most + remaining * max(times) / processes
     return least, most

@@ -26,7 +26,14 @@ if TYPE_CHECKING:
 def write_readings(study: xr.Dataset, folder: Path, parquet: bool = False) -> None:
     """Write ``readings.nc`` and ``readings.csv``.
 
-    With ``parquet``, the readings are also written as ``readings.parquet``, with their errors and units as in the CSV.
+    Parameters
+    ----------
+    study : xr.Dataset
+        Results of ``sweep``.
+    folder : Path
+        Existing folder.
+    parquet : bool
+        Whether to write the table as ``readings.parquet`` too.
     """
     table = _readings(study)
     with replacing(folder / "readings.nc") as file:
@@ -46,21 +53,23 @@ def write_summary(study: xr.Dataset, folder: Path) -> None:
 
 
 def write_resolution(study: xr.Dataset, folder: Path) -> None:
-    """Write ``resolution.csv``, ``resolution.png`` and ``resolution.svg`` if it has derivatives and a circuit at places
-    in x and y."""
+    """Write ``resolution.csv``, ``resolution.png`` and ``resolution.svg``.
+
+    Nothing is written unless the study has derivatives, a circuit, and contact positions varied in x and y.
+    """
     if plane_of(study) is None or "derivative" not in study or circuit_of_study(study) is None:
         return
-    found = resolution(study)
+    resolutions = resolution(study)
     with replacing(folder / "resolution.csv") as file:
-        found[["resolution", "resolution_error"]].to_dataframe().reset_index().to_csv(file, index=False)
-    save_figure(plot_resolution(found), folder, "resolution")
+        resolutions[["resolution", "resolution_error"]].to_dataframe().reset_index().to_csv(file, index=False)
+    save_figure(plot_resolution(resolutions), folder, "resolution")
 
 
 def draw_results(study: xr.Dataset, folder: Path) -> None:
     """Draw the readings, as ``power.png`` and ``power.svg``.
 
-    With a circuit, there are also ``voltage.png`` and ``voltage.svg``; where curves of several taxels are compared,
-    ``taxels.png`` and ``taxels.svg``; where a place in x and y is varied, ``map.png`` and ``map.svg``.
+    With a circuit, ``voltage.png`` and ``voltage.svg`` are drawn too; if curves of several taxels are compared,
+    ``taxels.png`` and ``taxels.svg``; if a position in x and y is varied, ``map.png`` and ``map.svg``.
     """
     plots: dict[str, Callable] = {
         "power": plot_curves,
@@ -76,7 +85,7 @@ def draw_results(study: xr.Dataset, folder: Path) -> None:
 
 
 def summary_table(study: xr.Dataset) -> pandas.DataFrame:
-    """Slopes by each varied force, in W/N and, with a circuit, in its units too.
+    """Slopes by each varied force, in W/N and, with a circuit, in V/N and counts/N.
 
     Parameters
     ----------
@@ -106,7 +115,8 @@ def _head(study: xr.Dataset) -> list[str]:
 
 
 def _readings(study: xr.Dataset) -> pandas.DataFrame:
-    """One row per scene and taxel: all listed results, with those of volts and the files of pads."""
+    """One row per scene and taxel: all results that belong in tables, voltages, and the files of pads."""
+    # Results with a value for each scene and taxel.
     listed = [result for result in RESULTS if result.in_table and result.name in study]
     by_parameter = {result.name for result in listed if PARAMETER in result.per}
     names = [*(result.name for result in listed if result.name not in by_parameter), *VOLTS, "mesh"]
@@ -116,6 +126,8 @@ def _readings(study: xr.Dataset) -> pandas.DataFrame:
     table = study[names].to_dataframe(dim_order=dims).reset_index()[[*dims[:-1], *together, dims[-1], *names]]
     units = {name: study[name].attrs.get("units") for name in table.columns}
     table.columns = [f"{name}_{units[name]}" if units[name] not in (None, "1") else name for name in table.columns]
+
+    # Results by parameter get a column for each parameter.
     for result in listed if by_parameter else ():
         if result.name in by_parameter:
             for number, parameter in enumerate(study[PARAMETER].values):
