@@ -1,4 +1,4 @@
-"""The first and the best design judged again, on a finer mesh with more points and another seed."""
+"""Evaluation of the first and the best design again, on a finer mesh with more points and another seed."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.studies.run.pool import Pool
 
 FINER = 0.75
-"""Factors on mesh size and points."""
+"""Factor on the mesh size."""
 MORE_POINTS = 4
+"""Factor on the number of points."""
 SAME_MESH = "the mesh could not be made finer, which the scene states: what it does to the improvement is not known"
 
 
@@ -27,11 +28,11 @@ class Beyond(NamedTuple):
     Attributes
     ----------
     gain : float
-        Of the objective, relative to that of the best design there.
+        Gain of the objective, relative to that of the best design there.
     designs : int
-        Their number, without the best one.
+        Number of evaluated designs, without the best one.
     ended : bool
-        Whether it ended as its steps gained no more, not as no more were allowed.
+        Whether it ended because its steps gained nothing, not because it had used all evaluations.
     """
 
     gain: float
@@ -41,18 +42,18 @@ class Beyond(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Again:
-    """Designs judged again.
+    """The first and the best design, evaluated again.
 
     Attributes
     ----------
     course : Course
-        Of designs on the finer mesh.
+        Designs on the finer mesh.
     first, winner : Design
-        The first and the best design, with meshes of their own.
+        The first and the best design, with meshes that are not moved from other designs.
     reads : dict[str, Read]
-        What is read of them, as ``before_finer`` and ``best_finer``; empty if one fails.
+        Their evaluations, as ``before_finer`` and ``best_finer``; empty if one fails.
     is_finer : bool
-        Whether the mesh is, which the scene may have fixed.
+        Whether the mesh is finer; the scene may have fixed its size.
     """
 
     course: Course
@@ -63,7 +64,7 @@ class Again:
 
     @property
     def notes(self) -> list[str]:
-        """What is said about it."""
+        """Remarks for the user."""
         if not self.reads:
             return ["the best design could not be read on a finer mesh: its improvement is not judged again"]
         return [*self.course.designs.notes, *([] if self.is_finer else [SAME_MESH])]
@@ -83,11 +84,23 @@ class Again:
 
 
 def judged_again(course: Course, best: Design, pool: Pool, folder: Path) -> Again:
-    """The first design of a course and the best one again, in ``folder``."""
+    """Evaluate the first and the best design of a course on a finer mesh.
+
+    Parameters
+    ----------
+    course : Course
+        The optimisation.
+    best : Design
+        Its best design.
+    pool : Pool
+        Executes the jobs.
+    folder : Path
+        Folder of the new study.
+    """
     plan, first, winner = course.plan, course.before.alone, best.alone
     scene = plan.scene(winner)
-    parts = parts_of(scene)
-    size = plan.batch.mesh_size or (_default_size(scene) if parts else None)
+    pads = parts_of(scene)
+    size = plan.batch.mesh_size or (_default_size(scene) if pads else None)
     finer = replace(
         plan.batch,
         points=MORE_POINTS * (plan.batch.points or 1),
@@ -95,14 +108,14 @@ def judged_again(course: Course, best: Design, pool: Pool, folder: Path) -> Agai
         mesh_size=None if size is None else float(f"{FINER * size:.3g}"),
     )
     again = Course(plan, Designs(plan, pool, folder, False, finer), None)
-    named = zip(("before_finer", "best_finer"), again.look([first, winner]), strict=True)
-    reads = {name: read for name, read in named if read is not None}
-    is_finer = not parts or bool(size and scene.leaves_mesh_open)
+    names = zip(("before_finer", "best_finer"), again.look([first, winner]), strict=True)
+    reads = {name: read for name, read in names if read is not None}
+    is_finer = not pads or bool(size and scene.leaves_mesh_open)
     return Again(again, first, winner, reads if len(reads) == 2 else {}, is_finer)
 
 
 def _default_size(scene: Scene) -> float | None:
-    """Of the smallest elements of built-in pads under load, in mm."""
+    """Size in mm of the smallest elements of built-in pads under load; None without such a pad."""
     built = [pad for pad in deformed_pads(scene.load()) if isinstance(pad.pad, Pad)]
     sizes = (size_for_light(pad.pad, pad.load, [pad.bsdf()]) or pad.pad.default_mesh_size for pad in built)
     return min(sizes, default=None)

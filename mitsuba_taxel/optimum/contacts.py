@@ -1,4 +1,4 @@
-"""First contacts of designs, as their study has them."""
+"""First contacts of designs, from their study."""
 
 from __future__ import annotations
 
@@ -16,61 +16,91 @@ from mitsuba_taxel.studies.plan.batch import Batch
 
 
 class DesignContact(NamedTuple):
-    """A first contact: its value, what is touched, why the path ends before, and derivatives with respect to each
-    variable, in the unit cube, and each parameter with a tolerance, per standard deviation. Where a path ends, and its
-    derivatives are not known, they are ``missing``, and 0."""
+    """The first contact of a design along a line of loads.
+
+    Attributes
+    ----------
+    value : float
+        Load at the first contact, or at the end of the load path; NaN if unknown.
+    touched : str
+        What the pad touches; empty without contact.
+    ended : str
+        Why the load path ends without contact; empty if it does not.
+    by : list[float]
+        Derivatives by each variable in the unit cube.
+    by_tolerance : list[float]
+        Changes by one standard deviation of each parameter with a tolerance.
+    missing : bool
+        Whether derivatives of the end of a path are unknown; they are then 0.
+    """
 
     value: float
     touched: str
     ended: str
     by: list[float]
-    off: list[float]
+    by_tolerance: list[float]
     missing: bool = False
 
     @classmethod
-    def told(cls, study: xr.Dataset, row: int, by: list[float], off: list[float]) -> DesignContact:
-        """That of a row of a study."""
+    def from_study(cls, study: xr.Dataset, row: int, by: list[float], by_tolerance: list[float]) -> DesignContact:
+        """The first contact in a row of a study, with these derivatives."""
         touched, ended = (str(study[name].values[row]) if name in study else "" for name in ("touched", "ended"))
-        missing = bool(ended) and not np.isfinite([*by, *off]).all()
+        missing = bool(ended) and not np.isfinite([*by, *by_tolerance]).all()
         if missing:
-            by, off = [0.0] * len(by), [0.0] * len(off)
-        return cls(first_contact_in(study, row), touched, ended, by, off, missing)
+            by, by_tolerance = [0.0] * len(by), [0.0] * len(by_tolerance)
+        return cls(first_contact_in(study, row), touched, ended, by, by_tolerance, missing)
 
 
 def first_contact_in(study: xr.Dataset, row: int, of: str = "") -> float:
-    """That of a row of a study, or its ``_derivative``; NaN if unknown."""
+    """Load at the first contact in a row of a study, or with ``of="_derivative"`` its derivative; NaN if unknown."""
     name = f"first_contact{of}"
     return float(study[name].values[row]) if name in study else np.nan
 
 
-def lines_untold(plan: Plan, batch: Batch, designs: Sequence[Design]) -> dict[str, str]:
-    """Lines along which a range does not know the first contact, with the reasons.
+def lines_without_contact(plan: Plan, batch: Batch, designs: Sequence[Design]) -> dict[str, str]:
+    """Lines along which the first contact cannot be computed, with the reasons.
+
+    Parameters
+    ----------
+    plan : Plan
+        The optimisation.
+    batch : Batch
+        Its scene and the settings of readings.
+    designs : Sequence[Design]
+        Designs that are tried, one of each choice.
+
+    Returns
+    -------
+    dict[str, str]
+        Reason by line; along these, a measuring range is limited by saturation only.
 
     Raises
     ------
     InputError
-        if there is one for which the first contact is a figure by itself.
+        if the first contact along such a line is itself a figure of the study.
     """
-    found = {}
+    reasons = {}
     for line in plan.to_contact:
         along, rows = plan.lines[line]
-        scenes = (batch.scene(plan.told(design) | rows[-1]) for design in designs)
+        scenes = (batch.scene(plan.scene_parameters(design) | rows[-1]) for design in designs)
         refused = next(filter(None, (why_no_contact(scene, along) for scene in scenes)), None)
         if refused is not None:
-            if any(one.kind == FIRST_CONTACT and one.told["along"] == line for one in plan.figures):
+            if any(figure.kind == FIRST_CONTACT and figure.parameters["along"] == line for figure in plan.figures):
                 raise InputError(refused)
-            found[line] = refused
-    return found
+            reasons[line] = refused
+    return reasons
 
 
-def why_untold(plan: Plan, seen: Seen, contacts: Mapping[str, DesignContact]) -> str:
-    """Why a figure of a design cannot be told where the derivatives of a path's end are missing; empty if it can, as
-    where the design bears as much as is asked for."""
-    for asked in (*plan.asked, *([plan.front[0]] if plan.front else [])):
-        end = contacts.get(asked.figure.told["along"]) if asked.figure.kind in TO_THE_END else None
+def undetermined_end(plan: Plan, seen: Seen, contacts: Mapping[str, DesignContact]) -> str:
+    """Reason why a figure of a design is undetermined: its load path ends, and derivatives of that end are missing.
+
+    Empty if all figures are determined. A constraint that the design meets at the end of the path needs no derivatives.
+    """
+    for criterion in (*plan.criteria, *([plan.front[0]] if plan.front else [])):
+        end = contacts.get(criterion.figure.parameters["along"]) if criterion.figure.kind in TO_THE_END else None
         if end is not None and end.missing:
-            least = asked.figure.components(seen).real.min()
-            bears = isinstance(asked, Limit) and asked.sign < 0 and asked.bound <= least
+            least = criterion.figure.components(seen).real.min()
+            bears = isinstance(criterion, Limit) and criterion.sign < 0 and criterion.bound <= least
             if least == abs(end.value) and not bears:
                 return end.ended
     return ""

@@ -1,4 +1,4 @@
-"""The course of an optimisation: every evaluated design with its objective and constraints, and the best so far."""
+"""The course of an optimisation: all evaluated designs, their objectives and constraints, and the best so far."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ from mitsuba_taxel.optimum.search import Judged, Stationarity, stationarity
 QUANTILE = 1.2816
 """Quantile of 90 % of a normal distribution, in standard deviations."""
 ROUNDS = 3
-"""Most successive descents with tolerances, which are evaluated at the start of each."""
+"""Largest number of successive descents with tolerances, whose spread is evaluated at the start of each."""
 SAME = 1e-6
-"""Relative to the bounds' width: designs that differ by less count as equal, as another mesh makes more difference."""
+"""Largest difference of equal designs, relative to the bounds' width: another mesh makes more difference."""
 NEAR = 0.02
-"""The same for designs whose gradients differ by their meshes rather than by the designs."""
+"""Largest difference, relative to the bounds' width, of designs whose gradients differ by their meshes rather than by
+the designs."""
 HELD = 1e-3
 """Allowed violation of a constraint, relative to its bound."""
 
@@ -35,7 +36,7 @@ class OptimisationProgress(NamedTuple):
     designs, failed : int
         Numbers of evaluated designs, and of those that failed.
     best : str
-        The best so far; empty if none meets all constraints yet.
+        Objective of the best design so far, in words; empty if none meets all constraints yet.
     """
 
     designs: int
@@ -44,11 +45,21 @@ class OptimisationProgress(NamedTuple):
 
 
 class Enough(Exception):
-    """A descent has used all of its evaluations."""
+    """A descent has used all its evaluations."""
 
 
 class Course:
-    """Evaluates designs, and keeps them in ``history``, in order."""
+    """Evaluates designs, and runs descents.
+
+    Attributes
+    ----------
+    plan : Plan
+        The optimisation.
+    designs : Designs
+        Evaluation of its designs.
+    history : list[Design]
+        All evaluated designs, in their order.
+    """
 
     def __init__(self, plan: Plan, designs: Designs, progress: Callable[[OptimisationProgress], None] | None) -> None:
         self.plan, self.designs, self._progress = plan, designs, progress
@@ -58,7 +69,7 @@ class Course:
         self._descent_of: dict[Design, int] = {}
 
     def look(self, designs: Sequence[Design]) -> list[Read | None]:
-        """Evaluate designs, all at once."""
+        """Evaluate designs, all in one run of their study; None for a design that fails."""
         for design, read in zip(designs, self.designs.read(designs), strict=True):
             if design not in self._read:
                 self._read[design], self._descent_of[design] = read, self._descents
@@ -77,18 +88,21 @@ class Course:
         return next((design for design in readable if design == self.plan.before), readable[0])
 
     def read(self, design: Design) -> Read:
-        """A design that was read."""
-        found = self._read[design]
-        assert found is not None
-        return found
+        """The evaluation of a design, which must not have failed."""
+        evaluated = self._read[design]
+        assert evaluated is not None
+        return evaluated
 
     def judged(self, design: Design, goal: Goal, limits: Sequence[Limit]) -> Judged | None:
-        """Goals of a design relative to the worst of `before`, and limits relative to their bounds."""
+        """Goals of a design relative to the worst of `before`, and limits relative to their bounds.
+
+        None if the design fails, or has no goal or a figure that is not finite.
+        """
         (read,) = self.look([design])
         return None if read is None else self._judge(read, read, goal, limits)
 
     def _judge(self, read: Read, spread: Read, goal: Goal, limits: Sequence[Limit]) -> Judged | None:
-        """The same, with each figure worse by its spread due to tolerances of the design ``spread``."""
+        """As :meth:`judged`, with each figure worse by the spread due to tolerances at the design ``spread``."""
         scale = abs(worst_of(goal, self.read(self.before))) or 1.0
         goals, goal_rates = _loss(goal, read, spread)
         none = np.zeros((0, len(read.by)))
@@ -98,15 +112,16 @@ class Course:
             size = abs(limit.bound) or 1.0
             margins.append((limit.sign * limit.bound - values) / size)
             rates.append(-slopes / size)
-        found = Judged(goals / scale, goal_rates / scale, np.concatenate(margins), np.concatenate(rates))
-        return found if goals.size and all(np.isfinite(each).all() for each in vars(found).values()) else None
+        judged = Judged(goals / scale, goal_rates / scale, np.concatenate(margins), np.concatenate(rates))
+        return judged if goals.size and all(np.isfinite(array).all() for array in vars(judged).values()) else None
 
     def descend(self, start: Design, goal: Goal, limits: Sequence[Limit]) -> None:
         """Descend from a design; all evaluated designs are in the history.
 
-        The spread due to tolerances is held at that of the start. With tolerances, further descents begin where the
-        last one ended.
+        During a descent, the spread due to tolerances is that of its start. With tolerances, further descents start
+        where the last one ended.
         """
+        # Designs at points, by their variables: the same point may be evaluated on several meshes.
         before = len(self.history)
         self._descents += 1
         placed: dict[tuple[float, ...], Design] = {start.x: start}
@@ -118,6 +133,7 @@ class Course:
             return None if read is None else self._judge(read, self.read(start), goal, limits)
 
         def at(end: np.ndarray, x: np.ndarray) -> Trial:
+            # The mesh of the last point is moved to the end; where it cannot be, the last point is evaluated again.
             here = placed[tuple(x.tolist())]
             if np.array_equal(end, x):
                 return Trial(judged(here))
@@ -142,40 +158,44 @@ class Course:
                 return
             start = end
 
-    def _jump(self, one: Design, other: Design) -> float:
-        """Relative error of a comparison of two designs."""
+    def _jump(self, first: Design, second: Design) -> float:
+        """Relative error of figures in a comparison of two designs."""
         if not self.designs.has_parts:
             return JUMP_BARE
-        return JUMP_MOVED if one.family == other.family else JUMP
+        return JUMP_MOVED if first.family == second.family else JUMP
 
     def _beside(self, here: Design, x: np.ndarray) -> tuple[Design, Design]:
-        """A design at ``x`` with the mesh of ``here``, moved, and ``here``; with its own mesh, if the one that it was
-        moved from does not reach as far; or, if even that does not, the design at ``x`` with a mesh of its own."""
+        """Two designs on a common mesh, as far as possible: ``here``, and a design at ``x``.
+
+        The mesh of ``here`` is moved to ``x``. If it cannot be, because it has been moved already, ``here`` gets a mesh
+        of its own, which is moved. If that cannot be either, the design at ``x`` gets a mesh of its own.
+        """
         there = self.plan.design(here.choice, x.tolist())
         if self.plan.refusal(there) is None:
-            for beside in dict.fromkeys((here, here.alone)):
-                moved = replace(there, origin=beside.family)
-                if self.designs.can_move(moved):
-                    return beside, self._alike(moved)
+            for neighbour in dict.fromkeys((here, here.alone)):
+                shifted = replace(there, origin=neighbour.family)
+                if self.designs.can_move(shifted):
+                    return neighbour, self._alike(shifted)
         return here, self._alike(there)
 
     def _alike(self, design: Design) -> Design:
-        """An evaluated design that is nearly equal, with the same mesh, or else this one."""
-        for known in self.history:
-            alike = known.choice == design.choice and _apart(known, design) <= SAME
-            if alike and (known.origin == design.origin or known.family == design.family):
-                return known
+        """An evaluated design that is nearly equal and has the same mesh, or else this design."""
+        for evaluated in self.history:
+            equal = evaluated.choice == design.choice and _distance(evaluated, design) <= SAME
+            if equal and (evaluated.origin == design.origin or evaluated.family == design.family):
+                return evaluated
         return design
 
     def best(self, goal: Goal, limits: Sequence[Limit]) -> Design | None:
-        """The best design so far that meets all constraints; None if there is none."""
-        kept = [(design, each) for design, each in self._all(goal, limits) if each.violation <= HELD]
-        return min(kept, key=lambda pair: pair[1].worst)[0] if kept else None
+        """The best evaluated design that meets all constraints; None if no design does."""
+        feasible = [(design, judged) for design, judged in self._all(goal, limits) if judged.violation <= HELD]
+        return min(feasible, key=lambda pair: pair[1].worst)[0] if feasible else None
 
     def gain_from(self, start: Design) -> tuple[float, int]:
-        """What a descent gains from an evaluated design, relative to its objective, and the number of its designs.
+        """Gain of a descent from an evaluated design, and the number of its designs.
 
-        Gains are those on one mesh; where it is renewed, those on both add up.
+        The gain is relative to the objective of the start. Designs are compared on the same mesh only; where the mesh
+        is renewed, the gains on both meshes are added.
         """
         goal, limits, before = self.plan.goal, self.plan.limits, len(self.history)
         first = self.judged(start, goal, limits)
@@ -183,40 +203,52 @@ class Course:
             return math.nan, 0
         self.descend(start, goal, limits)
         new = {start, *self.history[before:]}
-        found = [(design, each) for design, each in self._all(goal, limits) if design in new and each.violation <= HELD]
+        feasible = [
+            (design, judged) for design, judged in self._all(goal, limits) if design in new and judged.violation <= HELD
+        ]
         gain = 0.0
-        for family in dict.fromkeys(design.family for design, _ in found):
-            own = [each.worst for design, each in found if design.family == family]
-            gain += own[0] - min(own)
+        for family in dict.fromkeys(design.family for design, _ in feasible):
+            goals = [judged.worst for design, judged in feasible if design.family == family]
+            gain += goals[0] - min(goals)
         return gain / (abs(first.worst) or 1.0), len(self.history) - before
 
     def stationarity(self, best: Design, *finer: Read) -> Stationarity:
-        """What holds a design, by the mean of its own gradients, of those of designs near it with other meshes, one of
-        each, and of those on finer meshes, as gradients scatter from mesh to mesh."""
+        """Multipliers and unbalanced slope of a design, with gradients averaged over meshes, by which they scatter.
+
+        Gradients are averaged over the design itself, a close design on each of the other meshes, and ``finer``, the
+        design on finer meshes.
+        """
         goal, limits = self.plan.goal, self.plan.limits
         own = self.judged(best, goal, limits)
         assert own is not None
         meshes: dict[tuple[float, ...], Judged] = {}
-        for design, judged in sorted(self._all(goal, limits), key=lambda pair: _apart(pair[0], best)):
+        for design, judged in sorted(self._all(goal, limits), key=lambda pair: _distance(pair[0], best)):
             if design.family != best.family and _is_near(design, best):
                 meshes.setdefault(design.family, judged)
-        again = [each for read in finer if (each := self._judge(read, read, goal, limits)) is not None]
-        return stationarity(np.array(best.x), own, [*meshes.values(), *again])
+        on_finer = [
+            judged_finer for read in finer if (judged_finer := self._judge(read, read, goal, limits)) is not None
+        ]
+        return stationarity(np.array(best.x), own, [*meshes.values(), *on_finer])
 
     def nearest(self, goal: Goal, limits: Sequence[Limit]) -> tuple[Design, Judged]:
         """The design that violates its constraints least."""
         return min(self._all(goal, limits), key=lambda pair: pair[1].violation)
 
     def _all(self, goal: Goal, limits: Sequence[Limit]) -> list[tuple[Design, Judged]]:
-        read = ((design, of) for design in self.history if (of := self._read[design]) is not None)
-        return [(design, each) for design, of in read if (each := self._judge(of, of, goal, limits)) is not None]
+        """All designs that could be evaluated, with their goals and limits."""
+        readable = ((design, evaluated) for design in self.history if (evaluated := self._read[design]) is not None)
+        return [
+            (design, judged)
+            for design, evaluated in readable
+            if (judged := self._judge(evaluated, evaluated, goal, limits)) is not None
+        ]
 
     def _number_of(self, design: Design) -> int:
         """The number in the history of the design whose mesh was moved onto this one."""
         return 1 + self.history.index(Design(design.choice, design.family))
 
     def rows(self) -> list[dict[str, Any]]:
-        """The history as rows of a table."""
+        """Rows of the table ``history`` of `Optimum`."""
         plan, rows, best = self.plan, [], float("nan")
         for number, design in enumerate(self.history, start=1):
             row: dict[str, Any] = {"design": number, "descent": self._descent_of[design]}
@@ -236,32 +268,35 @@ class Course:
         return rows
 
 
-def _is_near(one: Design, other: Design) -> bool:
-    """Whether two designs differ by less than their gradients do by their meshes."""
-    return one.choice == other.choice and _apart(one, other) <= NEAR
+def _is_near(first: Design, second: Design) -> bool:
+    """Whether the gradients of two designs differ by their meshes rather than by the designs."""
+    return first.choice == second.choice and _distance(first, second) <= NEAR
 
 
-def _apart(one: Design, other: Design) -> float:
-    """Largest difference of a variable, relative to the bounds' width."""
-    return float(np.abs(np.subtract(one.x, other.x)).max())
+def _distance(first: Design, second: Design) -> float:
+    """Largest difference of a variable of two designs, relative to the bounds' width."""
+    return float(np.abs(np.subtract(first.x, second.x)).max())
 
 
 def with_rates(figure: Figure, read: Read) -> tuple[np.ndarray, np.ndarray]:
-    """Components (N,) of a figure, and derivatives (N, V) with respect to variables in the unit cube."""
-    rates = [figure.components(each).imag / TINY for each in read.by]
+    """Components (N,) of a figure of a design, and their derivatives (N, V) by variables in the unit cube."""
+    rates = [figure.components(readings).imag / TINY for readings in read.by]
     return figure.components(read.values).real, np.stack(rates, axis=1)
 
 
-def worst_of(asked: Goal | Limit, read: Read) -> float:
-    """The worst component of a figure, with tolerances: the largest of what should be small, else the least; NaN if the
-    design has none, such as a flat roof of radii."""
-    losses = _loss(asked, read, read)[0]
-    return asked.sign * float(losses.max()) if losses.size else math.nan
+def worst_of(criterion: Goal | Limit, read: Read) -> float:
+    """The worst component of a figure, including its spread due to tolerances.
+
+    It is the largest if the figure should be small, else the least; NaN if the design has no component, as a flat roof
+    has no radius.
+    """
+    losses = _loss(criterion, read, read)[0]
+    return criterion.sign * float(losses.max()) if losses.size else math.nan
 
 
-def _loss(asked: Goal | Limit, read: Read, spread: Read) -> tuple[np.ndarray, np.ndarray]:
-    """Components (N,) to be minimised, including their spread, and derivatives (N, V) of those of the nominal
-    design."""
-    values, rates = with_rates(asked.figure, read)
-    shifts = [asked.figure.components(each).imag / TINY for each in spread.off]
-    return asked.sign * values + QUANTILE * np.sqrt(np.square(shifts).sum(axis=0)), asked.sign * rates
+def _loss(criterion: Goal | Limit, read: Read, spread: Read) -> tuple[np.ndarray, np.ndarray]:
+    """Components (N,) to be minimised, including the spread due to tolerances at ``spread``, and their derivatives
+    (N, V) without it."""
+    values, rates = with_rates(criterion.figure, read)
+    shifts = [criterion.figure.components(readings).imag / TINY for readings in spread.by_tolerance]
+    return criterion.sign * values + QUANTILE * np.sqrt(np.square(shifts).sum(axis=0)), criterion.sign * rates

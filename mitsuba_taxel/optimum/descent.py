@@ -1,9 +1,10 @@
 """Descent to an optimum by sequential quadratic programming in a trust region, for functions that jump a little.
 
-Readings of designs with different meshes differ by the errors of these. A line search takes such a jump for the end of
-the descent, and curvature from the gradients of two points that nearly coincide is noise. Here a step counts as a
-success if the loss falls as predicted up to that jump, and gradients are compared over steps that are large enough.
-Where meshes are moved from design to design, the jump is small; where one is renewed, the last point is judged again.
+Readings of designs with different meshes differ by the errors of the meshes. A line search would take such a jump for
+the end of the descent, and curvature from the gradients of two close points would be noise. Here a step is accepted if
+the loss decreases as predicted within that jump, and gradients are compared over steps that are long enough. Where the
+mesh is moved from design to design, the jump is small; where it is renewed, the last point is evaluated again on the
+new mesh.
 """
 
 from __future__ import annotations
@@ -20,33 +21,34 @@ from mitsuba_taxel.optimum.search import TINY, Judged, balanced, least_violation
 FIRST_STEP = 0.3
 """Largest first change of a variable, relative to its bounds' width."""
 LEAST_STEP = 1e-5
-"""Changes below this are no step."""
+"""Largest change of a variable below which a step counts as none."""
 COMPARED = 10
-"""Shortest step over which gradients are compared, relative to the jump of figures."""
+"""Shortest step over which gradients are compared, relative to the jump of figures between meshes."""
 JUMP = 1e-3
-"""Relative error of a figure that changes with the mesh."""
+"""Relative error of figures compared on different meshes."""
 JUMP_MOVED = 3e-5
-"""The same where the mesh is moved."""
+"""Relative error of figures compared on a mesh and the same mesh moved."""
 JUMP_BARE = 1e-6
-"""The same of scenes without a pad, whose points are those of fixed seeds."""
+"""Relative error of figures compared in scenes without a pad, whose random points have fixed seeds."""
 TOLERANCE = 3e-4
-"""A descent ends where a relative improvement by less is expected."""
+"""Expected relative improvement below which a descent ends."""
 TOLERANCE_BARE = 1e-6
-"""The same of scenes without a pad."""
+"""Expected relative improvement below which a descent ends in scenes without a pad."""
 STEPS = 100
+"""Largest number of steps of a descent."""
 
 
 class Trial(NamedTuple):
-    """Evaluation of a point of the unit cube beside the last one that was accepted.
+    """Evaluation of a point of the unit cube, to be compared with the last accepted point.
 
     Attributes
     ----------
     there : Judged or None
-        None if it fails.
+        Goals and limits at the point; None if it fails.
     here : Judged or None
-        The last point again, if it had to be judged anew to be compared with.
+        The last accepted point, if it was evaluated again on the mesh of this one.
     jump : float
-        Relative error of goals, absolute one of limits, in a comparison of both.
+        Error of a comparison of the two: relative for goals, absolute for limits.
     """
 
     there: Judged | None
@@ -55,16 +57,17 @@ class Trial(NamedTuple):
 
 
 At = Callable[[np.ndarray, np.ndarray], Trial]
-"""Evaluation at a point beside another one, which was accepted."""
+"""Evaluation at a point, the first argument, to be compared with the last accepted point, the second."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Step of V variables that is best in the quadratic model.
+    """Best step of V variables in the quadratic model.
 
     Attributes
     ----------
     d : (V,) ndarray
+        Change of the variables.
     goal : float
         Expected decrease of the worst goal.
     violation : float
@@ -83,82 +86,115 @@ class Step:
 
 
 def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
-    """Minimise the largest of several goals within limits, from a valid start; returns the last point that was
-    accepted.
+    """Minimise the largest of several goals within limits, from a valid start.
 
     Each step minimises the largest of the linearised goals plus a common quadratic term within the linearised limits
     and a box around the last point (R. Fletcher, Practical Methods of Optimization, 1987, chapters 12 and 14). The
     quadratic term is that of the Lagrangian, by damped BFGS updates (M. J. D. Powell, 1978). Once points have failed,
     steps end before a plane between them and all others.
 
-    Where no more is expected, the curvature may be one of far away, such as of a steep slope or a kink, along which
-    steps have become too short to correct it. So the descent begins again from there, without it, and ends where
-    nothing has been gained since it last did.
+    Where no improvement is expected, the curvature may be wrong: it may stem from a distant steep slope or kink, and
+    steps have become too short to correct it. So the descent restarts from there with an even curvature, and ends
+    where it has gained nothing since the last restart.
 
     Parameters
     ----------
+    at : At
+        Evaluation of points; must not fail at the start.
+    start : (V,) ndarray
+        First point in the unit cube.
     tolerance : float
-        Relative expected improvement at which to end.
+        Expected relative improvement below which to end.
+
+    Returns
+    -------
+    (V,) ndarray
+        The last accepted point.
     """
     here = at(start, start).there
     assert here is not None
-    x, radius, penalty, fresh, compared, last, gained = start, FIRST_STEP, 0.0, True, (start, here), JUMP, False
+    x, radius, penalty = start, FIRST_STEP, 0.0
+    reference, last_jump = (start, here), JUMP  # the point with which gradients are compared next
+    is_initial, has_gained = True, False  # of the curvature; since the last restart
     readable: list[np.ndarray] = [start]
     failed: list[np.ndarray] = []
     curvature = _even_curvature(here)
     for _ in range(STEPS):
+        # The best step of the model; a restart, or the end, where it gains nothing.
         step = best_step(x, off_failures(x, here, readable, failed), curvature, radius)
         size = max(abs(here.worst), TINY)
-        better = here.violation - step.violation
-        if np.abs(step.d).max() < LEAST_STEP or (step.goal < tolerance * size and better < tolerance):
-            if not gained:
+        violation_decrease = here.violation - step.violation
+        if np.abs(step.d).max() < LEAST_STEP or (step.goal < tolerance * size and violation_decrease < tolerance):
+            if not has_gained:
                 break
-            curvature, radius, compared, gained = _even_curvature(here), FIRST_STEP, (x, here), False
+            curvature, radius, reference, has_gained = _even_curvature(here), FIRST_STEP, (x, here), False
             continue
+
+        # A penalty on violations that makes the step a descent of the loss, the goal plus the penalised violation.
         penalty = max(penalty, 2 * float(step.limits[: len(here.limits)].sum()))
-        if better > 0:
-            penalty = max(penalty, -2 * step.goal / better)
+        if violation_decrease > 0:
+            penalty = max(penalty, -2 * step.goal / violation_decrease)
+
+        # Evaluation of its end, and of the last point again if the mesh had to be renewed.
         end = np.clip(x + step.d, 0.0, 1.0)
-        there, anew, jump = at(end, x)
-        here = here if anew is None else anew
-        if anew is not None or jump != last:  # gradients on different meshes
-            compared, last = (x, here), jump
+        there, here_again, jump = at(end, x)
+        here = here if here_again is None else here_again
+        if here_again is not None or jump != last_jump:  # gradients of different meshes are not compared
+            reference, last_jump = (x, here), jump
         length = float(np.abs(step.d).max())
         if there is None:
             if np.linalg.norm(np.subtract([x, *failed], end), axis=1).min() <= LEAST_GAP:
-                radius = 0.4 * length  # no plane keeps off
+                radius = 0.4 * length  # a plane between the points would be too close to both
             failed.append(end)
             continue
+
+        # Curvature from the change of the Lagrangian's gradient, over a step that is long enough.
         readable.append(end)
-        if np.abs(end - compared[0]).max() > COMPARED * jump:
-            change = _lagrangian_rate(there, step) - _lagrangian_rate(compared[1], step)
-            curvature, fresh = _updated(curvature, end - compared[0], change, fresh), False
-            compared = end, there
-        expected = step.goal + penalty * better
-        found = here.worst - there.worst + penalty * (here.violation - there.violation)
+        if np.abs(end - reference[0]).max() > COMPARED * jump:
+            change = _lagrangian_rate(there, step) - _lagrangian_rate(reference[1], step)
+            curvature, is_initial = _updated(curvature, end - reference[0], change, is_initial), False
+            reference = end, there
+
+        # The step is accepted, and the box resized, by the ratio of actual and expected decrease of the loss.
+        expected = step.goal + penalty * violation_decrease
+        decrease = here.worst - there.worst + penalty * (here.violation - there.violation)
         slack = jump * (size + penalty)
-        share = (found + slack) / (expected + slack)
-        if share > 0.1:
-            x, here, gained = end, there, gained or found > tolerance * size + slack
-        if share < 0.3:
+        ratio = (decrease + slack) / (expected + slack)
+        if ratio > 0.1:
+            x, here, has_gained = end, there, has_gained or decrease > tolerance * size + slack
+        if ratio < 0.3:
             radius = 0.4 * length
-        elif share > 0.8 and length > 0.9 * radius:
+        elif ratio > 0.8 and length > 0.9 * radius:
             radius = min(2 * radius, 1.0)
     return x
 
 
 def best_step(x: np.ndarray, here: Judged, curvature: np.ndarray, radius: float) -> Step:
-    """The step within a box and the bounds of the unit cube."""
+    """The step that minimises the quadratic model within a box and the bounds of the unit cube.
+
+    Parameters
+    ----------
+    x : (V,) ndarray
+        Current point.
+    here : Judged
+        Goals and limits there.
+    curvature : (V, V) ndarray
+        Quadratic term of all goals.
+    radius : float
+        Largest change of a variable.
+    """
     from scipy.optimize import minimize
 
     count = len(x)
     low, high = np.maximum(-x, -radius), np.minimum(1 - x, radius)
     first, violation, _ = least_violation(here, low, high)
+
+    # Minimise the quadratic term plus z, which is above all linearised goals, within the linearised limits.
     above = np.column_stack([-here.goal_rates, np.ones(len(here.goals))])
     within = np.column_stack([here.limit_rates, np.zeros(len(here.limits))])
     rates, offset = np.vstack([above, within]), np.append(-here.goals, here.limits + violation + 1e-9)
-    minimum: Any = minimize
-    found = minimum(
+    minimise: Any = minimize
+    solution = minimise(
         lambda z: 0.5 * z[:count] @ curvature @ z[:count] + z[count],
         np.append(first, float((here.goals + here.goal_rates @ first).max())),
         jac=lambda z: np.append(curvature @ z[:count], 1.0),
@@ -167,7 +203,7 @@ def best_step(x: np.ndarray, here: Judged, curvature: np.ndarray, radius: float)
         method="SLSQP",
         options={"ftol": 1e-12, "maxiter": 200},
     )
-    d = np.clip(found.x[:count], low, high)
+    d = np.clip(solution.x[:count], low, high)
     goals, limits = _multipliers(here, curvature, d, low, high, violation)
     model = float((here.goals + here.goal_rates @ d).max() + 0.5 * d @ curvature @ d)
     return Step(d, here.worst - model, violation, goals, limits)
@@ -178,31 +214,35 @@ def _multipliers(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Weights of goals and multipliers of limits that balance the model's gradient at its minimum."""
     goals, limits = here.goals + here.goal_rates @ d, here.limits + here.limit_rates @ d
-    near = 1e-6 * max(float(np.abs(goals).max()), TINY)
-    worst, held = goals >= goals.max() - near, limits <= 1e-6 - violation
+    tolerance = 1e-6 * max(float(np.abs(goals).max()), TINY)
+    worst, active = goals >= goals.max() - tolerance, limits <= 1e-6 - violation
     ends = np.concatenate([-np.eye(len(d))[d <= low + 1e-9], np.eye(len(d))[d >= high - 1e-9]])
-    weights, multipliers, _, _ = balanced(here.goal_rates[worst], here.limit_rates[held], ends, curvature @ d)
+    weights, multipliers, _, _ = balanced(here.goal_rates[worst], here.limit_rates[active], ends, curvature @ d)
     of_goals, of_limits = np.zeros(len(goals)), np.zeros(len(limits))
-    of_goals[worst], of_limits[held] = weights, multipliers
+    of_goals[worst], of_limits[active] = weights, multipliers
     return of_goals, of_limits
 
 
 def _even_curvature(here: Judged) -> np.ndarray:
-    """That of which the best step is one across the bounds."""
+    """The isotropic curvature whose best step is as long as the bounds are wide."""
     return max(float(np.linalg.norm(here.goal_rates, axis=1).max()), TINY) * np.eye(here.goal_rates.shape[1])
 
 
 def _lagrangian_rate(at: Judged, step: Step) -> np.ndarray:
+    """Gradient (V,) of the Lagrangian at a point, with the multipliers of a step."""
     return step.goals @ at.goal_rates - step.limits[: len(at.limits)] @ at.limit_rates
 
 
-def _updated(curvature: np.ndarray, s: np.ndarray, y: np.ndarray, fresh: bool) -> np.ndarray:
-    """Damped BFGS update by the change ``y`` of the gradient over the step ``s``; it stays positive definite."""
-    if fresh and s @ y > 0:
+def _updated(curvature: np.ndarray, s: np.ndarray, y: np.ndarray, is_initial: bool) -> np.ndarray:
+    """Damped BFGS update by the change ``y`` (V,) of the gradient over the step ``s`` (V,).
+
+    It stays positive definite. An initial curvature is first scaled to that along the step.
+    """
+    if is_initial and s @ y > 0:
         curvature = float(s @ y / (s @ s)) * np.eye(len(s))
     pushed = curvature @ s
-    bend = float(s @ pushed)
-    if s @ y < 0.2 * bend:
-        share = 0.8 * bend / (bend - s @ y)
-        y = share * y + (1 - share) * pushed
-    return curvature - np.outer(pushed, pushed) / bend + np.outer(y, y) / float(s @ y)
+    curving = float(s @ pushed)
+    if s @ y < 0.2 * curving:
+        weight = 0.8 * curving / (curving - s @ y)
+        y = weight * y + (1 - weight) * pushed
+    return curvature - np.outer(pushed, pushed) / curving + np.outer(y, y) / float(s @ y)

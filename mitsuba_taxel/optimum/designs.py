@@ -1,4 +1,4 @@
-"""Evaluation of designs: every load of each is a job of one growing study, so that nothing is computed twice."""
+"""Evaluation of designs. Each load of a design is a job of one study that grows, so that nothing is computed twice."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import xarray as xr
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.meshes import pad_mesh
-from mitsuba_taxel.optimum.contacts import DesignContact, first_contact_in, lines_untold, why_untold
+from mitsuba_taxel.optimum.contacts import DesignContact, first_contact_in, lines_without_contact, undetermined_end
 from mitsuba_taxel.optimum.figures import TINY, Line, Seen
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.pads import Pad
@@ -34,9 +34,9 @@ from mitsuba_taxel.studies.store.opening import stored_study
 SHIFT = 0.01
 """Step of a variable for central differences of readings, relative to the bounds' width."""
 SMALL = 1e-4
-"""The same for figures of the shape, which are exact."""
+"""Step of a variable for differences of figures of the shape, which are exact."""
 OTHERS = 2
-"""Columns beside readings: the largest strain and the clearance."""
+"""Number of columns after those of readings: the largest strain and the clearance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,26 +46,28 @@ class Read:
     Attributes
     ----------
     values : Seen
+        Readings and dimensions.
     by : list[Seen]
-        The same with derivatives with respect to each variable, in the unit cube, times `TINY` as imaginary parts; 0
-        for variables that the design does not have.
-    off : list[Seen]
+        For each variable, readings and dimensions with their derivatives times `TINY` as imaginary parts. Derivatives
+        are by the variable in the unit cube; 0 for a variable that the design does not have.
+    by_tolerance : list[Seen]
         The same for each parameter with a tolerance, per standard deviation. Variation of the shape is neglected.
     """
 
     values: Seen
     by: list[Seen]
-    off: list[Seen]
+    by_tolerance: list[Seen]
 
 
 class _Rows(NamedTuple):
-    """Rows of a design in the study: of its loads, and by line those that go on to its first contact."""
+    """Rows of a design in the study: those of its loads, and by line the row of its load path to the first contact."""
 
     loads: list[int]
     contacts: dict[str, int]
 
     @property
     def all(self) -> list[int]:
+        """All rows."""
         return [*self.loads, *self.contacts.values()]
 
 
@@ -75,29 +77,32 @@ class Designs:
     Attributes
     ----------
     loads : int
-        Distinct load steps.
+        Number of distinct load steps of all designs.
     seconds : float
-        Time of their jobs, including earlier runs.
+        Time of all jobs, including those of earlier runs.
     seconds_of : dict[Design, float]
-        The same of each design.
+        Time of the jobs of each design.
     failures : dict[Design, str]
-        Why a design failed.
+        Reasons of failed designs.
     notes : list[str]
+        Remarks on the evaluation.
     has_parts : bool
         Whether a design has deformable pads.
-    untold : dict[str, str]
-        Why no first contact is told along a line.
+    no_contact : dict[str, str]
+        Reasons of lines without a first contact.
     """
 
     def __init__(self, plan: Plan, pool: Pool, folder: Path, retry_failed: bool, batch: Batch | None = None) -> None:
         self._plan, self._pool, self._folder, self._retry = plan, pool, folder, retry_failed
         self._batch = replace(batch or plan.batch, bare=True)
-        self._names = [one.name for one in plan.variables]
-        others = [name for name in plan.tolerances if name not in self._names]
-        first = {design.choice: design for design in reversed(plan.begun())}
+        self._names = [variable.name for variable in plan.variables]
+        other_parameters = [name for name in plan.tolerances if name not in self._names]
+
+        # One valid design for each choice; parameters without derivatives in any of them.
+        first = {design.choice: design for design in reversed(plan.initial_designs())}
         refused: dict[str, str] = {}
         for design in first.values():
-            refused |= without_derivative(plan.scene(design), [*self._names, *others])
+            refused |= without_derivative(plan.scene(design), [*self._names, *other_parameters])
         self.notes = [
             f"not tried, as no sensor within the bounds is possible: {', '.join(choice)}"
             for choice in product(*plan.choices.values())
@@ -106,50 +111,59 @@ class Designs:
         self.notes += [
             f"by differences of readings: {name} ({refused[name]})" for name in self._names if name in refused
         ]
-        for name in others:
+        for name in other_parameters:
             if name in refused:
                 raise InputError(f"tolerance of {name} cannot be told: {refused[name]}")
-        self._by = [name for name in [*self._names, *others] if name not in refused]
+
+        # Parameters with derivatives, what designs have, and empty results.
+        self._by = [name for name in [*self._names, *other_parameters] if name not in refused]
         self._has_pads = any(pads_of(plan.scene(design)) for design in first.values())
         self.has_parts = any(parts_of(plan.scene(design)) for design in first.values())
-        self.untold = lines_untold(plan, self._batch, list(first.values()))
+        self.no_contact = lines_without_contact(plan, self._batch, list(first.values()))
         self.failures: dict[Design, str] = {}
         self.loads, self.seconds = 0, 0.0
         self.seconds_of: dict[Design, float] = {}
         self._rows: set[int] = set()
-        self._ways: set[int] = set()
-        self._known: dict[Design, Read] = {}
+        self._contact_rows: set[int] = set()
+        self._evaluated: dict[Design, Read] = {}
 
     def can_move(self, design: Design) -> bool:
         """Whether the mesh of the origin of a design can be moved onto its pads; False if it has none."""
         if not (self._has_pads and pads_of(self._plan.scene(design.alone))):
             return False
         try:
-            for part in parts_of(self._batch.scene(self._plan.told(design))):
-                if part.filename is None:
-                    pad = part.build_pad()
-                    for size in {pad.default_mesh_size, part.mesh_size or pad.default_mesh_size}:  # at rest, and loaded
+            for pad_element in parts_of(self._batch.scene(self._plan.scene_parameters(design))):
+                if pad_element.filename is None:
+                    pad = pad_element.build_pad()
+                    for size in {
+                        pad.default_mesh_size,
+                        pad_element.mesh_size or pad.default_mesh_size,
+                    }:  # at rest, and loaded
                         pad_mesh(pad, size)
         except ComputationError:
             return False
         return True
 
     def read(self, designs: Sequence[Design]) -> list[Read | None]:
-        """Each design evaluated; None if it failed."""
-        new = [design for design in dict.fromkeys(designs) if design not in self._known | self.failures]
+        """Evaluate designs; None for a design that fails, whose reason is in ``failures``."""
+        new = [design for design in dict.fromkeys(designs) if design not in self._evaluated | self.failures]
         for design in new:
             refusal = self._plan.refusal(design)
             if refusal is not None:
                 self.failures[design] = str(refusal)
         self._read([design for design in new if design not in self.failures])
-        return [self._known.get(design) for design in designs]
+        return [self._evaluated.get(design) for design in designs]
 
     def _read(self, designs: list[Design]) -> None:
+        """Evaluate valid designs, all in one extension of the study, and record their results or failures."""
         if not designs:
             return
         shifted = {design: self._shifted(design) for design in designs}
-        needed = [each for design in designs for each in (design, *shifted[design].values())]
-        study, place = self._study(needed)
+        needed = [variant for design in designs for variant in (design, *shifted[design].values())]
+        study, rows_of = self._study(needed)
+
+        # Readings by random paths have no derivatives: all designs are then evaluated by differences, in a study of
+        # their own.
         if self._by and "smooth_power" not in study:
             if set(self._by) - set(self._names):
                 raise InputError(f"tolerances cannot be told: {study.attrs['notes'].splitlines()[0]}")
@@ -157,159 +171,199 @@ class Designs:
             self._by = []
             self._read(designs)
             return
-        self._rows |= {number for each in needed for number in place[each].loads}
-        self._ways |= {number for each in needed for number in place[each].contacts.values()}
+
+        # Cost of all designs.
+        self._rows |= {number for variant in needed for number in rows_of[variant].loads}
+        self._contact_rows |= {number for variant in needed for number in rows_of[variant].contacts.values()}
         self.loads = len(self._rows)
-        self.seconds = float(study.seconds.isel({STEP: sorted(self._rows | self._ways)}).sum())
-        failed = Store(self._place).failures()
+        self.seconds = float(study.seconds.isel({STEP: sorted(self._rows | self._contact_rows)}).sum())
+
+        # Readings, derivatives and first contacts of each design; a design with a missing value fails.
+        failed = Store(self._study_folder).failures()
         for design in designs:
-            rows = {each: place[each] for each in (design, *shifted[design].values())}
-            own = sorted({number for each in rows.values() for number in each.all})
-            self.seconds_of[design] = float(study.seconds.isel({STEP: own}).sum())
-            power = {each: self._power(study, of.loads) for each, of in rows.items()}
+            rows = {variant: rows_of[variant] for variant in (design, *shifted[design].values())}
+            job_numbers = sorted({number for of_variant in rows.values() for number in of_variant.all})
+            self.seconds_of[design] = float(study.seconds.isel({STEP: job_numbers}).sum())
+            power = {variant: self._power(study, of_variant.loads) for variant, of_variant in rows.items()}
             rates = self._rates(study, design, rows[design].loads, shifted[design], power)
             contacts = self._contacts(study, design, rows, shifted[design])
-            needs = [power[design][:, :-OTHERS], rates[..., :-OTHERS]]
-            needs += [np.array([each.value, *each.by]) for each in contacts.values()]
-            if all(np.isfinite(each).all() for each in needs):
-                off = self._off(study, rows[design].loads, rates)
-                read = self._seen(design, power[design], rates, off, contacts)
-                ended = why_untold(self._plan, read.values, contacts)
+            required = [power[design][:, :-OTHERS], rates[..., :-OTHERS]]
+            required += [np.array([contact.value, *contact.by]) for contact in contacts.values()]
+            if all(np.isfinite(array).all() for array in required):
+                by_tolerance = self._by_tolerance(study, rows[design].loads, rates)
+                read = self._seen(design, power[design], rates, by_tolerance, contacts)
+                ended = undetermined_end(self._plan, read.values, contacts)
                 if ended:
                     self.failures[design] = ended
                 else:
-                    self._known[design] = read
+                    self._evaluated[design] = read
             else:
-                why = [failed[number].message for each in rows.values() for number in each.all if number in failed]
+                numbers = (number for of_variant in rows.values() for number in of_variant.all)
+                reasons = [failed[number].message for number in numbers if number in failed]
                 notes = [note for note in study.attrs["notes"].splitlines() if "not available" in note]
-                self.failures[design] = next(iter([*why, *notes]), "a reading or a derivative is missing")
+                self.failures[design] = next(iter([*reasons, *notes]), "a reading or a derivative is missing")
 
     @property
-    def _place(self) -> Path:
+    def _study_folder(self) -> Path:
+        """Folder of the study; evaluation by differences, whose rows differ, has one of its own."""
         return self._folder if self._by else self._folder.with_name(f"{self._folder.name}_by_differences")
 
     def _shifted(self, design: Design) -> dict[tuple[int, int], Design]:
-        """Neighbours of a design for differences, by the number of the variable without derivative, and the sign."""
-        found = {}
+        """Neighbours of a design for central differences, by the index of a variable without derivative, and the sign.
+
+        A neighbour has the mesh of the design, moved. Where it is refused, the design takes its place.
+        """
+        neighbours = {}
         for number, name in enumerate(self._names):
             for sign in (1, -1) if name not in self._by and self._has(design)[number] else ():
-                other = _changed(design, number, sign * SHIFT)
+                neighbour = _changed(design, number, sign * SHIFT)
                 if self._has_pads:
-                    other = replace(other, origin=design.family)
-                found[number, sign] = design if self._plan.refusal(other) else other
-        return found
+                    neighbour = replace(neighbour, origin=design.family)
+                neighbours[number, sign] = design if self._plan.refusal(neighbour) else neighbour
+        return neighbours
 
     def _has(self, design: Design) -> list[bool]:
         return self._plan.has(design.choice)
 
     def _study(self, designs: Sequence[Design]) -> tuple[xr.Dataset, dict[Design, _Rows]]:
-        """The study with these designs, and the rows of each."""
+        """Extend the study by designs, and run it.
+
+        Returns
+        -------
+        study : xr.Dataset
+            Readings over steps, with derivatives by `_by`.
+        rows_of : dict[Design, _Rows]
+            Steps of each design.
+        """
+        # Columns: parameters of designs, of loads, of moved meshes, and of first contacts.
         names = [*self._plan.parameters(designs[0]), *dict.fromkeys(n for row in self._plan.loads for n in row)]
         names += [*([MESHED_AS] if self._has_pads else []), *([TO_CONTACT] if self.has_parts else [])]
-        ways = {line: load for line, load in self._plan.to_contact.items() if line not in self.untold}
+        contact_loads = {line: load for line, load in self._plan.to_contact.items() if line not in self.no_contact}
+
+        # Rows: those that are stored, if their columns are the same, then those of the designs at all loads.
         base = self._plan.base
-        stored = stored_study(self._place).get("together", {})
+        stored = stored_study(self._study_folder).get("together", {})
         rows = dict.fromkeys(zip(*(stored[name] for name in names), strict=True)) if set(names) == set(stored) else {}
-        wanted: dict[Design, list[tuple[str, ...]]] = {}
+        words_of: dict[Design, list[tuple[str, ...]]] = {}
         for design in designs:
-            about = {MESHED_AS: self._plan.mesh_of(design), TO_CONTACT: NONE}
-            told = {**base, **self._plan.parameters(design), **about}
-            loads = [*self._plan.loads, *ways.values()]
-            wanted[design] = [tuple({**told, **load}[name] for name in names) for load in loads]
-            rows |= dict.fromkeys(wanted[design])
+            mesh_and_contact = {MESHED_AS: self._plan.mesh_of(design), TO_CONTACT: NONE}
+            values = {**base, **self._plan.parameters(design), **mesh_and_contact}
+            loads = [*self._plan.loads, *contact_loads.values()]
+            words_of[design] = [tuple({**values, **load}[name] for name in names) for load in loads]
+            rows |= dict.fromkeys(words_of[design])
+
+        # The study, whose stored results are kept, and the row numbers of the designs.
         columns = {name: list(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
         batch = replace(self._batch, axes=(Axis(STEP, columns),), derivatives=tuple(self._by))
-        study = run_batch(batch, self._pool, self._place, self._retry)
+        study = run_batch(batch, self._pool, self._study_folder, self._retry)
         self._retry = False
-        number = {row: place for place, row in enumerate(rows)}
-        count, found = len(self._plan.loads), {}
-        for design, needed in wanted.items():
-            places = [number[row] for row in needed]
-            found[design] = _Rows(places[:count], dict(zip(ways, places[count:], strict=True)))
-        return study, found
+        row_numbers = {row: number for number, row in enumerate(rows)}
+        count, rows_of = len(self._plan.loads), {}
+        for design, needed in words_of.items():
+            numbers = [row_numbers[row] for row in needed]
+            rows_of[design] = _Rows(numbers[:count], dict(zip(contact_loads, numbers[count:], strict=True)))
+        return study, rows_of
 
     def _power(self, study: xr.Dataset, rows: list[int]) -> np.ndarray:
-        """(loads, taxels + 2), readings, and the largest strain and the clearance, NaN if unknown."""
+        """Readings in W, largest strain, and clearance in mm, (loads, taxels + 2); the last two are NaN if unknown."""
         power = study.smooth_power if self._by else study.replicate_power.mean("replicate")
-        others = [study.largest_strain, study.clearance] if self._by else OTHERS * [np.full(study.sizes[STEP], np.nan)]
-        return np.column_stack([power.transpose(STEP, "taxel").values, *others])[rows]
+        pad_columns = (
+            [study.largest_strain, study.clearance] if self._by else OTHERS * [np.full(study.sizes[STEP], np.nan)]
+        )
+        return np.column_stack([power.transpose(STEP, "taxel").values, *pad_columns])[rows]
 
     def _rates(
         self, study: xr.Dataset, design: Design, rows: list[int], shifted: dict, power: dict[Design, np.ndarray]
     ) -> np.ndarray:
-        """(variables, loads, taxels + 2), derivatives with respect to variables in the unit cube."""
+        """Derivatives of :meth:`_power` by variables in the unit cube, (variables, loads, taxels + 2).
+
+        They are those of the study, or central differences to the neighbours ``shifted``.
+        """
         rates = np.zeros((len(self._names), *power[design].shape))
-        for number, one in enumerate(self._plan.variables):
+        for number, variable in enumerate(self._plan.variables):
             if not self._has(design)[number]:
                 continue
-            if one.name in self._by:
-                rates[number] = (one.high - one.low) * _derivative(study, one.name, rows)
+            if variable.name in self._by:
+                rates[number] = (variable.high - variable.low) * _derivative(study, variable.name, rows)
             else:
                 ahead, behind = (shifted[number, sign] for sign in (1, -1))
                 width = ahead.x[number] - behind.x[number]
                 rates[number] = (power[ahead] - power[behind]) / width if width else np.nan
         return rates
 
-    def _off(self, study: xr.Dataset, rows: list[int], rates: np.ndarray) -> list[np.ndarray]:
+    def _by_tolerance(self, study: xr.Dataset, rows: list[int], rates: np.ndarray) -> list[np.ndarray]:
         """Change of readings, strain and clearance (loads, taxels + 2) by one standard deviation of each tolerance."""
-        widths = {one.name: one.high - one.low for one in self._plan.variables}
-        own = {name: rate / width for rate, (name, width) in zip(rates, widths.items(), strict=True)}
-        given = self._plan.tolerances.items()
-        return [sd * (own[name] if name in own else _derivative(study, name, rows)) for name, sd in given]
+        widths = {variable.name: variable.high - variable.low for variable in self._plan.variables}
+        by_variable = {name: rate / width for rate, (name, width) in zip(rates, widths.items(), strict=True)}
+        tolerances = self._plan.tolerances.items()
+        return [
+            sd * (by_variable[name] if name in by_variable else _derivative(study, name, rows))
+            for name, sd in tolerances
+        ]
 
     def _contacts(
         self, study: xr.Dataset, design: Design, rows: dict[Design, _Rows], shifted: dict[tuple[int, int], Design]
     ) -> dict[str, DesignContact]:
-        """First contacts by line; NaN if unknown."""
-        found = {}
+        """First contacts by line, with derivatives from the study or the neighbours ``shifted``; NaN if unknown."""
+        contacts = {}
         for line, row in rows[design].contacts.items():
             slopes = {name: first_contact_in(study.sel(parameter=name), row, "_derivative") for name in self._by}
-            for number, one in enumerate(self._plan.variables):
+            for number, variable in enumerate(self._plan.variables):
                 if (number, 1) in shifted:
                     ahead, behind = (shifted[number, sign] for sign in (1, -1))
-                    apart = (one.high - one.low) * (ahead.x[number] - behind.x[number])
-                    ends = [first_contact_in(study, rows[each].contacts[line]) for each in (ahead, behind)]
-                    slopes[one.name] = (ends[0] - ends[1]) / apart if apart else np.nan
+                    difference = (variable.high - variable.low) * (ahead.x[number] - behind.x[number])
+                    ends = [first_contact_in(study, rows[end].contacts[line]) for end in (ahead, behind)]
+                    slopes[variable.name] = (ends[0] - ends[1]) / difference if difference else np.nan
             has = zip(self._plan.variables, self._has(design), strict=True)
-            by = [(one.high - one.low) * slopes[one.name] if there else 0.0 for one, there in has]
-            off = [sd * slopes[name] for name, sd in self._plan.tolerances.items()]
-            found[line] = DesignContact.told(study, row, by, off)
-        return found
+            by = [
+                (variable.high - variable.low) * slopes[variable.name] if applies else 0.0 for variable, applies in has
+            ]
+            by_tolerance = [sd * slopes[name] for name, sd in self._plan.tolerances.items()]
+            contacts[line] = DesignContact.from_study(study, row, by, by_tolerance)
+        return contacts
 
     def _seen(
         self,
         design: Design,
         power: np.ndarray,
         rates: np.ndarray,
-        off: list[np.ndarray],
+        by_tolerance: list[np.ndarray],
         contacts: dict[str, DesignContact],
     ) -> Read:
+        """The evaluated design, from readings and derivatives of :meth:`_power` and first contacts by line."""
         shape, shape_rates = self._shape(design)
         loads = [frozenset(load.items()) for load in self._plan.loads]
 
-        def seen(power: np.ndarray, moved: dict[str, float], rate: dict[str, np.ndarray] | None = None) -> Seen:
+        def seen(power: np.ndarray, contact_rates: dict[str, float], rate: dict[str, np.ndarray] | None = None) -> Seen:
+            # Lines of loads and dimensions for readings ``power`` whose imaginary parts are derivatives.
             lines = {}
             for name, (along, rows) in self._plan.lines.items():
                 values = np.array([float(row[along]) for row in rows]) if along else np.zeros(1)
                 of_line = power[[loads.index(frozenset(row.items())) for row in rows]]
                 strain, clearance = of_line[:, -OTHERS:].T
                 contact = contacts.get(name, DesignContact(np.nan, "", "", [], []))
-                at = complex(contact.value, TINY * moved.get(name, 0.0))
-                lines[name] = Line(values, of_line[:, :-OTHERS], strain, clearance, at, contact.touched, contact.ended)
+                end = complex(contact.value, TINY * contact_rates.get(name, 0.0))
+                lines[name] = Line(values, of_line[:, :-OTHERS], strain, clearance, end, contact.touched, contact.ended)
             imaginary = {} if rate is None else {name: 1j * TINY * rate[name] for name in shape}
-            found = {name: values + imaginary.get(name, 0j) for name, values in shape.items()}
-            return Seen(lines, found, self._plan.circuit)
+            figures = {name: values + imaginary.get(name, 0j) for name, values in shape.items()}
+            return Seen(lines, figures, self._plan.circuit)
 
-        by = [{line: each.by[number] for line, each in contacts.items()} for number in range(len(rates))]
-        varied = [{line: each.off[number] for line, each in contacts.items()} for number in range(len(off))]
+        by = [{line: change.by[number] for line, change in contacts.items()} for number in range(len(rates))]
+        contacts_by_tolerance = [
+            {line: change.by_tolerance[number] for line, change in contacts.items()}
+            for number in range(len(by_tolerance))
+        ]
         return Read(
             seen(power + 0j, {}),
-            [seen(power + 1j * TINY * each, to, of) for each, to, of in zip(rates, by, shape_rates, strict=True)],
-            [seen(power + 1j * TINY * each, to) for each, to in zip(off, varied, strict=True)],
+            [seen(power + 1j * TINY * change, to, of) for change, to, of in zip(rates, by, shape_rates, strict=True)],
+            [
+                seen(power + 1j * TINY * change, to)
+                for change, to in zip(by_tolerance, contacts_by_tolerance, strict=True)
+            ],
         )
 
     def _shape(self, design: Design) -> tuple[dict[str, np.ndarray], list[dict[str, np.ndarray]]]:
-        """Figures of the pads alone, and their derivatives with respect to each variable."""
+        """Figures of the pads' dimensions, and their derivatives by each variable in the unit cube, by name."""
         rates = []
         for number in range(len(self._names)):
             if not self._has(design)[number]:
@@ -322,6 +376,7 @@ class Designs:
         return self._shape_of(design), rates
 
     def _shape_of(self, design: Design) -> dict[str, np.ndarray]:
+        """Figures of the dimensions of all pads of a design, (N,) by name."""
         pads = pads_of(self._plan.scene(design))
         return {name: np.concatenate([np.zeros(0), *map(of, pads)]) for name, of in SHAPE.items()}
 
@@ -349,5 +404,5 @@ def parts_of(scene: Scene) -> list[DeformablePad]:
 
 def pads_of(scene: Scene) -> list[Pad]:
     """The undeformed pads of a scene, except those from files."""
-    built = (part.build_pad() for part in parts_of(scene) if part.filename is None)
+    built = (specification.build_pad() for specification in parts_of(scene) if specification.filename is None)
     return [pad for pad in built if isinstance(pad, Pad)]

@@ -1,4 +1,4 @@
-"""Where designs fail, as estimated from those that did and those that did not."""
+"""Estimated boundary between designs that can be evaluated and designs that fail."""
 
 from __future__ import annotations
 
@@ -11,21 +11,31 @@ from scipy.optimize import nnls
 from mitsuba_taxel.optimum.search import Judged
 
 LEAST_GAP = 1e-3
-"""Relative to the bounds' width: what is read and what fails is not told apart by less."""
+"""Smallest distance, relative to the bounds' width, between points that are separated by a plane."""
 
 
 def off_failures(x: np.ndarray, here: Judged, readable: Sequence[np.ndarray], failed: Sequence[np.ndarray]) -> Judged:
-    """The point ``x`` with one more limit, that steps stay on its side of a plane between points of both kinds.
+    """Goals and limits with an additional limit that keeps steps away from points that failed.
 
-    The plane lies midway between their convex hulls, where these are nearest (the support vectors of C. Cortes and
-    V. Vapnik, 1995). Where the hulls meet, ``x`` stands for all readable points. None is added next to a failure.
+    The limit is a plane midway between the convex hulls of readable and failed points, where these are nearest (the
+    support vectors of C. Cortes and V. Vapnik, 1995). Where the hulls intersect, the plane separates ``x`` from failed
+    points. Where ``x`` is next to a failed point, there is no additional limit.
+
+    Parameters
+    ----------
+    x : (V,) ndarray
+        Current point.
+    here : Judged
+        Goals and limits there.
+    readable, failed : Sequence[(V,) ndarray]
+        Points that could be evaluated, and points that failed.
     """
     for hull in (np.array(readable), x[None]) if len(failed) else ():
-        one, other = nearest(hull, np.array(failed))
-        gap = float(np.linalg.norm(other - one))
+        nearest_readable, nearest_failed = nearest(hull, np.array(failed))
+        gap = float(np.linalg.norm(nearest_failed - nearest_readable))
         if gap > LEAST_GAP:
-            normal = (other - one) / gap
-            margin = normal @ (0.5 * (one + other) - x)
+            normal = (nearest_failed - nearest_readable) / gap
+            margin = normal @ (0.5 * (nearest_readable + nearest_failed) - x)
             return replace(
                 here, limits=np.append(here.limits, margin), limit_rates=np.vstack([here.limit_rates, -normal])
             )
@@ -33,9 +43,9 @@ def off_failures(x: np.ndarray, here: Judged, readable: Sequence[np.ndarray], fa
 
 
 def nearest(points: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The nearest points (V,) of the convex hulls of ``points`` (N, V) and ``others`` (M, V)."""
+    """The nearest points, each (V,), of the convex hulls of ``points`` (N, V) and ``others`` (M, V)."""
     heavy = 1e3  # enforces that the weights of each sum to 1
     sums = heavy * np.repeat(np.eye(2), [len(points), len(others)], axis=1)
     weights, _ = nnls(np.vstack([np.concatenate([points, -others]).T, sums]), [0.0] * points.shape[1] + [heavy] * 2)
-    one, other = np.split(weights, [len(points)])
-    return one @ points / one.sum(), other @ others / other.sum()
+    weights_points, weights_others = np.split(weights, [len(points)])
+    return weights_points @ points / weights_points.sum(), weights_others @ others / weights_others.sum()

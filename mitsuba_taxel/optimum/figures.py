@@ -1,8 +1,8 @@
 """Figures of merit of a design, each with its gradient.
 
-A figure has components, such as the sensitivities of all taxels, the worst of which counts. They are analytic functions
-of readings and dimensions, given as complex numbers whose imaginary parts are derivatives with respect to one variable:
-the complex step gives the derivatives of the components to the last digit (Squire and Trapp, SIAM Review 40, 1998).
+A figure has components, such as the sensitivities of all taxels; the worst component counts. Components are analytic
+functions of readings and dimensions. These are complex numbers whose imaginary parts are derivatives by one variable:
+the complex step gives the derivatives of the components to rounding error (Squire and Trapp, SIAM Review 40, 1998).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mitsuba_taxel.electronics import Circuit, respond, saturating_power, total_
 SMALL = 1e-6
 """Relative step of differences of the noise, which is smooth in the power."""
 FURTHEST = 10.0
-"""Largest range or contact that is told, relative to the last load of its line: some are not reached."""
+"""Largest range or contact that is computed, relative to the last load of its line."""
 FIRST_CONTACT, RANGE = "first_contact", "range"
 TO_THE_END = (RANGE, FIRST_CONTACT)
 """Figures that depend on where pads first touch anything."""
@@ -27,9 +27,9 @@ OF_CHANGES = (
     "sensitivity", "relative_sensitivity", "nonlinearity", "cross_talk", "cross_sensitivity", "noise_equivalent_force",
     "resolution",
 )  # fmt: skip
-"""Figures of changes of readings, which a saturated output does not show."""
+"""Figures of changes of readings, which a saturated output would hide."""
 ALIKE = 1e-6
-"""Sine of the angle between changes of all readings with two forces below which these cannot be told apart."""
+"""Sine of the angle between the changes of all readings by two forces, below which the forces are indistinguishable."""
 TINY = 1e-150
 """Complex step: factor of derivatives, whose squares vanish."""
 
@@ -41,7 +41,7 @@ class Line:
     Attributes
     ----------
     values : (K,) ndarray
-        Values of the parameter that changes along it, such as a force in N.
+        Values of the parameter that changes along the line, such as a force in N.
     power : (K, T) ndarray of complex
         Readings in W.
     strain : (K,) ndarray of complex
@@ -49,9 +49,10 @@ class Line:
     clearance : (K,) ndarray of complex
         Least distance between cells and packages in mm; NaN if unknown.
     contact : complex
-        The value at which pads first touch anything, as far as it is told; NaN if unknown.
+        Value of the parameter at which pads first touch anything, or at which their load path ends, at most `FURTHEST`
+        times the last load; NaN if unknown.
     touched : str
-        What they touch there; empty if there is no contact up to there.
+        What they touch there; empty without contact.
     ended : str
         Why the load path ends there without contact, as where the pad becomes unstable; empty if it does not.
     """
@@ -74,9 +75,9 @@ class Seen:
     lines : Mapping[str, Line]
         Lines of loads, by name.
     shape : Mapping[str, (N,) ndarray of complex]
-        Figures of the pads alone, as named in `pads.mould.SHAPE`.
+        Dimensions of the pads, by the names in `pads.mould.SHAPE`.
     circuit : Circuit or None
-        Converts watts to volts.
+        Read-out circuit, which converts W to V.
     """
 
     lines: Mapping[str, Line]
@@ -84,8 +85,11 @@ class Seen:
     circuit: Circuit | None
 
     def readings(self, line: str) -> np.ndarray:
-        """(K, T) in W, or in V with a circuit: those before the converter, which go on beyond its full scale, so that a
-        descent finds its way back. A constraint keeps the best design below."""
+        """Readings along a line, (K, T) in W, or in V with a circuit.
+
+        Voltages are those before the converter and exceed its full scale, so that a descent can return from there. A
+        constraint keeps the best design below it.
+        """
         power = self.lines[line].power
         if self.circuit is None:
             return power
@@ -93,15 +97,15 @@ class Seen:
         return shown.output + 1j * np.where(power.real < 0, 0.0, shown.output_rate) * power.imag
 
     def slopes(self, line: str) -> np.ndarray:
-        """(T,) mean slopes along a line, between its ends."""
+        """Mean slopes of readings (T,) between the ends of a line."""
         readings, values = self.readings(line), self.lines[line].values
         return (readings[-1] - readings[0]) / (values[-1] - values[0])
 
-    def noise(self, line: str, stated: float | None) -> np.ndarray:
-        """(K, T) one standard deviation of each reading."""
+    def noise(self, line: str, constant: float | None) -> np.ndarray:
+        """Standard deviation of each reading, (K, T): ``constant`` in W, or by default that of the circuit in V."""
         power = self.lines[line].power
-        if stated is not None:
-            return np.full(power.shape, complex(stated))
+        if constant is not None:
+            return np.full(power.shape, complex(constant))
         assert self.circuit is not None
         lit = np.maximum(power.real, 0.0)
         step = SMALL * lit.max()
@@ -110,11 +114,12 @@ class Seen:
 
 
 def _magnitude(values: np.ndarray) -> np.ndarray:
+    """Magnitude of the real parts, with the derivatives of that magnitude as imaginary parts."""
     return np.where(values.real < 0, -values, values)
 
 
 def _both_signs(values: np.ndarray) -> np.ndarray:
-    """Values and their negatives, whose maximum is the largest magnitude, but smooth in each component."""
+    """Values and their negatives: the maximum is the largest magnitude, and each component is smooth."""
     return np.concatenate([values.ravel(), -values.ravel()])
 
 
@@ -124,31 +129,36 @@ def sensitivity(seen: Seen, along: str) -> np.ndarray:
 
 
 def relative_sensitivity(seen: Seen, along: str) -> np.ndarray:
-    """The same over the first reading."""
+    """Magnitude of each taxel's mean slope, relative to its first reading."""
     return _magnitude(seen.slopes(along) / seen.readings(along)[0])
 
 
 def nonlinearity(seen: Seen, along: str) -> np.ndarray:
-    """Distance of each reading from the line between the ends, over the taxel's largest change: equation 7."""
+    """Distance of each reading from the straight line between the ends, relative to the taxel's largest change.
+
+    Equation 7 of the paper.
+    """
     readings, values = seen.readings(along), seen.lines[along].values
     change = readings - readings[0]
     most = np.take_along_axis(change, np.abs(change.real).argmax(axis=0)[None], axis=0)[0]
-    share = (values - values[0]) / (values[-1] - values[0])
-    return _both_signs(((change - share[:, None] * change[-1]) / most)[1:-1])
+    fraction = (values - values[0]) / (values[-1] - values[0])
+    return _both_signs(((change - fraction[:, None] * change[-1]) / most)[1:-1])
 
 
 def cross_talk(seen: Seen, along: str, taxel: int) -> np.ndarray:
-    """Relative change of each other taxel's reading over that of the loaded one."""
+    """Relative change of the reading of each unloaded taxel, divided by that of the loaded taxel."""
     readings = seen.readings(along)
     change = readings[-1] / readings[0] - 1
     return _both_signs(np.delete(change / change[taxel - 1], taxel - 1))
 
 
 def cross_sensitivity(seen: Seen, along: str, by: str) -> np.ndarray:
-    """Force in N along ``along`` for which 1 N along ``by`` is mistaken, if the change of all readings is matched with
-    that by a force along ``along`` alone."""
-    own, other = seen.slopes(along), seen.slopes(by)
-    return _both_signs(np.atleast_1d(own @ other / (own @ own)))
+    """Error in N of a force along ``along`` due to a force of 1 N along ``by``.
+
+    The force is estimated by least squares from the changes of all readings, as if it were the only one.
+    """
+    own, disturbing = seen.slopes(along), seen.slopes(by)
+    return _both_signs(np.atleast_1d(own @ disturbing / (own @ own)))
 
 
 def rest(seen: Seen, along: str) -> np.ndarray:
@@ -162,21 +172,23 @@ def largest_reading(seen: Seen, along: str) -> np.ndarray:
 
 
 def saturation(seen: Seen, along: str) -> np.ndarray:
-    """All voltages over that at which the circuit counts as saturated."""
+    """All voltages, relative to the voltage at which the circuit is saturated."""
     assert seen.circuit is not None
     return seen.readings(along).ravel() / seen.circuit.limit
 
 
 def measuring_range(seen: Seen, along: str) -> np.ndarray:
-    """Magnitudes of the loads at which the pad first touches anything, if that is known, and, with a circuit, at which
-    each taxel saturates; by linear interpolation of light between loads, beyond the last one as between the last
-    two."""
+    """Magnitudes of the loads that limit the measuring range: of the first contact and of the saturation of taxels.
+
+    The first contact is left out if it is unknown, saturation without a circuit. Power is interpolated linearly between
+    loads, and extrapolated beyond the last from the last two.
+    """
     return np.concatenate(_ends(seen, along))
 
 
 def _ends(seen: Seen, along: str) -> tuple[np.ndarray, np.ndarray]:
-    """The first contact, empty if it is unknown, and magnitudes of the loads at which taxels saturate, empty without a
-    circuit."""
+    """Magnitudes of loads: that of the first contact, empty if unknown, and those at which each taxel saturates, empty
+    without a circuit."""
     line, saturated = seen.lines[along], np.zeros(0)
     if seen.circuit is not None:
         saturated = _used_up(saturating_power(seen.circuit) - line.power, line.values)
@@ -189,42 +201,46 @@ def clearance(seen: Seen, along: str) -> np.ndarray:
 
 
 def first_contact(seen: Seen, along: str) -> np.ndarray:
-    """Magnitude of the load at which the pad first touches itself, the board or a package, or its path ends before."""
+    """Magnitude of the load at which the pad first touches itself, the board or a package, or its load path ends."""
     return _magnitude(np.atleast_1d(seen.lines[along].contact))
 
 
 def _used_up(missing: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Magnitude of the load at which each of T columns of ``missing`` (K, T) falls to 0 along ``values`` (K,)."""
+    """Magnitude of the load (T,) at which each column of ``missing`` (K, T) falls to 0 along ``values`` (K,)."""
+    # The first interval whose end is at or below 0, else the last interval.
     reached = missing.real[1:] <= 0
     end = np.where(reached.any(axis=0), reached.argmax(axis=0), len(values) - 2) + 1
     column = np.arange(missing.shape[1])
     before, after = missing[end - 1, column], missing[end, column]
+
+    # Linear interpolation, or extrapolation up to the furthest load.
     closing = before.real > np.maximum(after.real, 0.0)
-    share = np.where(closing, before / np.where(closing, before - after, 1.0), np.where(before.real <= 0, 0.0, np.inf))
+    fraction = np.where(
+        closing, before / np.where(closing, before - after, 1.0), np.where(before.real <= 0, 0.0, np.inf)
+    )
     furthest = FURTHEST * np.abs(values).max()
-    found = _magnitude(values[end - 1] + share * (values[end] - values[end - 1]))
-    return np.where(found.real < furthest, found, furthest)
+    loads = _magnitude(values[end - 1] + fraction * (values[end] - values[end - 1]))
+    return np.where(loads.real < furthest, loads, furthest)
 
 
 def noise_equivalent_force(seen: Seen, along: str, noise: float | None = None) -> np.ndarray:
-    """Noise of each reading as a force, by the mean slope of its taxel."""
+    """Noise of each reading, divided by the mean slope of its taxel: the noise as a force."""
     return (seen.noise(along, noise) / _magnitude(seen.slopes(along))).ravel()
 
 
 def resolution(seen: Seen, along: tuple[str, ...], of: tuple[str, ...] = (), noise: float | None = None) -> np.ndarray:
-    """One standard deviation of each load, or of those along the lines ``of``, if all are estimated from all readings
-    at once.
+    """Standard deviation of each load along the lines ``of``, if all loads are estimated together from all readings.
 
-    They are the roots of the diagonal of the inverse Fisher information, from mean slopes and the noise of the first
-    readings; NaN if these do not tell all forces.
+    It is the root of the diagonal of the inverse Fisher information, from mean slopes and the noise of the first
+    readings; NaN if readings do not distinguish all loads. By default, ``of`` is ``along``.
     """
     slopes = np.stack([seen.slopes(line) / seen.noise(line, noise)[0] for line in along], axis=1)
     sizes = np.linalg.norm(slopes.real, axis=0)
-    alike = slopes.real / np.where(sizes > 0, sizes, 1.0)
-    told = [along.index(line) for line in of or along]
-    if np.linalg.eigvalsh(alike.T @ alike)[0] < ALIKE**2:
-        return np.full(len(told), np.nan + 0j)
-    return np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes))[told])
+    directions = slopes.real / np.where(sizes > 0, sizes, 1.0)
+    estimated = [along.index(line) for line in of or along]
+    if np.linalg.eigvalsh(directions.T @ directions)[0] < ALIKE**2:
+        return np.full(len(estimated), np.nan + 0j)
+    return np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes))[estimated])
 
 
 def largest_strain(seen: Seen, along: str) -> np.ndarray:
@@ -259,13 +275,13 @@ class FigureOfMerit:
     Attributes
     ----------
     components : Callable
-        Function of a `Seen` and the figure's parameters.
+        Function of a `Seen` and the figure's parameters, which returns the components (N,).
     unit : str
-        With ``{u}`` for that of readings, and ``{f}`` for that of the parameter along its lines.
+        Unit, with ``{u}`` for that of readings and ``{f}`` for that of the parameter along its lines.
     takes : tuple[str, ...]
-        Parameters besides its lines.
+        Names of parameters in addition to lines.
     steps, lines : int
-        Numbers of loads and lines needed; without lines, it does not depend on readings.
+        Least numbers of loads and lines; a figure without lines does not depend on readings.
     """
 
     components: Callable[..., np.ndarray]
@@ -302,28 +318,28 @@ class Figure:
     """A figure of a study: its kind, parameters, and unit."""
 
     kind: str
-    told: dict[str, Any]
+    parameters: dict[str, Any]
     unit: str
 
     @property
     def words(self) -> str:
-        """Such as ``nonlinearity along normal``."""
-        along, of = self.told.get("along", ()), ", ".join(self.told.get("of", ()))
+        """The figure in words, such as ``nonlinearity along normal``."""
+        along, of = self.parameters.get("along", ()), ", ".join(self.parameters.get("of", ()))
         lines = along if isinstance(along, str) else ", ".join(along)
         named = [self.kind.replace("_", " "), f"of {of}" if of else "", f"along {lines}" if lines else ""]
         return " ".join(filter(None, named))
 
     def components(self, seen: Seen) -> np.ndarray:
-        """(N,) complex."""
+        """Components (N,) of the figure, complex."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            return FIGURES_OF_MERIT[self.kind].components(seen, **self.told)
+            return FIGURES_OF_MERIT[self.kind].components(seen, **self.parameters)
 
 
 def end_of(figure: Figure, seen: Seen) -> str:
-    """What ends a range, or is touched first, in words."""
-    line = seen.lines[figure.told["along"]]
+    """The reason why a range or a first contact ends where it does, in words."""
+    line = seen.lines[figure.parameters["along"]]
     with np.errstate(invalid="ignore"):
-        contact, saturated = (each.real for each in _ends(seen, figure.told["along"]))
+        contact, saturated = (loads.real for loads in _ends(seen, figure.parameters["along"]))
     saturated = saturated if figure.kind == RANGE else np.zeros(0)
     end = np.concatenate([contact, saturated]).min()
     if end >= FURTHEST * np.abs(line.values).max():

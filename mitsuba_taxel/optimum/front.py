@@ -14,14 +14,24 @@ if TYPE_CHECKING:
 
 
 def front(course: Course, other: Goal, points: int) -> pandas.DataFrame:
-    """Non-dominated designs from the best by the study's objective to the best by ``other``.
+    """Non-dominated designs from the best by the study's objective to the best by another objective.
 
-    The other objective is bounded at even steps between the two (epsilon-constraint), and each descent begins at the
+    The other objective is bounded at even steps between the two (epsilon-constraint), and each descent starts from the
     best design that already meets the bound.
+
+    Parameters
+    ----------
+    course : Course
+        Optimisation by the study's objective.
+    other : Goal
+        The other objective.
+    points : int
+        Number of designs, the two ends included.
 
     Returns
     -------
-    One row per design: both objectives, and the parameters.
+    DataFrame
+        One row per design: both objectives, and the parameters.
     """
     import pandas
 
@@ -29,19 +39,27 @@ def front(course: Course, other: Goal, points: int) -> pandas.DataFrame:
     goal, limits = plan.goal, plan.limits
     best = course.best(goal, limits)
     assert best is not None
+
+    # Ends of the front: the best designs by each of the two objectives.
     course.descend(best, other, limits)
     ends = [course.best(goal, limits) or best, course.best(other, limits) or best]
     first, last = (worst_of(other, course.read(end)) for end in ends)
-    found = dict.fromkeys(ends)
+
+    # The best designs by the study's objective at bounds of the other one.
+    candidates = dict.fromkeys(ends)
     for bound in np.linspace(first, last, points)[1:-1].tolist():
         bounded = [*limits, Limit(other.figure, other.sign, bound)]
         course.descend(course.best(goal, bounded) or ends[1], goal, bounded)
-        found[course.best(goal, bounded) or ends[1]] = None
+        candidates[course.best(goal, bounded) or ends[1]] = None
+
+    # A design is dominated if another is at least as good by both objectives, and better by one.
     rows = []
-    for design in found:
-        values = {one.figure.words: worst_of(one, course.read(design)) for one in (goal, other)}
+    for design in candidates:
+        values = {objective.figure.words: worst_of(objective, course.read(design)) for objective in (goal, other)}
         rows.append({**values, **dict(zip(plan.choices, design.choice, strict=True)), **plan.values(design)})
     table = pandas.DataFrame(rows).sort_values(goal.figure.words, ignore_index=True)
-    worth = np.stack([one.sign * table[one.figure.words].to_numpy() for one in (goal, other)], axis=1)
-    beaten = [bool(((worth <= one).all(axis=1) & (worth < one).any(axis=1)).any()) for one in worth]
-    return table[~np.array(beaten)].reset_index(drop=True)
+    losses = np.stack(
+        [objective.sign * table[objective.figure.words].to_numpy() for objective in (goal, other)], axis=1
+    )
+    dominated = [bool(((losses <= loss).all(axis=1) & (losses < loss).any(axis=1)).any()) for loss in losses]
+    return table[~np.array(dominated)].reset_index(drop=True)

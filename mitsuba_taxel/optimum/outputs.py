@@ -24,7 +24,19 @@ TABLES = ("figures", "variables", "slopes", "history", "front")
 
 
 def write(plan: Plan, before: Design, best: Design, result: Optimum, folder: Path) -> None:
-    """Write all files of a result."""
+    """Write all files of a result.
+
+    Parameters
+    ----------
+    plan : Plan
+        The optimisation.
+    before, best : Design
+        The first and the best design.
+    result : Optimum
+        Their comparison.
+    folder : Path
+        Existing folder.
+    """
     for name in TABLES:
         if len(table := getattr(result, name)):
             with replacing(folder / f"{name}.csv") as file:
@@ -34,7 +46,7 @@ def write(plan: Plan, before: Design, best: Design, result: Optimum, folder: Pat
         save_figure(plot_front(result.front, plan.front_units), folder, "front")
     scene = plan.scene(best.alone)
     write_xml(scene, folder / "best.xml")
-    pads = [pads_of(each) for each in (plan.scene(before), scene)]
+    pads = [pads_of(drawn) for drawn in (plan.scene(before), scene)]
     for first, pad in zip(*pads, strict=True):
         write_drawings(pad, folder)
         save_figure(plot_sections(first, pad), folder, "section")
@@ -98,7 +110,7 @@ def printed_optimum(result: Optimum) -> Printed:
 
 
 def changes(result: Optimum) -> list[tuple[str, str, str, str]]:
-    """Parameters changed in the best design: both values, and the bound that it is at."""
+    """Parameters that the best design changes: name, value before, value of the best design, and active bound."""
     at = dict(zip(result.variables.variable, result.variables["at"], strict=True))
     pairs = ((name, result.before[name], word) for name, word in result.best.items())
     return [(name, old, f"{at_best(word)}", at.get(name, "")) for name, old, word in pairs if word != old]
@@ -114,12 +126,12 @@ def at_best(word: str) -> str:
 
 def as_markdown(table: pandas.DataFrame) -> str:
     """A table of words and numbers."""
-    rows = [[each if isinstance(each, str) else shown(each) for each in row] for row in table.to_numpy().tolist()]
+    rows = [[cell if isinstance(cell, str) else shown(cell) for cell in row] for row in table.to_numpy().tolist()]
     return markdown_table([name.replace("_", " ") for name in table], rows)
 
 
 def shown(number: float) -> str:
-    """A number with four digits; blank if there is none, as of a figure that a design does not have."""
+    """A number with four digits; blank for NaN, as of a figure that a design does not have."""
     return "" if math.isnan(number) else f"{number:.4g}"
 
 
@@ -134,7 +146,7 @@ def gain_line(result: Optimum) -> str:
 
 
 def slope_line(result: Optimum) -> str:
-    """The slope that the best design leaves, and whether it is a local optimum."""
+    """The unbalanced slope of the best design, and whether it is a local optimum."""
     error = f" ± {result.unbalanced_error:.1%}" if result.gradients > 1 else ""
     verdict = "a local optimum" if result.is_local else "not shown to be a local optimum"
     count = f"{result.gradients} gradients" if result.gradients > 1 else "one gradient"
@@ -145,5 +157,5 @@ def slope_line(result: Optimum) -> str:
 
 
 def cost_line(result: Optimum) -> str:
-    """Cost, which depends on last digits."""
+    """Seconds, and numbers of designs and load steps, which may change with rounding errors."""
     return f"Seconds: jobs {result.seconds:.0f}, of {len(result.history)} designs with {result.load_steps} load steps"

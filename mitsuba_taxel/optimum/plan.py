@@ -20,12 +20,24 @@ from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT
 
 TRIED = 256
-"""Most points within the bounds at which a valid pad is searched."""
+"""Largest number of points within the bounds at which a valid pad is searched."""
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A number of the scene, its bounds, its initial value, and the words of choices that have it, if not all."""
+    """A numeric parameter of the scene that is varied.
+
+    Attributes
+    ----------
+    name : str
+        Parameter.
+    low, high : float
+        Bounds.
+    start : float
+        Initial value.
+    only : Mapping[str, tuple[str, ...]]
+        Words of choices for which the variable applies, by choice; empty if it always applies.
+    """
 
     name: str
     low: float
@@ -34,8 +46,8 @@ class Variable:
     only: Mapping[str, tuple[str, ...]]
 
     @property
-    def begins(self) -> float:
-        """The initial value, relative to the bounds."""
+    def start_fraction(self) -> float:
+        """The initial value as a fraction of the range between the bounds."""
         return (self.start - self.low) / (self.high - self.low)
 
 
@@ -48,13 +60,13 @@ class Goal:
 
     @property
     def words(self) -> str:
-        """Such as ``maximise sensitivity along normal``."""
+        """The goal in words, such as ``maximise sensitivity along normal``."""
         return f"{'maximise' if self.sign < 0 else 'minimise'} {self.figure.words}"
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A figure of which all components must be at least (sign -1) or at most (1) a bound."""
+    """A figure whose components must all be at least (sign -1) or at most (sign 1) a bound."""
 
     figure: Figure
     sign: int
@@ -62,22 +74,22 @@ class Limit:
 
     @property
     def words(self) -> str:
-        """Such as ``nonlinearity along normal <= 0.03``."""
+        """The constraint in words, such as ``nonlinearity along normal <= 0.03``."""
         return f"{self.figure.words} {'>=' if self.sign < 0 else '<='} {self.bound:g}"
 
 
 @dataclass(frozen=True)
 class Design:
-    """A sensor, and its mesh.
+    """A sensor and its mesh.
 
     Attributes
     ----------
     choice : tuple[str, ...]
-        Words of the choices.
+        Word of each choice.
     x : tuple[float, ...]
-        The variables in the unit cube of their bounds; those that do not apply are at their initial values.
+        The variables in the unit cube of their bounds; variables that do not apply have their initial values.
     origin : tuple[float, ...] or None
-        Those of the design whose mesh is moved onto this one; None if it has its own.
+        Variables of the design whose mesh is moved to this design; None if it is meshed itself.
     """
 
     choice: tuple[str, ...]
@@ -86,12 +98,12 @@ class Design:
 
     @property
     def alone(self) -> Design:
-        """The same sensor with a mesh of its own."""
+        """The same sensor with a mesh that is not moved from another design."""
         return replace(self, origin=None)
 
     @property
     def family(self) -> tuple[float, ...]:
-        """The variables of the design whose mesh, moved or not, this one has."""
+        """The variables of the design that was meshed: this design, or the origin of its moved mesh."""
         return self.x if self.origin is None else self.origin
 
 
@@ -102,21 +114,25 @@ class Plan:
     Attributes
     ----------
     batch : Batch
-        The scene, and the settings of its readings; its one row is the original scene.
+        The scene, and the settings of its readings; its only row is the original scene.
     circuit : Circuit or None
+        Read-out circuit; figures are then in V.
     variables : list[Variable]
+        Numeric parameters that are varied continuously.
     choices : dict[str, list[str]]
-        Words of parameters that are tried one by one.
+        Values, by parameter, that are tried one after another.
     lines : dict[str, tuple[str, list[dict[str, str]]]]
-        By name: the parameter that changes, and the values of all parameters at each load.
+        Lines of loads by name: the parameter that changes, and the values of all parameters at each load.
     goal : Goal
+        Objective.
     limits : list[Limit]
+        Constraints.
     starts, evaluations : int
-        For each choice, and for each start.
+        Numbers of starts for each choice, and of evaluations for each start.
     tolerances : dict[str, float]
-        Standard deviations of parameters.
+        Standard deviations by parameter.
     front : tuple[Goal, int] or None
-        Another objective, and the number of points of the front.
+        Second objective of a Pareto front, and the number of its points.
     """
 
     batch: Batch
@@ -132,7 +148,7 @@ class Plan:
     front: tuple[Goal, int] | None
 
     @property
-    def asked(self) -> list[Goal | Limit]:
+    def criteria(self) -> list[Goal | Limit]:
         """The objective, and all constraints."""
         return [self.goal, *self.limits]
 
@@ -155,96 +171,109 @@ class Plan:
     @property
     def figures(self) -> list[Figure]:
         """All figures."""
-        return [one.figure for one in (*self.asked, *([self.front[0]] if self.front else []))]
+        return [criterion.figure for criterion in (*self.criteria, *([self.front[0]] if self.front else []))]
 
     @property
     def to_contact(self) -> dict[str, dict[str, str]]:
-        """The last load of each line along which the first contact counts, to be followed to there."""
-        found = {}
-        for line in dict.fromkeys(one.told["along"] for one in self.figures if one.kind in TO_THE_END):
+        """Parameters of the load path to the first contact, for each line whose first contact is needed.
+
+        They are those of the last load, and `TO_CONTACT`.
+        """
+        last_loads = {}
+        for line in dict.fromkeys(figure.parameters["along"] for figure in self.figures if figure.kind in TO_THE_END):
             along, rows = self.lines[line]
             first, last = float(rows[0][along]), float(rows[-1][along])
             furthest = math.copysign(FURTHEST * max(abs(first), abs(last)), last - first)
-            found[line] = {**rows[-1], TO_CONTACT: f"{along}={furthest:.12g}"}
-        return found
+            last_loads[line] = {**rows[-1], TO_CONTACT: f"{along}={furthest:.12g}"}
+        return last_loads
 
     @property
     def before(self) -> Design:
         """The original scene, or the first choices if its own are not among them."""
         base = self.base
         choice = tuple(base[name] if base[name] in words else words[0] for name, words in self.choices.items())
-        return Design(choice, tuple(one.begins for one in self.variables))
+        return Design(choice, tuple(variable.start_fraction for variable in self.variables))
 
     def has(self, choice: tuple[str, ...]) -> list[bool]:
-        """Which variables a choice has."""
+        """Whether each variable applies to a choice."""
         words = dict(zip(self.choices, choice, strict=True))
-        return [all(words[name] in of for name, of in one.only.items()) for one in self.variables]
+        return [all(words[name] in of for name, of in variable.only.items()) for variable in self.variables]
 
     def design(self, choice: tuple[str, ...], x: Sequence[float]) -> Design:
-        """The design with these words and variables, as far as they apply."""
+        """The design with these words and variables; variables that do not apply get their initial values."""
         pairs = zip(self.variables, x, self.has(choice), strict=True)
-        return Design(choice, tuple(at if there else one.begins for one, at, there in pairs))
+        return Design(
+            choice, tuple(value if applies else variable.start_fraction for variable, value, applies in pairs)
+        )
 
     def values(self, design: Design) -> dict[str, float]:
-        """The variables that a design has, rounded as written."""
+        """Values, by name, of the variables that apply to a design, rounded as they are written to scenes."""
         pairs = zip(self.variables, design.x, self.has(design.choice), strict=True)
-        return {one.name: float(f"{one.low + x * (one.high - one.low):.12g}") for one, x, there in pairs if there}
+        return {
+            variable.name: float(f"{variable.low + x * (variable.high - variable.low):.12g}")
+            for variable, x, applies in pairs
+            if applies
+        }
 
     def parameters(self, design: Design) -> dict[str, str]:
-        """Parameters of the scene of a design; what uses variables that it does not have is left out."""
+        """Parameters of the scene of a design; variables that do not apply are `NONE`, which removes what uses them."""
         numbers = {name: f"{value:.12g}" for name, value in self.values(design).items()}
         words = dict(zip(self.choices, design.choice, strict=True))
-        return {**words, **{one.name: numbers.get(one.name, NONE) for one in self.variables}}
+        return {**words, **{variable.name: numbers.get(variable.name, NONE) for variable in self.variables}}
 
     def refusal(self, design: Design) -> InputError | None:
-        """Why a design is invalid, as far as its description tells; None if it is valid."""
+        """The error of an invalid design, as far as its description shows it; None if it is valid."""
         return refusal_of(self.scene(design))
 
     def mesh_of(self, design: Design) -> str:
-        """The parameters of the scene whose mesh a design has, as `MESHED_AS`."""
+        """Value of `MESHED_AS`: parameters of the design whose mesh is moved to this design, or `NONE`."""
         if design.origin is None:
             return NONE
         origin = self.parameters(replace(design, x=design.origin))
         return ", ".join(f"{name}={word}" for name, word in origin.items() if word != NONE)
 
-    def told(self, design: Design) -> dict[str, str]:
-        """Parameters of the scene of a design, with those of its mesh."""
+    def scene_parameters(self, design: Design) -> dict[str, str]:
+        """Parameters of the scene of a design, with that of its moved mesh."""
         return self.parameters(design) | ({} if design.origin is None else {MESHED_AS: self.mesh_of(design)})
 
     def scene(self, design: Design) -> Scene:
         """The scene of a design."""
-        return self.batch.scene(self.told(design))
+        return self.batch.scene(self.scene_parameters(design))
 
-    def begun(self) -> list[Design]:
+    def initial_designs(self) -> list[Design]:
         """Initial designs for each choice: the scene's own values if valid, and points of a Sobol' set.
 
         Raises
         ------
         InputError
-            if no point within the bounds is valid for any choice, or for one of its words, with a reason.
+            if no point within the bounds is valid for any choice, or for one of the words of a choice.
         """
-        found: dict[Design, None] = {}
+        designs: dict[Design, None] = {}
         for choice in product(*self.choices.values()):
-            places = chain([self.before.x], _spread(len(self.variables), self.batch.seed))
-            distinct = dict.fromkeys(self.design(choice, x) for x in places)
-            found |= dict.fromkeys(islice((one for one in distinct if self.refusal(one) is None), self.starts))
-        if not found:
+            points = chain([self.before.x], _spread(len(self.variables), self.batch.seed))
+            distinct = dict.fromkeys(self.design(choice, x) for x in points)
+            designs |= dict.fromkeys(
+                islice((design for design in distinct if self.refusal(design) is None), self.starts)
+            )
+        if not designs:
             first = self.design(self.before.choice, self.before.x)
             raise InputError(f"no sensor within the bounds of variables is possible: {self.refusal(first)}")
-        self._refuse_words_without(list(found))
-        return list(found)
+        self._refuse_words_without(list(designs))
+        return list(designs)
 
-    def _refuse_words_without(self, found: Sequence[Design]) -> None:
-        for place, (name, words) in enumerate(self.choices.items()):
+    def _refuse_words_without(self, designs: Sequence[Design]) -> None:
+        """Raise `InputError` for a word of a choice that no design has."""
+        for number, (name, words) in enumerate(self.choices.items()):
             for word in words:
-                if not any(design.choice[place] == word for design in found):
-                    choice = list(found[0].choice)
-                    choice[place] = word
+                if not any(design.choice[number] == word for design in designs):
+                    choice = list(designs[0].choice)
+                    choice[number] = word
                     refused = self.refusal(self.design(tuple(choice), self.before.x))
                     raise InputError(f"{name} = {word} is no choice within the bounds of variables: {refused}")
 
 
 def _spread(dimensions: int, seed: int) -> Iterator[tuple[float, ...]]:
+    """Points of a scrambled Sobol' sequence in the unit cube."""
     from scipy.stats import qmc
 
     points = qmc.Sobol(dimensions, seed=np.random.default_rng(seed)).random(TRIED)

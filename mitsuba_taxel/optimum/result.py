@@ -100,29 +100,46 @@ class Optimum:
         return self.unbalanced + self.unbalanced_error <= BALANCED
 
 
-def told(course: Course, best: Design, again: Again, trade_offs: pandas.DataFrame | None) -> Optimum:
-    """Comparison of the best design with the first, and its multipliers; ``again`` has both on a finer mesh, where a
-    descent follows if the slope shows no local optimum."""
+def make_optimum(course: Course, best: Design, again: Again, trade_offs: pandas.DataFrame | None) -> Optimum:
+    """Comparison of the best design with the first, with multipliers, errors, warnings and notes.
+
+    Parameters
+    ----------
+    course : Course
+        The optimisation.
+    best : Design
+        Its best design.
+    again : Again
+        Both designs on a finer mesh, where a descent follows if the slope shows no local optimum.
+    trade_offs : DataFrame or None
+        Pareto front.
+    """
     import pandas
 
+    # Notes on the evaluation and on the ends of ranges.
     plan, before, notes = course.plan, course.before, list(course.designs.notes)
     if plan.tolerances:
         names = ", ".join(plan.tolerances)
         notes.append(f"figures are those that 90 % of all sensors keep, to first order in the tolerances of {names}")
     notes += [note for note in again.notes if note not in notes]
-    asked = plan.asked
     reads = {"before": course.read(before), "best": course.read(best)} | again.reads
     notes += _ends(course, again, reads)
     notes += circuit_notes(reads["best"].values, {name: along for name, (along, _) in plan.lines.items()})
-    held = course.stationarity(best, *again.finer)
-    beyond = None if held.is_local else again.descend()
+
+    # Multipliers of the constraints, and a descent on the finer mesh if they do not show a local optimum.
+    conditions = course.stationarity(best, *again.finer)
+    beyond = None if conditions.is_local else again.descend()
     sizes = [len(limit.figure.components(reads["best"].values)) for limit in plan.limits]
-    multipliers = [float(part.sum()) for part in np.split(held.limits, np.cumsum(sizes)[:-1])] if sizes else []
+    of_limits = np.split(conditions.limits, np.cumsum(sizes)[:-1]) if sizes else []
+    multipliers = [float(components.sum()) for components in of_limits]
+
+    # The table of figures, and the improvement of the first, the objective.
+    criteria = plan.criteria
     figures = pandas.DataFrame(
         {
-            "figure": [one.words for one in asked],
-            "unit": [one.figure.unit for one in asked],
-            **{name: [worst_of(one, read) for one in asked] for name, read in reads.items()},
+            "figure": [criterion.words for criterion in criteria],
+            "unit": [criterion.figure.unit for criterion in criteria],
+            **{name: [worst_of(criterion, read) for criterion in criteria] for name, read in reads.items()},
             "multiplier": [math.nan, *multipliers],
         }
     )
@@ -133,41 +150,51 @@ def told(course: Course, best: Design, again: Again, trade_offs: pandas.DataFram
         {**base, **plan.parameters(before)},
         {**base, **plan.parameters(best)},
         figures,
-        _variables(plan, before, best, held),
+        _variables(plan, before, best, conditions),
         _slopes(plan, best, reads["best"]),
         pandas.DataFrame(course.rows()),
         pandas.DataFrame() if trade_offs is None else trade_offs,
         gain,
         error,
         probability,
-        held.left,
-        held.error,
+        conditions.unbalanced,
+        conditions.error,
         math.nan if beyond is None else beyond.gain,
         beyond is not None and beyond.ended,
-        held.gradients,
+        conditions.gradients,
         course.designs.loads,
         course.designs.seconds,
         [course.designs.seconds_of.get(design, 0.0) for design in course.history],
-        _doubts(course, held, beyond, probability, reads),
+        _warnings(course, conditions, beyond, probability, reads),
         notes,
     )
 
 
 def _ends(course: Course, again: Again, reads: Mapping[str, Read]) -> list[str]:
-    """Each range and first contact of the best design that is a figure, with its error, and what ends it."""
+    """A line for each figure that is a range or a first contact: its value at the best design, error, and reason."""
     notes = []
     finer = "best_finer" if again.finer else "best"
-    for figure in {one.words: one for one in course.plan.figures if one.kind in TO_THE_END}.values():
+    for figure in {figure.words: figure for figure in course.plan.figures if figure.kind in TO_THE_END}.values():
         ends = [figure.components(reads[name].values).real.min() for name in ("best", finer)]
         error = "" if finer == "best" else f" ± {EXTRAPOLATED * abs(ends[1] - ends[0]):.2g} (by the finer mesh)"
         notes.append(f"{figure.words}: {ends[0]:.4g}{error} {figure.unit}, {end_of(figure, reads['best'].values)}")
-        if figure.told["along"] in course.designs.untold:
-            notes.append(f"{figure.words} ends with saturation alone: {course.designs.untold[figure.told['along']]}")
+        if figure.parameters["along"] in course.designs.no_contact:
+            notes.append(
+                f"{figure.words} ends with saturation alone: {course.designs.no_contact[figure.parameters['along']]}"
+            )
     return notes
 
 
 def circuit_notes(seen: Seen, along: Mapping[str, str]) -> list[str]:
-    """What the circuit shows along lines of loads, whose parameter is given by their name; empty without a circuit."""
+    """Notes on noise and saturation of the circuit along each line of loads; empty without a circuit.
+
+    Parameters
+    ----------
+    seen : Seen
+        Readings of a design.
+    along : Mapping[str, str]
+        Parameter that changes along each line, by the line's name.
+    """
     if seen.circuit is None:
         return []
     notes = [f"one count: {seen.circuit.step:.4g} V"]
@@ -187,7 +214,7 @@ def circuit_notes(seen: Seen, along: Mapping[str, str]) -> list[str]:
 
 
 def _gain(figures: pandas.DataFrame, sign: int) -> tuple[float, float, float]:
-    """Relative improvement, its error, and its probability to be positive."""
+    """Relative improvement of the objective, its error, and the probability that it is positive."""
     from scipy.stats import norm
 
     goal = figures.iloc[0]
@@ -199,17 +226,17 @@ def _gain(figures: pandas.DataFrame, sign: int) -> tuple[float, float, float]:
     return gain, error, float(norm.cdf(gain / error)) if error > 0 else float(gain > 0)
 
 
-def _variables(plan: Plan, before: Design, best: Design, held: Stationarity) -> pandas.DataFrame:
+def _variables(plan: Plan, before: Design, best: Design, conditions: Stationarity) -> pandas.DataFrame:
     import pandas
 
-    at = ["low" if force < 0 else "high" if force > 0 else "" for force in held.bounds]
+    at = ["low" if force < 0 else "high" if force > 0 else "" for force in conditions.bounds]
     return pandas.DataFrame(
         {
-            "variable": [one.name for one in plan.variables],
-            "low": [one.low for one in plan.variables],
-            "high": [one.high for one in plan.variables],
+            "variable": [variable.name for variable in plan.variables],
+            "low": [variable.low for variable in plan.variables],
+            "high": [variable.high for variable in plan.variables],
             **{
-                when: [plan.values(design).get(one.name, math.nan) for one in plan.variables]
+                when: [plan.values(design).get(variable.name, math.nan) for variable in plan.variables]
                 for when, design in (("before", before), ("best", best))
             },
             "at": at,
@@ -221,51 +248,54 @@ def _slopes(plan: Plan, best: Design, read: Any) -> pandas.DataFrame:
     import pandas
 
     rows = []
-    for asked in plan.asked:
-        values, rates = with_rates(asked.figure, read)
+    for criterion in plan.criteria:
+        values, rates = with_rates(criterion.figure, read)
         if not values.size:
             continue
-        place = int((asked.sign * values).argmax())
-        for variable, rate, there in zip(plan.variables, rates[place], plan.has(best.choice), strict=True):
-            if there:
+        worst = int((criterion.sign * values).argmax())
+        for variable, rate, applies in zip(plan.variables, rates[worst], plan.has(best.choice), strict=True):
+            if applies:
                 slope = rate / (variable.high - variable.low)
-                rows.append({"figure": asked.words, "variable": variable.name, "slope": slope, "over_the_bounds": rate})
+                rows.append(
+                    {"figure": criterion.words, "variable": variable.name, "slope": slope, "over_the_bounds": rate}
+                )
     return pandas.DataFrame(rows, columns=["figure", "variable", "slope", "over_the_bounds"])
 
 
 def _broken(course: Course, read: Read) -> str:
-    """The constraints that a design does not keep, in words; empty if it keeps all."""
+    """The constraints that a design violates, in words; empty if it meets all."""
     worst = [(limit, worst_of(limit, read)) for limit in course.plan.limits]
     beyond = [(limit, at) for limit, at in worst if limit.sign * (at - limit.bound) > HELD * (abs(limit.bound) or 1.0)]
     return " and ".join(f"{limit.words} ({at:.4g})" for limit, at in beyond)
 
 
 def _gained(beyond: Beyond | None) -> str:
-    """What a descent on the finer mesh gained, in words that go on."""
+    """End of a sentence on the gain of a descent on the finer mesh."""
     if beyond is None:
         return "; more evaluations may find better, or readings are too coarse to tell"
     end = "then no step gains more" if beyond.ended else "more evaluations may find better"
     return f"; on the finer mesh a descent from it gains {beyond.gain:.2%} in {beyond.designs} designs, and {end}"
 
 
-def _doubts(
-    course: Course, held: Stationarity, beyond: Beyond | None, probability: float, reads: Mapping[str, Read]
+def _warnings(
+    course: Course, conditions: Stationarity, beyond: Beyond | None, probability: float, reads: Mapping[str, Read]
 ) -> list[str]:
+    """Warnings: violated constraints, an uncertain optimum or improvement, saturation, and failed designs."""
     warnings = []
     if "best_finer" in reads and (broken := _broken(course, reads["best_finer"])):
         warnings.append(f"on the finer mesh the best design does not keep {broken}")
-    if math.isnan(held.error):
+    if math.isnan(conditions.error):
         warnings.append(f"a local optimum is not certain: its slope is known from one mesh only{_gained(beyond)}")
-    elif not held.is_local:
+    elif not conditions.is_local:
         warnings.append(
-            f"a local optimum is not certain: a slope of the objective of {held.left + held.error:.0%} over the width "
-            f"of the bounds may be left{_gained(beyond)}"
+            f"a local optimum is not certain: a slope of the objective of "
+            f"{conditions.unbalanced + conditions.error:.0%} over the width of the bounds may be left{_gained(beyond)}"
         )
     if probability < 0.95 and (broken := _broken(course, reads["before"])):
         warnings.append(f"the first design does not keep {broken}: the best one is that of those that do")
     elif probability < 0.95:
         warnings.append(f"that the best design is better is certain by {probability:.0%} only")
-    if any(one.figure.kind == SATURATION and worst_of(one, reads["before"]) > 1 for one in course.plan.limits):
+    if any(limit.figure.kind == SATURATION and worst_of(limit, reads["before"]) > 1 for limit in course.plan.limits):
         warnings.append("the first design saturates: its figures are those of a converter without a full scale")
     failures = course.designs.failures
     if failures:

@@ -1,4 +1,4 @@
-"""Optimisations: from a study file with variables, objective and constraints to the best design with verification."""
+"""Optimisation of a study file with variables, objective and constraints, to the best design and its verification."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from mitsuba_taxel.optimum.front import front
 from mitsuba_taxel.optimum.outputs import write
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
 from mitsuba_taxel.optimum.plan_file import read_plan
-from mitsuba_taxel.optimum.result import Optimum, told
+from mitsuba_taxel.optimum.result import Optimum, make_optimum
 from mitsuba_taxel.optimum.search import least_violation
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.run.pool import open_pool
 
 IN_VIEW = 2.0
-"""Least angle in degrees of roofs with a profile to rays from the middle of their cell's opening."""
+"""Least angle, in degrees, between roofs with a profile and rays from the middle of their cell's opening."""
 UNSATURATED = 0.99
 """Largest output, relative to the limit of the circuit."""
 
@@ -73,14 +73,18 @@ def optimise(
     file, folder = path_of("file", file), path_of("output", output)
     check_flags(retry_failed=retry_failed)
     check_progress(progress)
+
+    # The plan, with constraints that keep designs within what can be computed.
     plan = read_plan(file)
-    begun = plan.begun()
-    plan = _unsaturated(_in_view(plan, begun))
+    initial = plan.initial_designs()
+    plan = _unsaturated(_in_view(plan, initial))
     make_folder(folder)
     with open_pool(workers, scheduler) as pool:
         course = Course(plan, Designs(plan, pool, folder / "designs", retry_failed), progress)
-        starts = readable_starts(course, begun)
-        _refuse_what_cannot_be_told(course, starts)
+
+        # Descents from all initial designs, then the front, whose descents may find a better design.
+        starts = readable_starts(course, initial)
+        _check_figures(course, starts)
         for start in starts:
             course.descend(start, plan.goal, plan.limits)
         best = course.best(plan.goal, plan.limits)
@@ -88,84 +92,102 @@ def optimise(
             raise _no_design(course)
         trade_offs = None if plan.front is None else front(course, *plan.front)
         best = course.best(plan.goal, plan.limits) or best
+
+        # The best design is evaluated again, without a moved mesh, then on a finer one.
         course.look([best.alone])
         again = judged_again(course, best, pool, folder / "judged")
-        result = told(course, best, again, trade_offs)
+        result = make_optimum(course, best, again, trade_offs)
     write(plan, course.before, best, result, folder)
     return result
 
 
 def _in_view(plan: Plan, designs: list[Design]) -> Plan:
-    """The plan with a constraint that keeps profiles off those that are refused, unless it has one."""
-    stated = any(limit.figure.kind == "view_angle" for limit in plan.limits)
-    if stated or not any(pad.profile for one in designs for pad in pads_of(plan.scene(one))):
+    """The plan with a constraint that keeps roofs with a profile visible, as scenes require, unless it has one."""
+    has_limit = any(limit.figure.kind == "view_angle" for limit in plan.limits)
+    if has_limit or not any(pad.profile for design in designs for pad in pads_of(plan.scene(design))):
         return plan
     return replace(plan, limits=[*plan.limits, Limit(Figure("view_angle", {}, "degrees"), -1, IN_VIEW)])
 
 
 def _unsaturated(plan: Plan) -> Plan:
-    """The plan with a constraint that keeps the output below the circuit's limit, along each line that a figure of
-    changes uses, unless it has one: such figures of a saturated sensor are those of a converter that it does not
-    have."""
+    """The plan with constraints that keep the output below the circuit's limit.
+
+    They are added along each line that a figure of changes uses, unless the plan has such a constraint. Figures of a
+    saturated sensor would be those of a converter without a limit.
+    """
     if plan.circuit is None:
         return plan
-    own = [limit for limit in plan.limits if limit.figure.kind == SATURATION and limit.sign * limit.bound <= 1]
-    stated = {limit.figure.told["along"] for limit in own if limit.sign > 0}
+    upper = [limit for limit in plan.limits if limit.figure.kind == SATURATION and limit.sign * limit.bound <= 1]
+    limited = {limit.figure.parameters["along"] for limit in upper if limit.sign > 0}
     used = [
-        one.told[key] for one in plan.figures if one.kind in OF_CHANGES for key in ("along", "by") if key in one.told
+        figure.parameters[key]
+        for figure in plan.figures
+        if figure.kind in OF_CHANGES
+        for key in ("along", "by")
+        if key in figure.parameters
     ]
     lines = dict.fromkeys(line for along in used for line in ([along] if isinstance(along, str) else along))
-    added = [Limit(Figure(SATURATION, {"along": line}, "1"), 1, UNSATURATED) for line in lines if line not in stated]
+    added = [Limit(Figure(SATURATION, {"along": line}, "1"), 1, UNSATURATED) for line in lines if line not in limited]
     return replace(plan, limits=[*plan.limits, *added])
 
 
-def readable_starts(course: Course, begun: list[Design]) -> list[Design]:
-    """The initial designs that can be read; if none can, the first one that can of as many more as a descent may
-    have."""
+def readable_starts(course: Course, initial: list[Design]) -> list[Design]:
+    """The initial designs that can be evaluated.
+
+    If none can, further designs are tried, as many as a descent may evaluate, and the first that can is returned.
+
+    Raises
+    ------
+    ComputationError
+        if all of them fail.
+    """
     plan = course.plan
-    found = [design for design, read in zip(begun, course.look(begun), strict=True) if read is not None]
-    others = [] if found else replace(plan, starts=plan.starts + plan.evaluations).begun()
-    for other in others:
-        if course.look([other]) != [None]:
-            return [other]
-    if not found:
+    readable = [design for design, read in zip(initial, course.look(initial), strict=True) if read is not None]
+    additional = [] if readable else replace(plan, starts=plan.starts + plan.evaluations).initial_designs()
+    for design in additional:
+        if course.look([design]) != [None]:
+            return [design]
+    if not readable:
         why = next(iter(course.designs.failures.values()))
         raise ComputationError(f"none of {len(course.history)} designs can be read to begin with: {why}")
-    return found
+    return readable
 
 
-def _refuse_what_cannot_be_told(course: Course, starts: list[Design]) -> None:
-    """Raise if a figure of the study cannot be computed for this scene."""
+def _check_figures(course: Course, starts: list[Design]) -> None:
+    """Raise `InputError` if a figure of the study cannot be computed for this scene."""
     reads = [course.read(design) for design in starts]
-    for asked in [*course.plan.asked, *([course.plan.front[0]] if course.plan.front else [])]:
+    for criterion in [*course.plan.criteria, *([course.plan.front[0]] if course.plan.front else [])]:
         try:
-            found = [asked.figure.components(read.values) for read in reads]
+            components = [criterion.figure.components(read.values) for read in reads]
         except IndexError:
-            raise InputError(f"{asked.figure.words} cannot be told: there is no such taxel.") from None
-        untold = course.designs.untold.get(asked.figure.told.get("along", ()))
-        if untold and asked.figure.kind == RANGE and not any(each.size for each in found):
-            raise InputError(f"{asked.figure.words} cannot be told without a table [circuit]: {untold}")
-        there = [each.size > 0 for each in found]  # a constraint may apply to some choices only
-        needed = all(there) if isinstance(asked, Goal) else any(there)
-        if not (needed and all(np.isfinite(each).all() for each in found)):
-            raise InputError(f"{asked.figure.words} cannot be told of this scene: it is not a number there.")
+            raise InputError(f"{criterion.figure.words} cannot be told: there is no such taxel.") from None
+        no_contact = course.designs.no_contact.get(criterion.figure.parameters.get("along", ()))
+        if no_contact and criterion.figure.kind == RANGE and not any(values.size for values in components):
+            raise InputError(f"{criterion.figure.words} cannot be told without a table [circuit]: {no_contact}")
+        applies = [values.size > 0 for values in components]  # a constraint may apply to some choices only
+        is_defined = all(applies) if isinstance(criterion, Goal) else any(applies)
+        if not (is_defined and all(np.isfinite(values).all() for values in components)):
+            raise InputError(f"{criterion.figure.words} cannot be told of this scene: it is not a number there.")
 
 
 def _no_design(course: Course) -> InputError:
-    """The error for contradictory constraints."""
+    """The error for constraints that no design meets."""
+    # The multipliers of the design with the least violation show which constraints are in conflict.
     plan = course.plan
     nearest, judged = course.nearest(plan.goal, plan.limits)
     x = np.array(nearest.x)
     _, _, weights = least_violation(judged, -x, 1 - x)
     sizes = [len(limit.figure.components(course.read(nearest).values)) for limit in plan.limits]
     ends = np.cumsum(sizes)[:-1]
-    of_limits = [float(part.sum()) for part in np.split(weights, ends)]
+    of_limits = [float(components.sum()) for components in np.split(weights, ends)]
     order = np.argsort(of_limits)[::-1]
-    guilty = [plan.limits[place] for place in order[:2] if of_limits[place] > 1e-6]
-    what = "in conflict within the bounds" if len(guilty) > 1 else "beyond reach within the bounds"
-    if not guilty:
-        broken = [part.min(initial=0.0) for part in np.split(judged.limits, ends)]
-        guilty = [plan.limits[int(np.argmin(broken))]]
+    conflicting = [plan.limits[number] for number in order[:2] if of_limits[number] > 1e-6]
+    what = "in conflict within the bounds" if len(conflicting) > 1 else "beyond reach within the bounds"
+    if not conflicting:
+        broken = [components.min(initial=0.0) for components in np.split(judged.limits, ends)]
+        conflicting = [plan.limits[int(np.argmin(broken))]]
         what = "met by no design yet, but more evaluations or starts may find one"
-    said = " and ".join(f"{limit.words} (nearest: {worst_of(limit, course.read(nearest)):.4g})" for limit in guilty)
+    said = " and ".join(
+        f"{limit.words} (nearest: {worst_of(limit, course.read(nearest)):.4g})" for limit in conflicting
+    )
     return InputError(f"constraints {what}: {said}; {len(course.history)} designs looked at.")

@@ -1,4 +1,4 @@
-"""Judged designs, and what holds them: Lagrange multipliers of constraints and bounds, and constraints in conflict."""
+"""Goals and limits of a design with their gradients, Lagrange multipliers at it, and constraints in conflict."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ import numpy as np
 ACTIVE = 0.02
 """Margin, relative to the limit, below which a constraint counts as active."""
 AT_BOUND = 5e-3
-"""Distance from a bound, relative to the bounds' width, below which it counts as active: readings of loaded cells
-ripple by a thousandth over as much, and a slope towards the bound gains at most this share of itself."""
+"""Distance from a bound, relative to the bounds' width, below which the bound counts as active.
+
+Over this distance, readings of loaded cells vary by a thousandth from mesh to mesh, and a design at the bound would
+gain at most this fraction of the slope."""
 BALANCED = 0.05
-"""Largest remaining slope of an optimum, with its error."""
+"""Largest unbalanced slope of a local optimum, including its standard error."""
 ONE_SIGMA = 0.8413
 """Probability that a normal error is below one standard deviation."""
 TINY = np.finfo(float).tiny
@@ -22,16 +24,18 @@ TINY = np.finfo(float).tiny
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A point of the unit cube of V variables.
+    """Goals and limits at a point of the unit cube of V variables.
 
     Attributes
     ----------
     goals : (N,) ndarray
-        Their maximum is minimised.
+        Values whose maximum is minimised.
     goal_rates : (N, V) ndarray
+        Derivatives of the goals.
     limits : (M,) ndarray
-        At least 0 if constraints are met.
+        Margins of constraints, at least 0 where they are met.
     limit_rates : (M, V) ndarray
+        Derivatives of the limits.
     """
 
     goals: np.ndarray
@@ -52,23 +56,24 @@ class Judged:
 
 @dataclass(frozen=True, eq=False)
 class Stationarity:
-    """Conditions of Karush, Kuhn and Tucker at a point.
+    """Karush-Kuhn-Tucker conditions at a point.
 
     Attributes
     ----------
-    left : float
-        Unbalanced slope of the worst goal, over the width of the bounds and relative to that goal; 0 at an optimum.
+    unbalanced : float
+        Slope of the worst goal that limits and bounds do not balance, over the width of the bounds and relative to that
+        goal; 0 at an optimum.
     error : float
-        Of ``left``, from the scatter of the gradients whose mean it is; NaN of one gradient.
+        Standard error of ``unbalanced``, from the scatter of the gradients that are averaged; NaN for one gradient.
     gradients : int
-        Their number.
+        Number of averaged gradients.
     limits : (M,) ndarray
         Multipliers of the limits: decrease of the worst goal if a limit were lower by 1.
     bounds : (V,) ndarray
         Multipliers of the bounds, negative for lower ones.
     """
 
-    left: float
+    unbalanced: float
     error: float
     gradients: int
     limits: np.ndarray
@@ -77,69 +82,90 @@ class Stationarity:
     @property
     def is_local(self) -> bool:
         """Whether the point is a local optimum as far as its slope is known."""
-        return self.left + self.error <= BALANCED
+        return self.unbalanced + self.error <= BALANCED
 
 
-def stationarity(x: np.ndarray, found: Judged, others: Sequence[Judged] = ()) -> Stationarity:
-    """Multipliers of active limits and bounds at a point.
+def stationarity(x: np.ndarray, judged: Judged, repeated: Sequence[Judged] = ()) -> Stationarity:
+    """Multipliers of active limits and bounds at a point, and the slope that they do not balance.
 
-    Gradients are the mean of the point's own and of ``others``, of the same point on other meshes.
+    Parameters
+    ----------
+    x : (V,) ndarray
+        The point in the unit cube.
+    judged : Judged
+        Goals and limits there, which determine what is active.
+    repeated : Sequence[Judged]
+        The same point on other meshes. Gradients are averaged over all of them.
     """
-    every = [found, *others]
-    worst = np.flatnonzero(found.goals >= found.worst - ACTIVE * abs(found.worst))
-    held = np.flatnonzero(found.limits <= ACTIVE)
+    # Active goals, limits and bounds, with the gradients of each evaluation (n, active, V).
+    evaluations = [judged, *repeated]
+    worst = np.flatnonzero(judged.goals >= judged.worst - ACTIVE * abs(judged.worst))
+    active = np.flatnonzero(judged.limits <= ACTIVE)
     low, high = np.flatnonzero(x <= AT_BOUND), np.flatnonzero(x >= 1 - AT_BOUND)
     ends = np.concatenate([-np.eye(len(x))[low], np.eye(len(x))[high]])
-    goal_rates = np.stack([each.goal_rates[worst] for each in every])
-    limit_rates = np.stack([each.limit_rates[held] for each in every])
+    goal_rates = np.stack([evaluation.goal_rates[worst] for evaluation in evaluations])
+    limit_rates = np.stack([evaluation.limit_rates[active] for evaluation in evaluations])
+
+    # Multipliers for the mean gradients.
     means = goal_rates.mean(axis=0), limit_rates.mean(axis=0)
     weights, of_limits, of_ends, rest = balanced(*means, ends, np.zeros(len(x)))
-    limits, bounds = np.zeros(len(found.limits)), np.zeros(len(x))
-    limits[held] = of_limits
+    limits, bounds = np.zeros(len(judged.limits)), np.zeros(len(x))
+    limits[active] = of_limits
     bounds[low] -= of_ends[: len(low)]
     bounds[high] += of_ends[len(low) :]
+
+    # Scatter of the gradients of the Lagrangian, where the active constraints do not absorb it.
     chosen = means[0][weights > 0]
     normals = np.concatenate([chosen[1:] - chosen[:1], means[1][of_limits > 0], ends[of_ends > 0]])
     lagrangian = np.einsum("k,nkv->nv", weights, goal_rates) - np.einsum("k,nkv->nv", of_limits, limit_rates)
-    scale = max(abs(found.worst), TINY)
+    scale = max(abs(judged.worst), TINY)
     error = _scatter(lagrangian, normals) / scale
-    return Stationarity(float(np.linalg.norm(rest)) / scale, error, len(every), limits, bounds)
+    return Stationarity(float(np.linalg.norm(rest)) / scale, error, len(evaluations), limits, bounds)
 
 
 def _scatter(gradients: np.ndarray, normals: np.ndarray) -> float:
-    """Standard error of the length of the mean of N gradients (N, V), of few with Student's factor.
+    """Standard error of the length of the mean of N gradients (N, V), with Student's factor for small N.
 
-    Along ``normals``, of active constraints and between goals, scatter changes the multipliers alone.
+    Scatter along ``normals`` (K, V), of active constraints and between goals, is left out: it changes multipliers only.
     """
     from scipy.stats import t
 
     count = len(gradients)
     if count < 2:
         return math.nan
-    apart = gradients - gradients.mean(axis=0)
-    apart -= apart @ np.linalg.pinv(normals) @ normals
-    return float(t.ppf(ONE_SIGMA, count - 1)) * math.sqrt(float(np.square(apart).sum()) / (count - 1) / count)
+    deviations = gradients - gradients.mean(axis=0)
+    deviations -= deviations @ np.linalg.pinv(normals) @ normals
+    return float(t.ppf(ONE_SIGMA, count - 1)) * math.sqrt(float(np.square(deviations).sum()) / (count - 1) / count)
 
 
 def balanced(
     goal_rates: np.ndarray, limit_rates: np.ndarray, ends: np.ndarray, bent: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Weights of goals, with a sum of 1, and multipliers of limits and of bounds, by non-negative least squares.
+    """Weights of goals and multipliers of limits and bounds that balance the gradient best.
+
+    They are found by non-negative least squares.
 
     Parameters
     ----------
     goal_rates : (N, V) ndarray
-        Of the worst goals.
+        Gradients of the worst goals.
     limit_rates : (M, V) ndarray
-        Of active limits.
+        Gradients of active limits.
     ends : (E, V) ndarray
         Outward normals of active bounds.
     bent : (V,) ndarray
-        Added to the gradient.
+        Gradient of a quadratic term, added to that of each goal.
 
     Returns
     -------
-    They, and the (V,) gradient that they leave.
+    goals : (N,) ndarray
+        Weights, whose sum is 1.
+    limits : (M,) ndarray
+        Multipliers of the limits.
+    bounds : (E,) ndarray
+        Multipliers of the bounds.
+    rest : (V,) ndarray
+        Gradient that is not balanced.
     """
     from scipy.optimize import nnls
 
@@ -147,23 +173,39 @@ def balanced(
     columns = np.concatenate([(goal_rates + bent) / size, -limit_rates, ends])
     heavy = 1e3  # enforces that weights of the worst goals sum to 1
     weights = np.where(np.arange(len(columns)) < len(goal_rates), heavy, 0.0)
-    found, _ = nnls(np.vstack([columns.T, weights]), np.append(np.zeros(columns.shape[1]), heavy))
-    goals, limits, bounds = np.split(found, np.cumsum([len(goal_rates), len(limit_rates)]))
-    return goals, size * limits, size * bounds, size * columns.T @ found
+    solution, _ = nnls(np.vstack([columns.T, weights]), np.append(np.zeros(columns.shape[1]), heavy))
+    goals, limits, bounds = np.split(solution, np.cumsum([len(goal_rates), len(limit_rates)]))
+    return goals, size * limits, size * bounds, size * columns.T @ solution
 
 
-def least_violation(found: Judged, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
-    """The (V,) step within ``low`` and ``high`` with the least violation of the linearised limits, that violation, and
-    the (M,) weights of the limits that cause it."""
+def least_violation(judged: Judged, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """The step with the least violation of the linearised limits, by linear programming.
+
+    Parameters
+    ----------
+    judged : Judged
+        Limits and their gradients at the point.
+    low, high : (V,) ndarray
+        Bounds of the step.
+
+    Returns
+    -------
+    step : (V,) ndarray
+        The step.
+    violation : float
+        The largest violation after it.
+    weights : (M,) ndarray
+        Weights of the limits that prevent a smaller violation.
+    """
     from scipy.optimize import linprog
 
     count = len(low)
-    if not len(found.limits) or found.limits.min() >= 0:
-        return np.zeros(count), 0.0, np.zeros(len(found.limits))
+    if not len(judged.limits) or judged.limits.min() >= 0:
+        return np.zeros(count), 0.0, np.zeros(len(judged.limits))
     cost = np.append(np.zeros(count), 1.0)
-    rows = np.column_stack([-found.limit_rates, -np.ones(len(found.limits))])
+    rows = np.column_stack([-judged.limit_rates, -np.ones(len(judged.limits))])
     bounds: list[tuple[float, float | None]] = [*zip(low.tolist(), high.tolist(), strict=True), (0.0, None)]
-    solved = linprog(cost, A_ub=rows, b_ub=found.limits, bounds=bounds)
+    solved = linprog(cost, A_ub=rows, b_ub=judged.limits, bounds=bounds)
     if not solved.success or solved.x is None:
-        return np.zeros(count), found.violation, (found.limits < 0).astype(float)
+        return np.zeros(count), judged.violation, (judged.limits < 0).astype(float)
     return solved.x[:count], float(solved.x[count]), -solved.ineqlin.marginals

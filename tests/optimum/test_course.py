@@ -54,15 +54,15 @@ def test_gradients_that_scatter_are_averaged(tmp_path):
     lone, *others = [plan.design((), [x]) for x in (0.5, 0.49, 0.51, 0.6)]
     course.look([lone])
     alone = course.stationarity(lone)
-    assert alone.left == pytest.approx(0.3) and np.isnan(alone.error) and alone.gradients == 1
+    assert alone.unbalanced == pytest.approx(0.3) and np.isnan(alone.error) and alone.gradients == 1
     course.look(others)
     assert course.best(plan.goal, plan.limits) == lone
     held = course.stationarity(lone)
-    assert held.left == pytest.approx(0, abs=1e-12) and held.gradients == 3
+    assert held.unbalanced == pytest.approx(0, abs=1e-12) and held.gradients == 3
     student = 1.3213  # 84.13 % of two degrees of freedom
     assert held.error == pytest.approx(student * np.std([-0.32, 0.3, 0.02], ddof=1) / np.sqrt(3), rel=1e-3)
     finer = course.stationarity(lone, course.read(others[0]))
-    assert finer.gradients == 4 and finer.left == pytest.approx(0.08)
+    assert finer.gradients == 4 and finer.unbalanced == pytest.approx(0.08)
 
 
 class Dark:
@@ -82,13 +82,13 @@ def test_where_no_initial_design_can_be_read_others_are_tried(tmp_path):
     (tmp_path / "study.toml").write_text(STUDY)
     plan = read_plan(tmp_path / "study.toml")
     course = Course(plan, Dark(), None)
-    (start,) = readable_starts(course, plan.begun())
+    (start,) = readable_starts(course, plan.initial_designs())
     assert start.x[0] > 0.7 and start == course.history[-1] and len(course.history) > 1
     assert readable_starts(course, [start]) == [start]
     hopeless = Course(plan, Dark(), None)
     hopeless.designs.least = 1.0
     with pytest.raises(ComputationError, match="none of 13 designs can be read to begin with: no light"):
-        readable_starts(hopeless, plan.begun())
+        readable_starts(hopeless, plan.initial_designs())
 
 
 CELL_STUDY = """

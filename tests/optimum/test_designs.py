@@ -89,7 +89,7 @@ def test_first_contact_of_a_design(tmp_path, monkeypatch):
         found, rates = with_rates(plan.goal.figure, read)
         assert 5 < found[0] < 20 and read.values.lines["normal"].touched == "a package"
         assert rates.ravel() == pytest.approx(found / 4 * (6 - 3), rel=1e-3)
-        assert plan.goal.figure.components(read.off[0]).imag / TINY == pytest.approx(found / 4 * 0.1, rel=1e-3)
+        assert plan.goal.figure.components(read.by_tolerance[0]).imag / TINY == pytest.approx(found / 4 * 0.1, rel=1e-3)
         assert designs.loads == 2
 
         def refused(*_):

@@ -32,9 +32,9 @@ def test_starts_are_where_a_sensor_is_possible(plan):
     """Of spacings that are too wide for the package, some are not."""
     one = plan(STUDY % 0.85)
     assert one.refusal(one.before) is not None
-    assert len(one.begun()) == 3 and all(one.refusal(design) is None for design in one.begun())
+    assert len(one.initial_designs()) == 3 and all(one.refusal(design) is None for design in one.initial_designs())
     with pytest.raises(InputError, match="no sensor within the bounds of variables is possible: spacing = 1"):
-        plan(STUDY % 0.96).begun()
+        plan(STUDY % 0.96).initial_designs()
 
 
 def test_variables_that_some_choices_have(plan, tmp_path):
@@ -49,17 +49,17 @@ def test_variables_that_some_choices_have(plan, tmp_path):
         + '[optimise.choices]\nshape = ["cylindrical", "profile"]\n'
     )
     one = plan(text)
-    begun = one.begun()
+    begun = one.initial_designs()
     assert [design.choice[0] for design in begun] == ["cylindrical"] * 2 + ["profile"] * 2
     assert [design.x[1] for design in begun[:2]] == [pytest.approx(0.5)] * 2 and begun[2] == one.before
     assert begun[0].x[0] == begun[2].x[0] and begun[1].x[0] == begun[3].x[0]
     assert one.parameters(begun[0]) == {"shape": "cylindrical", "led_power": "1", "r2": "none"}
     assert one.values(begun[0]) == {"led_power": 1} and one.has(("profile",)) == [True, True]
     with pytest.raises(InputError) as refused:
-        plan(text.replace(', only = { shape = "profile" }', "")).begun()
+        plan(text.replace(', only = { shape = "profile" }', "")).initial_designs()
     assert str(refused.value) == (
         "shape = cylindrical is no choice within the bounds of variables: profile is not allowed for cell = "
         "'cylindrical', only for 'profile'."
     )
     alone = text.replace("led_power = [0.5, 2]\n", "")
-    assert len(plan(alone).begun()) == 3  # there is one cylinder
+    assert len(plan(alone).initial_designs()) == 3  # there is one cylinder

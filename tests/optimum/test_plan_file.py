@@ -36,8 +36,11 @@ def test_a_plan(plan):
     assert one.before == Design(("parallelepiped",), (pytest.approx(0.625), 0.25))
     assert one.parameters(one.before) == {"cell": "parallelepiped", "spacing": "0.9", "youngs_modulus": "3"}
     assert {"fz": "-2", "fx": "0.1"} in one.loads and len(one.loads) == 5
-    begun = one.begun()
-    assert [design.choice for design in begun] == [("hemispheric",), ("parallelepiped",)] and begun == one.begun()
+    begun = one.initial_designs()
+    assert [design.choice for design in begun] == [
+        ("hemispheric",),
+        ("parallelepiped",),
+    ] and begun == one.initial_designs()
 
 
 @pytest.mark.parametrize(

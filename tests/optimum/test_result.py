@@ -12,7 +12,7 @@ from mitsuba_taxel.optimum.course import Course
 from mitsuba_taxel.optimum.designs import Read
 from mitsuba_taxel.optimum.figures import TINY, Line, Seen
 from mitsuba_taxel.optimum.plan_file import read_plan
-from mitsuba_taxel.optimum.result import told
+from mitsuba_taxel.optimum.result import make_optimum
 
 STUDY = """
 scene = "pad.xml"
@@ -32,7 +32,7 @@ class Parabola:
 
     def __init__(self, least, scale):
         self._least, self._scale = least, scale
-        self.failures, self.untold, self.seconds_of, self.notes = {}, {}, {}, []
+        self.failures, self.no_contact, self.seconds_of, self.notes = {}, {}, {}, []
         self.loads, self.seconds = 0, 0.0
 
     def can_move(self, design):
@@ -63,7 +63,7 @@ def judged(tmp_path, least, limits="", is_finer=True):
     pair = finer.look([plan.before, best.alone])
     reads = dict(zip(("before_finer", "best_finer"), pair, strict=True))
     again = Again(finer, plan.before, best.alone, reads, is_finer)
-    return told(course, best, again, None), again
+    return make_optimum(course, best, again, None), again
 
 
 def test_an_optimum_of_both_meshes(tmp_path):

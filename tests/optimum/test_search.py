@@ -17,8 +17,8 @@ def test_bounds_that_hold():
     x = np.array([0.0, 1.0])
     held = stationarity(x, at(x))
     np.testing.assert_allclose(held.bounds, [-1, 3], rtol=1e-4)
-    assert held.left < 1e-6
-    assert stationarity(np.array([0.5, 1.0]), at(x)).left == pytest.approx(1 / 3, rel=1e-3)
+    assert held.unbalanced < 1e-6
+    assert stationarity(np.array([0.5, 1.0]), at(x)).unbalanced == pytest.approx(1 / 3, rel=1e-3)
 
 
 @pytest.mark.parametrize(("gap", "left"), [(0.004, 0.0), (0.006, 1.0)])
@@ -26,9 +26,9 @@ def test_a_bound_holds_what_is_close_to_it(gap, left):
     """The slope towards it would gain 0.4 % on the way."""
     near = Judged(np.ones(1), np.array([[1.0, 0.0]]), *NONE)
     held = stationarity(np.array([gap, 0.5]), near)
-    assert held.left == pytest.approx(left, abs=1e-6) and held.bounds[0] == pytest.approx(left - 1, abs=1e-6)
+    assert held.unbalanced == pytest.approx(left, abs=1e-6) and held.bounds[0] == pytest.approx(left - 1, abs=1e-6)
     away = stationarity(np.array([gap, 0.5]), Judged(np.ones(1), np.array([[-1.0, 0.0]]), *NONE))
-    assert away.left == pytest.approx(1) and not away.bounds.any()
+    assert away.unbalanced == pytest.approx(1) and not away.bounds.any()
 
 
 @pytest.mark.parametrize("count", [2, 5, 20])
@@ -41,7 +41,7 @@ def test_the_scatter_of_what_is_left(count):
         rates = slope + 0.2 * random.normal(size=(count, 3))
         each = [Judged(np.ones(1), one[None], np.zeros(0), np.zeros((0, 3))) for one in rates]
         found.append(stationarity(x, each[0], each[1:]))
-    covered = np.mean([held.left + held.error >= 0.3 for held in found])
+    covered = np.mean([held.unbalanced + held.error >= 0.3 for held in found])
     assert covered > 0.84 - 4 * np.sqrt(0.84 * 0.16 / 500)
     errors = [held.error for held in found]
     if count == 20:
@@ -54,10 +54,10 @@ def test_what_scatters_along_constraints_is_held():
     limit = np.zeros(1), np.array([[1.0, 1.0]])
     both = [Judged(np.ones(2), goals, *limit) for goals in rates]
     held = stationarity(np.full(2, 0.5), both[0], both[1:])
-    assert held.left < 1e-4 and held.error < 1e-4 and held.gradients == 2
+    assert held.unbalanced < 1e-4 and held.error < 1e-4 and held.gradients == 2
     one = [Judged(np.ones(1), goals[:1], *limit) for goals in rates]
     held = stationarity(np.full(2, 0.5), one[0], one[1:])
-    assert held.left == pytest.approx(0.7 * np.sqrt(2), rel=1e-3)
+    assert held.unbalanced == pytest.approx(0.7 * np.sqrt(2), rel=1e-3)
     assert held.error == pytest.approx(1.837 * 0.2 * np.sqrt(2), rel=1e-3)
 
 

@@ -105,7 +105,7 @@ def test_the_page(tmp_path):
 def test_studies_can_be_read(purpose, cell, starts, tmp_path):
     write_study(tmp_path, purpose, cell)
     plan = read_plan(tmp_path / "study.toml")
-    assert plan.refusal(plan.before) is None and len(plan.begun()) == starts
+    assert plan.refusal(plan.before) is None and len(plan.initial_designs()) == starts
 
 
 def test_square_profiles_begin_as_the_paper_has_its_box(tmp_path):
