@@ -21,18 +21,27 @@ from mitsuba_taxel.studies.run.study import run_batch
 from mitsuba_taxel.studies.store.dataset import NOT_COMPUTED
 
 STEP_SHARES = (0.02, 0.06, 0.2)
-"""Relative steps of an unknown for differences of noisy readings: the first whose change noise does not hide."""
+"""Relative steps of an unknown for differences of noisy readings; the first whose change exceeds the noise is used."""
 RESOLVED = 4.0
-"""Change of readings over its noise, with which their derivative is known to a quarter."""
+"""Least ratio of a change of readings to its noise: the derivative is then accurate to a quarter."""
 SMALL = 1e-6
-"""The same without noise."""
+"""Relative step of an unknown for differences without noise."""
 
 
 class ReadingModel:
-    """Readings (rows, taxels) of the data's settings, and derivatives (rows, taxels, unknowns).
+    """Readings (rows, taxels) at the data's settings, and their derivatives (rows, taxels, unknowns).
 
-    Derivatives with respect to parameters of the scene come with readings without random numbers where available;
-    otherwise they are differences of readings that share their random numbers.
+    Derivatives by parameters of the scene are those of light without random numbers where available, else differences
+    of readings that share their random numbers.
+
+    Attributes
+    ----------
+    calls : int
+        Number of evaluated studies.
+    hidden : frozenset[str]
+        Unknowns whose effect is below the noise.
+    refused : dict[str, str]
+        Reasons of unknowns without derivatives.
     """
 
     def __init__(self, plan: FitPlan, pool: Pool) -> None:
@@ -40,16 +49,16 @@ class ReadingModel:
         self._names = [unknown.name for unknown in plan.unknowns]
         self._in_scene = [number for number, unknown in enumerate(plan.unknowns) if unknown.in_scene]
         self.calls = 0
-        self.hidden: frozenset[str] = frozenset()  # unknowns whose effect noise hides
+        self.hidden: frozenset[str] = frozenset()
         self._powers: dict[bytes, np.ndarray] = {}
         self._first_step: dict[int, int] = {}
-        self._settings, self._place = _distinct(plan)
+        self._settings, self._setting_of_row = _distinct(plan)
         start = np.array([unknown.start for unknown in plan.unknowns])
         batch = self._batch(start)
         values = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
-        wanted = [self._names[number] for number in self._in_scene]
-        self.refused = without_derivative(batch.scene(values), wanted)
-        self._by = [name for name in wanted if name not in self.refused]
+        scene_unknowns = [self._names[number] for number in self._in_scene]
+        self.refused = without_derivative(batch.scene(values), scene_unknowns)
+        self._by = [name for name in scene_unknowns if name not in self.refused]
 
     def __call__(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         power, rates = self._light(unknowns)
@@ -60,17 +69,19 @@ class ReadingModel:
         for number, unknown in enumerate(self._plan.unknowns):
             if not unknown.in_scene:
                 step = SMALL * (abs(unknowns[number]) or 1.0)
-                ends = [self._shown(_moved(unknowns, number, sign * step), power)[0] for sign in (1, -1)]
+                ends = [self._shown(_shifted(unknowns, number, sign * step), power)[0] for sign in (1, -1)]
                 jacobian[..., number] = (ends[0] - ends[1]) / (2 * step)
-        return shown[self._place], jacobian[self._place]
+        return shown[self._setting_of_row], jacobian[self._setting_of_row]
 
     def errors(self, unknowns: np.ndarray, by_row: np.ndarray) -> ModelError:
         """Errors of the readings at unknowns where they have been computed, from one more evaluation.
 
         Parameters
         ----------
+        unknowns : (unknowns,) ndarray
+            Values at which the model has been called.
         by_row : (unknowns, rows, taxels) ndarray
-            Change of each unknown with each reading of the data.
+            Derivative of each unknown by each reading of the data.
         """
         power = self._powers[unknowns.tobytes()]
         batch = replace(self._batch(unknowns), bare=False, derivatives=tuple(self._by))
@@ -86,10 +97,10 @@ class ReadingModel:
         geometry = np.hypot(geometry, reading - power)
         # Rows of the same settings share their error.
         by_reading = np.zeros((len(unknowns), *power.shape))
-        for row, place in enumerate(self._place):
-            by_reading[:, place] += by_row[:, row]
+        for row, setting in enumerate(self._setting_of_row):
+            by_reading[:, setting] += by_row[:, row]
         size = np.abs(rate)
-        return ModelError(rate * replicates, size * mechanics, size * geometry, by_reading, self._place)
+        return ModelError(rate * replicates, size * mechanics, size * geometry, by_reading, self._setting_of_row)
 
     def _light(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Power (settings, taxels) in W, and derivatives with respect to the unknowns of the scene."""
@@ -101,26 +112,28 @@ class ReadingModel:
         smooth = bool(self._by)
         power = self._taxels(study, "smooth_power" if smooth else "power")
         rates = np.zeros((*power.shape, len(self._in_scene)))
-        for place, number in enumerate(self._in_scene):
+        for column, number in enumerate(self._in_scene):
             if self._names[number] in self._by:
-                rates[..., place] = self._taxels(study.sel(parameter=self._names[number]), "derivative")
+                rates[..., column] = self._taxels(study.sel(parameter=self._names[number]), "derivative")
             else:
-                rates[..., place] = self._difference(unknowns, number, study)
+                rates[..., column] = self._difference(unknowns, number, study)
         return power, rates
 
     def _difference(self, unknowns: np.ndarray, number: int, study: xr.Dataset) -> np.ndarray:
+        """Derivative (settings, taxels) by an unknown as a difference to the readings ``study``, with the least step
+        whose change exceeds the noise."""
         unknown, here = self._plan.unknowns[number], self._taxels(study, "replicate_power")
         scale = abs(unknowns[number]) or 1.0
         for tried in range(self._first_step.get(number, 0), len(STEP_SHARES)):
             step = STEP_SHARES[tried] * scale
             if unknowns[number] + step > unknown.high:
                 step = max(-step, unknown.low - unknowns[number])
-            change = self._taxels(self._read(_moved(unknowns, number, step), []), "replicate_power") - here
-            known = np.linalg.norm(change.mean(axis=0)) >= RESOLVED * np.linalg.norm(standard_error(change))
+            change = self._taxels(self._read(_shifted(unknowns, number, step), []), "replicate_power") - here
+            is_resolved = np.linalg.norm(change.mean(axis=0)) >= RESOLVED * np.linalg.norm(standard_error(change))
             self._first_step[number] = tried
-            if known:
+            if is_resolved:
                 break
-        self.hidden = self.hidden - {unknown.name} if known else self.hidden | {unknown.name}
+        self.hidden = self.hidden - {unknown.name} if is_resolved else self.hidden | {unknown.name}
         return change.mean(axis=0) / step
 
     def _read(self, unknowns: np.ndarray, by: Sequence[str]) -> xr.Dataset:
@@ -134,25 +147,26 @@ class ReadingModel:
         return study
 
     def _batch(self, unknowns: np.ndarray) -> Batch:
+        """The study of all settings with these values of the unknowns."""
         plan = self._plan
-        found = {self._names[number]: repr(float(unknowns[number])) for number in self._in_scene}
+        values = {self._names[number]: repr(float(unknowns[number])) for number in self._in_scene}
         together = dict(self._settings)
-        if not together:  # a study varies something
-            name = next(iter(found))
-            together = {name: [found.pop(name)]}
-        defines = {**plan.defines, **found}
+        if not together:  # a study needs a varied parameter
+            name = next(iter(values))
+            together = {name: [values.pop(name)]}
+        defines = {**plan.defines, **values}
         batch = make_batch(plan.scene, {}, defines, together=together, folder=plan.folder, **plan.reading)
         return replace(batch, bare=True)
 
     def _taxels(self, study: xr.Dataset, name: str) -> np.ndarray:
-        """(..., settings, taxels) for the taxels with data."""
+        """A variable of a study as (..., settings, taxels), for the taxels with data."""
         missing = set(self._plan.data.taxels) - set(study.taxel.values)
         if missing:
             raise ComputationError(f"the scene has no taxel {min(missing)}, which there are data of.")
         return study[name].sel(taxel=self._plan.data.taxels).transpose(..., STEP, "taxel").values
 
     def _shown(self, unknowns: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Readings of a power, in the data's unit, and their derivative with respect to the power."""
+        """Readings in the data's unit and their derivative by the power, for a power in W; all (settings, taxels)."""
         own = dict(zip(self._names, unknowns.tolist(), strict=True))
         if self._plan.circuit is None:
             gain = own.get("gain", 1.0)
@@ -171,7 +185,8 @@ def _distinct(plan: FitPlan) -> tuple[dict[str, list[str]], np.ndarray]:
     return settings, np.array([distinct.index(row) for row in rows])
 
 
-def _moved(unknowns: np.ndarray, number: int, step: float) -> np.ndarray:
-    moved = unknowns.copy()
-    moved[number] += step
-    return moved
+def _shifted(unknowns: np.ndarray, number: int, step: float) -> np.ndarray:
+    """A copy of the unknowns with a step added to one of them."""
+    shifted = unknowns.copy()
+    shifted[number] += step
+    return shifted

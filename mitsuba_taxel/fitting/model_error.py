@@ -1,6 +1,6 @@
-"""The model's own errors, carried to the unknowns by the delta method.
+"""Propagation of the model's own errors to the unknowns by the delta method.
 
-A small change of the model's readings moves the solution of least squares by its derivative, the pseudoinverse of the
+A small change of the model's readings changes the solution of least squares by its derivative, the pseudoinverse of the
 weighted Jacobian (G. A. F. Seber and C. J. Wild, Nonlinear Regression, 1989, chapter 2).
 """
 
@@ -19,13 +19,13 @@ class ModelError(NamedTuple):
     Attributes
     ----------
     replicates : (replicates, settings, taxels) ndarray
-        Readings by each randomisation of the light; all settings share the random numbers.
+        Readings for each randomisation of the light; all settings share the random numbers.
     mechanics, geometry : (settings, taxels) ndarray
-        One standard deviation by the finite elements, NaN if unknown; and by the surfaces, or, of light without random
-        numbers, by its patches.
+        Standard deviations due to the finite elements, NaN if unknown, and due to the surfaces, or to the patches of
+        light without random numbers.
     by_reading : (unknowns, settings, taxels) ndarray
-        Change of each unknown with each of these readings, by the least squares; NaN if undetermined.
-    place : (rows,) ndarray
+        Derivative of each unknown by each of these readings, by least squares; NaN if undetermined.
+    setting_of_row : (rows,) ndarray
         Index of the setting of each row of the data.
     """
 
@@ -33,17 +33,17 @@ class ModelError(NamedTuple):
     mechanics: np.ndarray
     geometry: np.ndarray
     by_reading: np.ndarray
-    place: np.ndarray
+    setting_of_row: np.ndarray
 
     def of_rows(self) -> np.ndarray:
-        """(rows, taxels) one standard deviation of the readings of each row of the data; NaN if unknown."""
+        """Standard deviation of the model's readings for each row of the data, (rows, taxels); NaN if unknown."""
         light = standard_error(self.replicates)
-        return np.sqrt(light**2 + self.mechanics**2 + self.geometry**2)[self.place]
+        return np.sqrt(light**2 + self.mechanics**2 + self.geometry**2)[self.setting_of_row]
 
 
 class UnknownErrors(NamedTuple):
-    """(unknowns,) one standard deviation of each unknown by the light, the finite elements and the surfaces of the
-    model; NaN if unknown."""
+    """Standard deviations of the unknowns, each (unknowns,), due to the light, the finite elements and the surfaces of
+    the model; NaN if unknown."""
 
     light: np.ndarray
     mechanics: np.ndarray
@@ -51,16 +51,15 @@ class UnknownErrors(NamedTuple):
 
     @property
     def total(self) -> np.ndarray:
-        """(unknowns,) root of the sum of the squares of those that are known."""
+        """Root of the sum of squares of the known deviations, (unknowns,)."""
         return np.sqrt(np.nansum(np.square(self), axis=0))
 
 
 def carried(error: ModelError) -> UnknownErrors:
-    """Errors of the unknowns by those of the model's readings.
+    """Errors of the unknowns due to errors of the model's readings.
 
-    Replicates hold the covariance of the light. How errors by the finite elements and the surfaces are correlated from
-    one reading to another is not known: the largest deviation that any correlation allows is stated, the sum of
-    magnitudes.
+    Replicates contain the covariance of the light. The correlation between readings of errors due to finite elements
+    and surfaces is unknown, so the largest deviation that any correlation allows is returned: the sum of magnitudes.
 
     Parameters
     ----------
@@ -74,4 +73,6 @@ def carried(error: ModelError) -> UnknownErrors:
     """
     light = standard_error(np.einsum("kst,rst->rk", error.by_reading, error.replicates))
     size = np.abs(error.by_reading)
-    return UnknownErrors(light, *(np.einsum("kst,st->k", size, each) for each in (error.mechanics, error.geometry)))
+    return UnknownErrors(
+        light, *(np.einsum("kst,st->k", size, deviation) for deviation in (error.mechanics, error.geometry))
+    )

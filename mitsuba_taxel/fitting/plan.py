@@ -29,7 +29,7 @@ READ_KEYS = ("points", "mesh_size", "seed")
 
 @dataclass(frozen=True)
 class Unknown:
-    """An unknown number: initial value and range."""
+    """An unknown number: its name, initial value and bounds."""
 
     name: str
     start: float
@@ -44,7 +44,25 @@ class Unknown:
 
 @dataclass(frozen=True, eq=False)
 class FitPlan:
-    """A fit: the scene as for `make_batch`, the circuit, the unknowns, and the data."""
+    """A fit.
+
+    Attributes
+    ----------
+    scene : str
+        File relative to ``folder``, or the name of a shipped scene.
+    folder : Path
+        Folder of the study file.
+    defines : dict[str, Any]
+        Values of parameters of the scene.
+    reading : dict[str, Any]
+        Settings of readings, as for `make_batch`.
+    circuit : Circuit or None
+        Read-out circuit.
+    unknowns : list[Unknown]
+        Numbers to be estimated.
+    data : Data
+        Measurements.
+    """
 
     scene: str
     folder: Path
@@ -72,42 +90,46 @@ def read_plan(file: Path) -> FitPlan:
     for name in [*content, *scene]:
         if name not in (*READ_KEYS, "circuit", "scene", "define"):
             raise InputError(f"{name} is not allowed in a fit: the settings are those of the data.")
+
+    # The data, with settings by the names of the scene's parameters.
     folder = file.resolve().parent
-    known = parameters_in(str(scene.get("scene", "")), folder)
-    data = read_data(folder / table["data"], known)
-    if known:
-        beside = folder / str(scene["scene"])
-        data = _named_by_scene(data, known, find_scene(beside if is_file(beside) else str(scene["scene"])))
-    if TIME in data.settings and known and TIME not in known:
+    parameters = parameters_in(str(scene.get("scene", "")), folder)
+    data = read_data(folder / table["data"], parameters)
+    if parameters:
+        relative = folder / str(scene["scene"])
+        data = _named_by_scene(data, parameters, find_scene(relative if is_file(relative) else str(scene["scene"])))
+    if TIME in data.settings and parameters and TIME not in parameters:
         warnings.warn(
             f"data {table['data']!r}: the scene has no parameter {TIME}: that column is not used.", stacklevel=1
         )
         data = replace(data, settings={name: words for name, words in data.settings.items() if name != TIME})
     circuit = circuit_of(content.pop("circuit")) if "circuit" in content else None
-    unknowns = [_unknown(name, given) for name, given in table["unknowns"].items()]
+    unknowns = [_unknown(name, definition) for name, definition in table["unknowns"].items()]
     plan = FitPlan(str(scene.get("scene", "")), folder, dict(scene.get("define", {})), content, circuit, unknowns, data)
     _check(plan)
     return plan
 
 
-def _named_by_scene(data: Data, known: Collection[str], scene: Path) -> Data:
-    """Data whose times and components of the force, unless they are ``known`` parameters as they stand, are called as
-    the scene calls them, with its signs."""
+def _named_by_scene(data: Data, parameters: Collection[str], scene: Path) -> Data:
+    """Data whose times and components of the force have the names and signs of the scene's parameters.
+
+    A setting that already has the name of a parameter is unchanged.
+    """
     named = {role: (name, sign) for name, (role, sign) in roles_of_parameters(scene).items() if role in (TIME, *FORCES)}
     settings = {}
     for name, words in data.settings.items():
-        own, sign = named.get(name, (name, 1))
-        if name in known or own in data.settings:
-            own, sign = name, 1
-        settings[own] = [f"{-float(word) + 0.0:.12g}" for word in words] if sign < 0 else words
+        scene_name, sign = named.get(name, (name, 1))
+        if name in parameters or scene_name in data.settings:
+            scene_name, sign = name, 1
+        settings[scene_name] = [f"{-float(word) + 0.0:.12g}" for word in words] if sign < 0 else words
     return replace(data, settings=settings)
 
 
-def _unknown(name: str, given: object) -> Unknown:
-    table: Any = {"start": given} if is_number(given) else given
+def _unknown(name: str, definition: object) -> Unknown:
+    table: Any = {"start": definition} if is_number(definition) else definition
     allowed = isinstance(table, Mapping) and "start" in table and set(table) <= {"start", "low", "high"}
     if not allowed or not all(is_number(value) for value in table.values()):
-        raise InputError(f"unknown {name} = {given!r} is not allowed: {{ start = ..., low = ..., high = ... }}.")
+        raise InputError(f"unknown {name} = {definition!r} is not allowed: {{ start = ..., low = ..., high = ... }}.")
     least, most = _range(name)
     low, high, start = (float(table.get(key, end)) for key, end in (("low", least), ("high", most), ("start", 0.0)))
     low, high = max(low, least), min(high, most)
@@ -117,7 +139,7 @@ def _unknown(name: str, given: object) -> Unknown:
 
 
 def _range(name: str) -> tuple[float, float]:
-    """What is allowed of an unknown in any scene: that of a number of a circuit."""
+    """Allowed range of an unknown: that of a number of the circuit, unlimited for others."""
     number = parameters_of(Circuit).get(name.removeprefix(CIRCUIT)) if name.startswith(CIRCUIT) else None
     if not isinstance(number, Number):
         return -math.inf, math.inf
@@ -125,6 +147,7 @@ def _range(name: str) -> tuple[float, float]:
 
 
 def _check(plan: FitPlan) -> None:
+    """Raise `InputError` if unknowns, circuit and data do not fit together."""
     names = [unknown.name for unknown in plan.unknowns]
     for name in names:
         if name in plan.defines or name in plan.data.settings:

@@ -50,7 +50,7 @@ class FitResult:
         Mean square of ``in_errors`` per degree of freedom: 1 if model and errors are right. NaN if the errors of the
         data are unknown.
     warnings : list[str]
-        What the data do not determine.
+        Unknowns that the data do not determine, and other doubts about the result.
     notes : list[str]
         Further notes for the reader.
     """
@@ -125,8 +125,24 @@ def run_fit(
 def _result(
     plan: FitPlan, model: ReadingModel, solution: LeastSquares, of_model: ModelError, shape: tuple[int, ...]
 ) -> FitResult:
+    """The tables, warnings and notes of a fit.
+
+    Parameters
+    ----------
+    plan : FitPlan
+        The fit.
+    model : ReadingModel
+        Its model, for unknowns without derivatives and unknowns below the noise.
+    solution : LeastSquares
+        Estimates with the errors of the data.
+    of_model : ModelError
+        Errors of the model's readings there.
+    shape : tuple[int, ...]
+        (rows, taxels) of the data.
+    """
     import pandas
 
+    # Unknowns, with the errors of data and model.
     names, data = [unknown.name for unknown in plan.unknowns], plan.data
     by_model = carried(of_model)
     hidden = np.array([name in model.hidden for name in names])
@@ -145,6 +161,8 @@ def _result(
             **{f"{source}_error": error for source, error in by_model._asdict().items()},
         }
     )
+
+    # Residuals, one row for each row of the data and taxel.
     modelled = solution.model.reshape(shape)
     residual = data.readings - modelled
     error = np.full(shape, np.sqrt(solution.misfit)) if data.errors is None else data.errors
@@ -161,10 +179,12 @@ def _result(
         for row in range(data.rows)
         for column, taxel in enumerate(data.taxels)
     ]
+
+    # Warnings and notes.
     warnings = list(solution.warnings)
     if data.errors is not None:
-        each = of_model.of_rows().ravel()
-        warnings += misfit_warnings(residual.ravel(), data.errors.ravel(), each, solution.degrees_of_freedom)
+        model_errors = of_model.of_rows().ravel()
+        warnings += misfit_warnings(residual.ravel(), data.errors.ravel(), model_errors, solution.degrees_of_freedom)
     if np.isnan(of_model.mechanics).any():
         warnings.append("intervals leave out the error of the model's finite elements, which is unknown")
     warnings += [
@@ -193,7 +213,7 @@ def _write(result: FitResult, folder: Path, plan: FitPlan) -> None:
         result.correlation.to_csv(file)
     notes = [*(f"warning: {line}" for line in result.warnings), *result.notes]
     write_text(folder / "notes.txt", "".join(f"{line}\n" for line in notes))
-    beside = plan.folder / plan.scene
-    scene = find_scene(beside if is_file(beside) else plan.scene)
+    relative = plan.folder / plan.scene
+    scene = find_scene(relative if is_file(relative) else plan.scene)
     units, loads = units_of_parameters(scene), loads_among(roles_of_parameters(scene))
     save_figure(plot_residuals(result.residuals, result.correlation, units, loads), folder, "fit")

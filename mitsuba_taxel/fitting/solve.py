@@ -15,11 +15,11 @@ RANK = 1e-7
 """Singular value, relative to the largest, below which a direction is undetermined."""
 CONFIDENCE = 0.95
 UNLIKELY = 0.01
-"""Probability of larger residuals below which model or errors count as wrong."""
+"""Probability of larger residuals below which the model or the errors count as wrong."""
 MOST_STEPS = 25
 EXACT = 1e-7
-"""Residual, relative to the largest reading, below which nothing is left to fit: along undetermined directions steps
-may go on, depending on rounding."""
+"""Residual, relative to the largest reading, below which a fit counts as converged: along undetermined directions,
+steps may continue because of rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,18 +29,23 @@ class LeastSquares:
     Attributes
     ----------
     values, errors : (unknowns,) ndarray
-        The unknowns, and one standard deviation of each by the data; infinite if undetermined.
+        The unknowns, and their standard deviations due to the data; infinite if undetermined.
     half_width : (unknowns,) ndarray
-        Of the 95 % confidence interval by the data, by Student's distribution if errors come from the residuals.
+        Half widths of the 95 % confidence intervals due to the data, by Student's distribution if errors come from the
+        residuals.
     correlation : (unknowns, unknowns) ndarray
+        Correlation of the errors due to the data.
     by_reading : (unknowns, N) ndarray
-        Change of each unknown with each reading; NaN of undetermined ones.
+        Derivative of each unknown by each reading; NaN for undetermined unknowns.
     model : (N,) ndarray
+        Readings of the model at the solution.
     misfit : float
-        Sum of squared residuals over their errors, per degree of freedom: 1 if the model and the errors are right.
-        Without errors of the data, the mean square itself.
+        Sum of squares of residuals relative to their errors, per degree of freedom: 1 if the model and the errors are
+        right. Without errors of the data, the mean square of the residuals.
     degrees_of_freedom : int
+        Number of readings less number of unknowns.
     warnings : list[str]
+        Lines for the user.
     """
 
     values: np.ndarray
@@ -65,11 +70,11 @@ def solve(
     Parameters
     ----------
     model : Callable
-        From unknowns to readings (N,) and their derivatives (N, unknowns).
+        Function of the unknowns that returns readings (N,) and their derivatives (N, unknowns).
     data : (N,) ndarray
         Measured readings.
     errors : (N,) ndarray, optional
-        Their standard deviations. Without, all readings have equal weight, and the error is estimated from the
+        Their standard deviations. Without them, all readings have the same weight, and the error is estimated from the
         residuals.
     unknowns : Sequence[Unknown]
         Initial values and bounds.
@@ -82,15 +87,16 @@ def solve(
     from scipy.optimize import least_squares
     from scipy.stats import norm, t
 
+    # Least squares of the weighted residuals; readings and derivatives of a point are computed once.
     names = [unknown.name for unknown in unknowns]
     weights = np.full_like(data, 1 / np.abs(data).max()) if errors is None else 1 / errors
-    known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+    evaluated: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = x.tobytes()
-        if key not in known:
-            known[key] = model(x)
-        return known[key]
+        if key not in evaluated:
+            evaluated[key] = model(x)
+        return evaluated[key]
 
     def residuals(x: np.ndarray) -> np.ndarray:
         return weights * (at(x)[0] - data)
@@ -98,7 +104,7 @@ def solve(
     def rates(x: np.ndarray) -> np.ndarray:
         return weights[:, None] * at(x)[1]
 
-    found = least_squares(
+    solution = least_squares(
         residuals,
         [unknown.start for unknown in unknowns],
         rates,
@@ -108,30 +114,39 @@ def solve(
         ftol=1e-8,
         max_nfev=MOST_STEPS,
     )
-    readings, jacobian = at(found.x)
-    freedom = len(data) - len(found.x)
-    misfit = 2 * found.cost / freedom
+
+    # Covariance of the unknowns, infinite for undetermined ones.
+    readings, jacobian = at(solution.x)
+    freedom = len(data) - len(solution.x)
+    misfit = 2 * solution.cost / freedom
     scale = misfit if errors is None else 1.0
-    by_weighted, silent = _pseudoinverse(weights[:, None] * jacobian)
-    lost = np.isnan(by_weighted).any(axis=1)
+    by_weighted, undetermined_directions = _pseudoinverse(weights[:, None] * jacobian)
+    undetermined = np.isnan(by_weighted).any(axis=1)
     covariance = scale * np.nan_to_num(by_weighted) @ np.nan_to_num(by_weighted).T
-    covariance[lost, lost] = np.inf
+    covariance[undetermined, undetermined] = np.inf
     deviation = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(deviation, deviation)
+
+    # Confidence intervals, and warnings on convergence, bounds and undetermined unknowns.
     quantile = t.isf((1 - CONFIDENCE) / 2, freedom) if errors is None else norm.isf((1 - CONFIDENCE) / 2)
     exact = np.abs(readings - data).max() <= EXACT * np.abs(data).max()
-    warnings = [] if found.success or exact else ["the fit has not converged: begin nearer by, or leave unknowns out"]
-    warnings += [*_at_bounds(found.x, found.active_mask, unknowns), *_alike(correlation, silent, names)]
+    warnings = (
+        [] if solution.success or exact else ["the fit has not converged: begin nearer by, or leave unknowns out"]
+    )
+    warnings += [
+        *_at_bounds(solution.x, solution.active_mask, unknowns),
+        *_alike(correlation, undetermined_directions, names),
+    ]
     residual = float(misfit if errors is not None else misfit / weights[0] ** 2)
     by_reading = by_weighted * weights
     return LeastSquares(
-        found.x, deviation, quantile * deviation, correlation, by_reading, readings, residual, freedom, warnings
+        solution.x, deviation, quantile * deviation, correlation, by_reading, readings, residual, freedom, warnings
     )
 
 
 def interval(solution: LeastSquares, of_model: np.ndarray) -> np.ndarray:
-    """Half widths of 95 % intervals by the data and by the model.
+    """Half widths (unknowns,) of 95 % intervals due to data and model; ``of_model`` are standard deviations.
 
     Parameters
     ----------
@@ -179,19 +194,23 @@ def misfit_warnings(residual: np.ndarray, errors: np.ndarray, of_model: np.ndarr
 
 
 def _pseudoinverse(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(unknowns, N) pseudoinverse, NaN for unknowns with a component in an undetermined direction; and these directions
-    (K, unknowns), in units that make all unknowns equally effective."""
+    """Pseudoinverse (unknowns, N) of a Jacobian (N, unknowns), and its undetermined directions (K, unknowns).
+
+    The pseudoinverse is NaN for unknowns with a component in such a direction. Directions refer to unknowns in units
+    in which all have the same effect.
+    """
     size = np.linalg.norm(jacobian, axis=0)
     unit = np.where(size > 0, size, 1.0)
-    left, singular, directions = np.linalg.svd(jacobian / unit, full_matrices=False)
-    seen = singular > RANK * singular.max(initial=0.0)
-    inverse = (directions[seen].T / singular[seen]) @ left[:, seen].T / unit[:, None]
-    silent = directions[~seen]
-    inverse[(np.abs(silent) > 0.1).any(axis=0)] = np.nan
-    return inverse, silent
+    left_vectors, singular, directions = np.linalg.svd(jacobian / unit, full_matrices=False)
+    determined = singular > RANK * singular.max(initial=0.0)
+    inverse = (directions[determined].T / singular[determined]) @ left_vectors[:, determined].T / unit[:, None]
+    undetermined = directions[~determined]
+    inverse[(np.abs(undetermined) > 0.1).any(axis=0)] = np.nan
+    return inverse, undetermined
 
 
 def _at_bounds(values: np.ndarray, active: np.ndarray, unknowns: Sequence[Unknown]) -> list[str]:
+    """A warning for each unknown at a bound; ``active`` is -1 at the lower, 1 at the upper and 0 at neither."""
     warnings = []
     for unknown, value, end in zip(unknowns, values, active, strict=True):
         if end:
@@ -203,17 +222,18 @@ def _at_bounds(values: np.ndarray, active: np.ndarray, unknowns: Sequence[Unknow
     return warnings
 
 
-def _alike(correlation: np.ndarray, silent: np.ndarray, names: Sequence[str]) -> list[str]:
+def _alike(correlation: np.ndarray, undetermined: np.ndarray, names: Sequence[str]) -> list[str]:
+    """A warning for each undetermined direction, and for each pair of unknowns with a correlation above `ALIKE`."""
     warnings = []
-    for direction in silent:
-        parts = [name for name, part in zip(names, np.abs(direction), strict=True) if part > 0.1]
-        what = f"cannot tell {' and '.join(parts)} apart" if len(parts) > 1 else f"say nothing of {parts[0]}"
+    for direction in undetermined:
+        involved = [name for name, component in zip(names, np.abs(direction), strict=True) if component > 0.1]
+        what = f"cannot tell {' and '.join(involved)} apart" if len(involved) > 1 else f"say nothing of {involved[0]}"
         warnings.append(f"these data {what}")
-    for one in range(len(names)):
-        for other in range(one):
-            if abs(correlation[one, other]) > ALIKE:
+    for row in range(len(names)):
+        for column in range(row):
+            if abs(correlation[row, column]) > ALIKE:
                 warnings.append(
-                    f"these data hardly tell {names[other]} and {names[one]} apart: their correlation is "
-                    f"{correlation[one, other]:.4f}"
+                    f"these data hardly tell {names[column]} and {names[row]} apart: their correlation is "
+                    f"{correlation[row, column]:.4f}"
                 )
     return warnings

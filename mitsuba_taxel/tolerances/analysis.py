@@ -1,4 +1,4 @@
-"""What the samples of a tolerance study say: spread of each figure, linear estimate, shares of the parameters."""
+"""Results from the samples of a tolerance study: spread of each figure, linear estimate, shares of the parameters."""
 
 from __future__ import annotations
 
@@ -68,7 +68,18 @@ class Tolerance:
 
 
 def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str]) -> Tolerance:
-    """The result, from the study of the mean sensor and that of the samples, with further notes.
+    """The result of a tolerance study.
+
+    Parameters
+    ----------
+    plan : TolerancePlan
+        The study.
+    mean : xr.Dataset
+        Readings of the sensor with all parameters at their mean.
+    samples : xr.Dataset
+        Readings of the exact samples.
+    notes : list[str]
+        Notes so far.
 
     Raises
     ------
@@ -77,46 +88,56 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
     """
     import pandas
 
+    # Readings (samples, forces, taxels); samples without readings are left out.
     force = np.array([0.0]) if not plan.force else mean[plan.force].values
     nominal = _readings(plan, mean, "smooth_power" if is_smooth(mean) else "replicate_power")[0]
     exact = _readings(plan, samples, "replicate_power")
     if bool((samples.standard_error > 0).any()):
         notes = [*notes, NOISY]
-    known = np.isfinite(exact).all(axis=(1, 2))
-    lost = int((~known).sum())
-    if lost:
-        notes = [*notes, f"samples without readings, left out: {lost} of {len(known)} (their reasons are in samples/)"]
-    if known.sum() < FEWEST:
-        raise ComputationError(f"only {known.sum()} of {len(known)} samples could be read: {FEWEST} are needed.")
+    readable = np.isfinite(exact).all(axis=(1, 2))
+    unreadable = int((~readable).sum())
+    if unreadable:
+        notes = [
+            *notes,
+            f"samples without readings, left out: {unreadable} of {len(readable)} (their reasons are in samples/)",
+        ]
+    if readable.sum() < FEWEST:
+        raise ComputationError(f"only {readable.sum()} of {len(readable)} samples could be read: {FEWEST} are needed.")
+
+    # Figures of the mean sensor and of the samples, and their derivatives by the laws.
     circuit = plan.batch.circuit
     loaded = loaded_taxel(shown_readings(nominal, circuit), force) if nominal.shape[1] > 1 else None
-    at_mean, found = (figures(one, force, loaded, circuit) for one in (nominal, exact[known]))
+    at_mean, of_samples = (figures(readings, force, loaded, circuit) for readings in (nominal, exact[readable]))
     slopes = figure_rates(nominal, _rates(plan, mean, nominal), force, loaded, circuit)
-    z, others = plan.standardised[: plan.exact][known], plan.standardised[plan.exact :]
+    z, z_linear = plan.standardised[: plan.exact][readable], plan.standardised[plan.exact :]
     notes = [*notes, *mean.attrs["notes"].splitlines()]
     if circuit is not None:
         notes.append(f"one count: {circuit.step:.4g} V")
-        notes += _note_of_saturation(found, force)
+        notes += _note_of_saturation(of_samples, force)
         notes += resolution_notes(circuit.step, total_noise(circuit, lit(nominal)))
-    parts = [_of_figure(plan, name, at_mean[name], found[name], slopes[name], z, others) for name in found]
-    spread = pandas.DataFrame([row for rows, _ in parts for row in rows])
+
+    # Tables of spreads and shares, and notes on them.
+    tables = [_of_figure(plan, name, at_mean[name], of_samples[name], slopes[name], z, z_linear) for name in of_samples]
+    spread = pandas.DataFrame([row for rows, _ in tables for row in rows])
     errors = nominal_errors(plan, mean, force, loaded)
     of_rows = [float(errors[name][taxel - 1]) for name, taxel in zip(spread.figure, spread.taxel, strict=True)]
     spread.insert(int(spread.columns.get_indexer(["nominal"])[0]) + 1, "nominal_error", of_rows)
-    shares = pandas.DataFrame([row for _, rows in parts for row in rows])
+    shares = pandas.DataFrame([row for _, rows in tables for row in rows])
     notes += _notes_of_indices(spread, shares, len(z), len(plan.laws))
     spread.insert(2, "unit", spread.figure.map(_units(plan)))
     of_parameters = json.loads(mean.attrs["units"])
     shares["unit"] = [
         f"{_units(plan)[row.figure]} per {of_parameters.get(row.parameter, '1')}" for row in shares.itertuples()
     ]
-    if not len(others):
-        table = _samples(plan, found, z)
+
+    # Table of samples; those that are not exact have a linear answer only.
+    if not len(z_linear):
+        table = _samples(plan, of_samples, z)
     else:
-        notes += _notes_of_few(spread, shares, len(z), len(others), len(plan.laws))
-        every = np.concatenate([z, others])
-        linear = {f"linear_{name}": _linear(plan, at_mean[name], slopes[name], every) for name in found}
-        table = _samples(plan, {**found, **linear}, every)
+        notes += _notes_of_few(spread, shares, len(z), len(z_linear), len(plan.laws))
+        every = np.concatenate([z, z_linear])
+        linear = {f"linear_{name}": _linear(plan, at_mean[name], slopes[name], every) for name in of_samples}
+        table = _samples(plan, {**of_samples, **linear}, every)
         varied = {law.name for law in plan.laws} | set(plan.factors.products)
         table.insert(len(varied), "exact", np.arange(len(every)) < len(z))
     notes += [*plan.factors.notes(), LEFT_OUT["tolerance"]]
@@ -124,17 +145,21 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
 
 
 def is_smooth(mean: xr.Dataset) -> bool:
-    """Whether all light of the mean sensor is known without random numbers."""
+    """Whether all readings of the mean sensor are computed without random numbers."""
     return "smooth_power" in mean and bool(np.isfinite(mean.smooth_power).all())
 
 
-def _samples(plan: TolerancePlan, found: dict[str, np.ndarray], z: np.ndarray) -> pandas.DataFrame:
-    """One row per sample: its parameters and factors, and its figures (samples, taxels), which may be of fewer."""
+def _samples(plan: TolerancePlan, values_of: dict[str, np.ndarray], z: np.ndarray) -> pandas.DataFrame:
+    """The table of samples, one row each: parameters, factors, and figures.
+
+    ``values_of`` holds each figure as (samples, taxels), which may lack the last samples; ``z`` (samples, laws) are the
+    standardised values of the laws.
+    """
     import pandas
 
     laws = {law.name: law.mean + z[:, number] * law.deviation for number, law in enumerate(plan.laws)}
     columns = {**laws, **plan.factors.parameters(laws)}
-    for name, values in found.items():
+    for name, values in values_of.items():
         padded = np.full((len(z), values.shape[1]), math.nan)
         padded[: len(values)] = values
         columns |= {f"{name}_{taxel}": column for taxel, column in enumerate(padded.T, start=1)}
@@ -142,7 +167,7 @@ def _samples(plan: TolerancePlan, found: dict[str, np.ndarray], z: np.ndarray) -
 
 
 def _notes_of_indices(spread: pandas.DataFrame, shares: pandas.DataFrame, exact: int, parameters: int) -> list[str]:
-    """Which figures have no Sobol' indices, and what helps."""
+    """A note for each figure without Sobol' indices, with what would help."""
     notes = []
     for name, rows in spread.groupby("figure", sort=False):
         unknown = shares[(shares.figure == name) & shares.total.isna()].taxel.unique()
@@ -161,12 +186,12 @@ def _notes_of_indices(spread: pandas.DataFrame, shares: pandas.DataFrame, exact:
 
 
 def _notes_of_few(
-    spread: pandas.DataFrame, shares: pandas.DataFrame, exact: int, others: int, parameters: int
+    spread: pandas.DataFrame, shares: pandas.DataFrame, exact: int, linear: int, parameters: int
 ) -> list[str]:
-    """What a reader of results of few exact samples should know."""
+    """Notes on results of few exact samples; the last three arguments are numbers of samples and of laws."""
     without = [name for name, rates in shares.groupby("parameter", sort=False).rate if rates.isna().all()]
     if len(without) == parameters:
-        return [f"no parameter has a linear answer: results are of these {exact}, the other {others} add nothing"]
+        return [f"no parameter has a linear answer: results are of these {exact}, the other {linear} add nothing"]
     but = f", which leaves out {', '.join(without)}," if without else ""
     notes = []
     for name, rows in spread.groupby("figure", sort=False):
@@ -175,7 +200,7 @@ def _notes_of_few(
             worst = little.loc[little.linear_explained.idxmin()]
             notes.append(
                 f"the linear answer{but} explains only {worst.linear_explained:.0%} of the variance of {name} (taxel "
-                f"{worst.taxel}) over the exact samples: there the other {others} add little to these {exact}"
+                f"{worst.taxel}) over the exact samples: there the other {linear} add little to these {exact}"
             )
     if fewest_of(parameters) > exact:
         notes.append(
@@ -188,47 +213,60 @@ def _notes_of_few(
 def nominal_errors(
     plan: TolerancePlan, mean: xr.Dataset, force: np.ndarray, loaded: int | None
 ) -> dict[str, np.ndarray]:
-    """Standard errors (T,) of the figures of the mean sensor: by the light, from its replicates, and by the shape.
+    """Standard errors (T,) of the figures of the mean sensor, due to the light, from its replicates, and to the shape.
 
-    Errors of the shape have smooth random courses along the force, see `characterise.shape_error`, common to all
-    taxels. Of a cross-talk, such an error cancels where both taxels change alike; as that of irregular meshes does not,
-    changes of the loaded taxel alone, and of the others, are added in squares.
+    Errors of the shape have smooth random courses along the force that are common to all taxels; see
+    `characterise.shape_error`. In a cross-talk, such an error cancels if both taxels change alike. As errors of
+    irregular meshes do not, changes due to the loaded taxel alone, and to the other taxels, are added in quadrature.
+
+    Parameters
+    ----------
+    plan : TolerancePlan
+        The study.
+    mean : xr.Dataset
+        Readings of the mean sensor.
+    force : np.ndarray
+        (forces,) N.
+    loaded : int or None
+        Index of the loaded taxel.
     """
 
-    def found(study: xr.Dataset) -> dict[str, np.ndarray]:
+    def figures_of(study: xr.Dataset) -> dict[str, np.ndarray]:
         return figures(_readings(plan, study, "replicate_power")[0], force, loaded, plan.batch.circuit)
 
-    value, off = found(mean), off_by_shape(mean)
-    replicates = [found(mean.isel(replicate=[number])) for number in range(mean.sizes["replicate"])]
-    moved = {mode: [found(study) for study in both] for mode, both in off.items()}
+    value, changed_studies = figures_of(mean), off_by_shape(mean)
+    replicates = [figures_of(mean.isel(replicate=[number])) for number in range(mean.sizes["replicate"])]
+    changed_figures = {mode: [figures_of(study) for study in both] for mode, both in changed_studies.items()}
     errors = {}
     for name, at_mean in value.items():
-        changed = {mode: [each[name] for each in both] for mode, both in moved.items()}
+        changed = {mode: [values[name] for values in both] for mode, both in changed_figures.items()}
         if name == "crosstalk":
             of_loaded = mean.taxel == mean.taxel[loaded]
-            for mode, both in off.items():
+            for mode, both in changed_studies.items():
                 for words, which in (("loaded", of_loaded), ("others", ~of_loaded)):
-                    parts = (study.replicate_power.where(which, mean.replicate_power) for study in both)
-                    changed[(*mode, words)] = [found(mean.assign(replicate_power=part))[name] for part in parts]
-        with np.errstate(invalid="ignore"):  # what is infinite has no error
-            light = standard_error(np.array([each[name] for each in replicates]))
+                    changed_power = (study.replicate_power.where(which, mean.replicate_power) for study in both)
+                    changed[(*mode, words)] = [
+                        figures_of(mean.assign(replicate_power=power))[name] for power in changed_power
+                    ]
+        with np.errstate(invalid="ignore"):  # infinite figures have no error
+            light = standard_error(np.array([values[name] for values in replicates]))
             errors[name] = with_shape(light, at_mean, changed)
     return errors
 
 
-def _note_of_saturation(found: dict[str, np.ndarray], force: np.ndarray) -> list[str]:
-    """How many of the samples saturate."""
-    if "saturation_force" not in found:
+def _note_of_saturation(figures_of: dict[str, np.ndarray], force: np.ndarray) -> list[str]:
+    """A note on the number of samples whose output saturates; none without a circuit."""
+    if "saturation_force" not in figures_of:
         return []
-    saturated = np.isfinite(found["saturation_force"])
+    saturated = np.isfinite(figures_of["saturation_force"])
     count, samples, most = saturated.sum(axis=0), len(saturated), int(saturated.sum(axis=0).argmax())
-    told = f"{count[most]} of {samples} samples (taxel {most + 1})" if count.any() else f"none of {samples} samples"
+    words = f"{count[most]} of {samples} samples (taxel {most + 1})" if count.any() else f"none of {samples} samples"
     least, largest = force[np.abs(force).argmin()], force[np.abs(force).argmax()]
-    return [f"the output reaches the circuit's limit between {least:g} and {largest:g} N in {told}"]
+    return [f"the output reaches the circuit's limit between {least:g} and {largest:g} N in {words}"]
 
 
 def _readings(plan: TolerancePlan, study: xr.Dataset, name: str) -> np.ndarray:
-    """(samples, forces, taxels) in W."""
+    """A variable of a study as (samples, forces, taxels) in W, the mean of replicates."""
     readings = study[name]
     if "replicate" in readings.dims:
         readings = readings.mean("replicate")
@@ -238,17 +276,20 @@ def _readings(plan: TolerancePlan, study: xr.Dataset, name: str) -> np.ndarray:
 
 
 def _rates(plan: TolerancePlan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
-    """(forces, taxels, laws) of readings in W, NaN where a parameter that depends on the law has no derivative."""
+    """Derivatives of readings by the laws, (forces, taxels, laws) in W per unit of the law.
+
+    They are NaN for a law on which a parameter without derivative depends.
+    """
     rates = np.full((*nominal.shape, len(plan.laws)), math.nan)
     if "derivative" in mean:
         derivative = mean.derivative.isel({STEP: 0})
         if not plan.force:
             derivative = derivative.expand_dims("force")
-        known = derivative.transpose("parameter", plan.force or "force", "taxel")
+        derivatives = derivative.transpose("parameter", plan.force or "force", "taxel")
         for number, law in enumerate(plan.laws):
             chain = plan.factors.partial_derivatives(law.name)
             if set(chain) <= set(derivative.parameter.values):
-                rates[..., number] = sum(known.sel(parameter=name).values * by for name, by in chain.items())
+                rates[..., number] = sum(derivatives.sel(parameter=name).values * by for name, by in chain.items())
     return rates
 
 
@@ -259,10 +300,26 @@ def _of_figure(
     exact: np.ndarray,
     slopes: np.ndarray,
     z: np.ndarray,
-    others: np.ndarray,
+    z_linear: np.ndarray,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Rows of the two tables for one figure, of the mean sensor (T,) and of samples (N, T), the only ones unless there
-    are ``others`` (M, parameters)."""
+    """Rows of the tables of spreads and of shares for one figure.
+
+    Parameters
+    ----------
+    plan : TolerancePlan
+        The study.
+    name : str
+        The figure.
+    at_mean : (T,) ndarray
+        Its values for the mean sensor.
+    exact : (N, T) ndarray
+        Its values for the exact samples.
+    slopes : (T, laws) ndarray
+        Its derivatives by the laws.
+    z, z_linear : (N, laws) and (M, laws) ndarray
+        Standardised values of the exact samples, and of those with a linear answer only.
+    """
+    # The linear estimate, and its error over the exact samples.
     per_deviation = slopes * [law.deviation for law in plan.laws]
     deviation, error = deviations(exact)
     linear = np.sqrt(np.square(per_deviation).sum(axis=1))
@@ -270,22 +327,27 @@ def _of_figure(
     with np.errstate(divide="ignore", invalid="ignore"):
         linear_error = np.where(deviation > 0, np.sqrt(np.square(missed).mean(axis=0)) / deviation, math.nan)
         linear_share = np.square(per_deviation / linear[:, None])
-    wanted = np.isfinite(exact).all(axis=0)
-    polynomial = fitted(z, np.where(wanted, exact, 0.0))
-    of_samples = np.where(wanted, exact, 0.0)
+
+    # Taxels with a value in all samples: moments, by the control variate if some samples are linear only.
+    complete = np.isfinite(exact).all(axis=0)
+    polynomial = fitted(z, np.where(complete, exact, 0.0))
+    of_samples = np.where(complete, exact, 0.0)
     few = spreads(of_samples, plan.batch.seed)
-    if len(others):
-        few = _corrected(plan, at_mean, of_samples, slopes, z, others)
-    found = Indices(*np.full((4, *slopes.shape), math.nan))
+    if len(z_linear):
+        few = _corrected(plan, at_mean, of_samples, slopes, z, z_linear)
+
+    # Sobol' indices: of a polynomial, or of the linear answer as far as it explains the samples.
+    sobol = Indices(*np.full((4, *slopes.shape), math.nan))
     if polynomial is not None:
-        found = indices(polynomial, plan.laws)
-    elif len(others):
-        # Of the linear answer, as far as it explains the samples.
+        sobol = indices(polynomial, plan.laws)
+    elif len(z_linear):
         missed = 1 - few["linear_explained"][:, None]
         linear_share = np.where(missed <= 1 - ENOUGH, linear_share, math.nan)
-        found = Indices(linear_share, linear_share, *2 * [linear_share * 0 + np.maximum(missed, 0.0) / 2])
+        sobol = Indices(linear_share, linear_share, *2 * [linear_share * 0 + np.maximum(missed, 0.0) / 2])
+
+    # Rows of both tables.
     spread, shares = [], []
-    for taxel in np.flatnonzero(wanted):
+    for taxel in np.flatnonzero(complete):
         where = {"figure": name, "taxel": int(taxel) + 1}
         low, high = np.quantile(exact[:, taxel], (0.05, 0.95))
         numbers = {
@@ -297,32 +359,33 @@ def _of_figure(
         numbers |= {key: values[taxel] for key, values in few.items()}
         spread.append(where | {key: float(value) for key, value in numbers.items()})
         for number, law in enumerate(plan.laws):
-            of_one = (slopes, linear_share, *found)
-            values = (float(each[taxel, number]) for each in of_one)
+            arrays = (slopes, linear_share, *sobol)
+            values = (float(array[taxel, number]) for array in arrays)
             named = zip(("rate", "linear", *Indices._fields), values, strict=True)
             shares.append({**where, "parameter": law.name, **dict(named)})
     return spread, shares
 
 
 def _corrected(
-    plan: TolerancePlan, at_mean: np.ndarray, exact: np.ndarray, slopes: np.ndarray, z: np.ndarray, others: np.ndarray
+    plan: TolerancePlan, at_mean: np.ndarray, exact: np.ndarray, slopes: np.ndarray, z: np.ndarray, z_linear: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """See :func:`corrected`; where there is no linear answer it is 0."""
-    linear, of_others = (np.nan_to_num(_linear(plan, at_mean, slopes, each)) for each in (z, others))
+    """The moments of :func:`corrected`, with the linear answer of both kinds of samples; NaN counts as 0."""
+    linear, of_others = (np.nan_to_num(_linear(plan, at_mean, slopes, standardised)) for standardised in (z, z_linear))
     return corrected(exact, linear, of_others, plan.batch.seed)
 
 
 def _linear(plan: TolerancePlan, at_mean: np.ndarray, slopes: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Linear answer (samples, T) in the parameters that have a derivative."""
-    known = np.where(np.isfinite(slopes), slopes, 0.0)
-    return at_mean + z @ (known * [law.deviation for law in plan.laws]).T
+    """Linear answer (samples, T) to the laws with a derivative, at standardised values (samples, laws)."""
+    rates = np.where(np.isfinite(slopes), slopes, 0.0)
+    return at_mean + z @ (rates * [law.deviation for law in plan.laws]).T
 
 
 def deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviations of samples, and their standard errors from the kurtosis.
+    """Standard deviations (T,) of samples (N, T), and their standard errors (T,) from the kurtosis.
 
-    These are valid for random samples and conservative for Latin hypercubes and Sobol' points. Few samples show too
-    small a kurtosis: it is without bias for normal ones, and at least theirs, with its own uncertainty added.
+    The errors are valid for random samples, and conservative for Latin hypercubes and Sobol' points. As few samples
+    underestimate the kurtosis, its estimate is unbiased for normal samples, at least that of a normal distribution, and
+    its own uncertainty is added.
 
     Parameters
     ----------
@@ -347,6 +410,7 @@ def deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _units(plan: TolerancePlan) -> dict[str, str]:
+    """Units by figure."""
     unit = "W" if plan.batch.circuit is None else "V"
     return {
         "rest": unit, "sensitivity": f"{unit}/N", "noise_force": "N", "saturation_force": "N", "crosstalk": "1",
@@ -354,17 +418,18 @@ def _units(plan: TolerancePlan) -> dict[str, str]:
 
 
 def _parameters(plan: TolerancePlan, spread: pandas.DataFrame, shares: pandas.DataFrame) -> pandas.DataFrame:
+    """The table ``parameters`` of `Tolerance`."""
     import pandas
 
     table = shares.merge(spread[["figure", "taxel", "sd"]], on=["figure", "taxel"])
     table["weight"] = table.sd**2 * table.total.notna()
 
     def weighted(rows: pandas.DataFrame, column: str) -> float:
-        known = rows.weight.sum() > 0
-        return float(np.average(rows[column].fillna(0.0), weights=rows.weight)) if known else math.nan
+        is_known = rows.weight.sum() > 0
+        return float(np.average(rows[column].fillna(0.0), weights=rows.weight)) if is_known else math.nan
 
     groups = table.groupby(["figure", "parameter"])
-    found = {(*key, column): weighted(rows, column) for key, rows in groups for column in ("total", "total_error")}
+    indices_of = {(*key, column): weighted(rows, column) for key, rows in groups for column in ("total", "total_error")}
     names = list(dict.fromkeys(spread.figure))
     return pandas.DataFrame(
         {
@@ -373,7 +438,7 @@ def _parameters(plan: TolerancePlan, spread: pandas.DataFrame, shares: pandas.Da
             "mean": law.mean,
             "sd": law.deviation,
             **{
-                f"{column}_{name}": found[name, law.name, column]
+                f"{column}_{name}": indices_of[name, law.name, column]
                 for name in names
                 for column in ("total", "total_error")
             },

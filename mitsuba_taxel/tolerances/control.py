@@ -1,4 +1,4 @@
-"""Few exact samples, and the linear answer of all: the control variate."""
+"""Control variates: moments from few exact samples and the linear answer of all samples."""
 
 from __future__ import annotations
 
@@ -7,31 +7,31 @@ import math
 import numpy as np
 
 RESAMPLES = 200
-"""Resamples behind a standard error, which they leave uncertain by 5 %."""
+"""Number of resamples for a standard error, which then has an uncertainty of 5 %."""
 LITTLE = 0.5
 """Share of the variance below which the linear answer is of little use."""
 OF_NORMAL_QUANTILE = math.sqrt(0.05 * 0.95) / 0.10314
-"""Standard error of a 5 % quantile of one normal sample: the root of p (1 - p) over the density there."""
+"""Standard error of the 5 % quantile of a normal sample of size 1: the root of p (1 - p) over the density there."""
 QUANTITIES = ("mean", "sd", "low", "high")
 
 
-def corrected(exact: np.ndarray, linear: np.ndarray, others: np.ndarray, seed: int) -> dict[str, np.ndarray]:
+def corrected(exact: np.ndarray, linear: np.ndarray, linear_only: np.ndarray, seed: int) -> dict[str, np.ndarray]:
     """Mean, standard deviation, 5 and 95 % quantile of samples of which few are exact.
 
-    Each is that of the linear answer of all samples, times a coefficient, plus that of the exact samples minus that of
-    their own linear answer times the same. The coefficient is the slope of the exact samples against their linear
-    answer: a linear answer that explains nothing gets 0, and what remains is the exact samples alone (S. S. Lavenberg
-    and P. D. Welch, A perspective on the use of control variables to increase the efficiency of Monte Carlo
+    Each is the value for the linear answer of all samples, multiplied by a coefficient, plus the value for the exact
+    samples, minus the value for their multiplied linear answer. The coefficient is the slope of the exact samples
+    against their linear answer: if this explains nothing, the slope is 0, and the exact samples alone remain (S. S.
+    Lavenberg and P. D. Welch, A perspective on the use of control variables to increase the efficiency of Monte Carlo
     simulations, Management Science 27, 1981).
 
     Parameters
     ----------
     exact, linear : (N, T) ndarray
         Exact samples, and their linear answer.
-    others : (M, T) ndarray
-        Linear answer of the other samples.
+    linear_only : (M, T) ndarray
+        Linear answer of the samples that are not exact.
     seed : int
-        Of the resamples.
+        Seed of the resamples.
 
     Returns
     -------
@@ -45,18 +45,19 @@ def corrected(exact: np.ndarray, linear: np.ndarray, others: np.ndarray, seed: i
     count = len(exact)
     draws = []
     for _ in range(RESAMPLES):
-        again, rest = random.integers(count, size=count), random.integers(len(others), size=len(others))
-        draws.append(_estimates(exact[again], linear[again], others[rest]))
+        drawn = random.integers(count, size=count)
+        drawn_linear = random.integers(len(linear_only), size=len(linear_only))
+        draws.append(_estimates(exact[drawn], linear[drawn], linear_only[drawn_linear]))
     errors = np.std(draws, axis=0, ddof=1) * math.sqrt(count / (count - 1))
-    found = dict(zip(QUANTITIES, _estimates(exact, linear, others), strict=True))
-    found |= {f"{name}_error": error for name, error in zip(QUANTITIES, errors, strict=True)}
-    return found | {"linear_explained": _explained(exact, linear)}
+    estimates = dict(zip(QUANTITIES, _estimates(exact, linear, linear_only), strict=True))
+    estimates |= {f"{name}_error": error for name, error in zip(QUANTITIES, errors, strict=True)}
+    return estimates | {"linear_explained": _explained(exact, linear)}
 
 
 def spreads(exact: np.ndarray, seed: int) -> dict[str, np.ndarray]:
-    """Errors of mean and quantiles of exact samples alone, over resamples.
+    """Errors ``mean_error``, ``low_error`` and ``high_error`` (T,) of exact samples (N, T) alone, over resamples.
 
-    Those of the quantiles are at least those of normal samples, as resamples of the few outermost ones repeat them.
+    Errors of the quantiles are at least those of normal samples, as resamples repeat the few outermost samples.
 
     Parameters
     ----------
@@ -78,10 +79,10 @@ def spreads(exact: np.ndarray, seed: int) -> dict[str, np.ndarray]:
     return {"mean_error": mean, "low_error": np.maximum(low, normal), "high_error": np.maximum(high, normal)}
 
 
-def _estimates(exact: np.ndarray, linear: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(quantities, T)."""
+def _estimates(exact: np.ndarray, linear: np.ndarray, linear_only: np.ndarray) -> np.ndarray:
+    """The corrected `QUANTITIES`, (quantities, T)."""
     slope = _coefficient(exact, linear)
-    every = slope * np.concatenate([linear, others])
+    every = slope * np.concatenate([linear, linear_only])
     mean, variance, low, high = _moments(every) + _moments(exact) - _moments(every[: len(exact)])
     return np.stack([mean, np.sqrt(np.maximum(variance, 0.0)), low, high])  # below 0 by rounding alone
 
@@ -93,14 +94,15 @@ def _moments(samples: np.ndarray) -> np.ndarray:
 
 
 def _coefficient(exact: np.ndarray, linear: np.ndarray) -> np.ndarray:
-    """Slopes (T,) of the exact samples against their linear answer; 0 where that does not vary."""
-    off = linear - linear.mean(axis=0)
-    together, alone = np.sum(off * exact, axis=0), np.sum(off**2, axis=0)
+    """Slopes (T,) of the exact samples against their linear answer; 0 where the linear answer does not vary."""
+    deviation = linear - linear.mean(axis=0)
+    together, alone = np.sum(deviation * exact, axis=0), np.sum(deviation**2, axis=0)
     return np.divide(together, alone, out=np.zeros_like(alone), where=alone > 0)
 
 
 def _explained(exact: np.ndarray, linear: np.ndarray) -> np.ndarray:
-    missed = exact - _coefficient(exact, linear) * linear
+    """Share (T,) of the variance of the exact samples that their linear answer explains; NaN where they do not vary."""
+    residual = exact - _coefficient(exact, linear) * linear
     variance = exact.var(axis=0)
     varies = variance > 1e-20 * np.mean(exact**2, axis=0)
-    return 1 - np.divide(missed.var(axis=0), variance, out=np.full_like(variance, math.nan), where=varies)
+    return 1 - np.divide(residual.var(axis=0), variance, out=np.full_like(variance, math.nan), where=varies)

@@ -1,4 +1,4 @@
-"""Factors that scale several parameters, as the shrinkage of a mould does: tolerances that are correlated."""
+"""Factors that scale several parameters, such as the shrinkage of a mould: correlated tolerances."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Factors:
     products : dict[str, tuple[str, ...]]
         For each parameter of the scene that varies, the names of the laws whose product it is.
     constants : dict[str, float]
-        For each of them that has no law of its own, its value in the scene, which the factors multiply.
+        Values in the scene of those without a law of their own, which the factors multiply.
     """
 
     laws: list[Law]
@@ -41,22 +41,22 @@ class Factors:
 
     def partial_derivatives(self, law: str) -> dict[str, float]:
         """Derivatives of the parameters that depend on a law by it, at the mean of all laws."""
-        others = {each.name: 1.0 if each.name == law else each.mean for each in self.laws}
-        return {name: value for name, value in self.parameters(others).items() if law in self.products[name]}
+        means = {other_law.name: 1.0 if other_law.name == law else other_law.mean for other_law in self.laws}
+        return {name: value for name, value in self.parameters(means).items() if law in self.products[name]}
 
     def notes(self) -> list[str]:
-        """What Sobol' indices mean where parameters are correlated."""
-        made = []
+        """Notes on the meaning of Sobol' indices where parameters are correlated."""
+        lines = []
         for law in self.laws:
             scaled = [name for name, laws in self.products.items() if law.name in laws and law.name != name]
             own = [name for name in scaled if name not in self.constants]
             if scaled:
                 rest = f"; that of {', '.join(own)} is of what {law.name} leaves of it" if own else ""
-                made.append(
+                lines.append(
                     f"{', '.join(scaled)} vary with {law.name}: shares and Sobol' indices are those of the independent "
                     f"laws, {law.name} one of them{rest}"
                 )
-        return made
+        return lines
 
 
 def read_factors(tables: Mapping[str, object], values: Mapping[str, str]) -> Factors:
@@ -65,7 +65,7 @@ def read_factors(tables: Mapping[str, object], values: Mapping[str, str]) -> Fac
     Raises
     ------
     InputError
-        if a law is refused, or a factor scales what is no parameter with a number.
+        if a law is refused, or a factor scales something that is not a numeric parameter.
     """
     laws, scales = [], {}
     for name, table in tables.items():
@@ -86,6 +86,7 @@ def read_factors(tables: Mapping[str, object], values: Mapping[str, str]) -> Fac
 
 
 def _scaled(factor: str, names: object, values: Mapping[str, str]) -> tuple[str, ...]:
+    """Distinct names of the parameters that a factor scales; raises `InputError` for anything else."""
     if factor in values:
         raise InputError(
             f"tolerance of {factor}: {SCALES} is not allowed, as {factor} is a parameter of the scene: a factor needs "
@@ -106,6 +107,7 @@ def _scaled(factor: str, names: object, values: Mapping[str, str]) -> tuple[str,
 
 
 def _constant(factor: str, name: str, word: str) -> float:
+    """The number, other than 0, of a parameter that a factor scales; raises `InputError` if it is none."""
     try:
         value = float(word)
     except ValueError:

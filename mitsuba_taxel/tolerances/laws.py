@@ -23,7 +23,7 @@ class Law:
     name : str
         The parameter.
     words : str
-        As in a study file, ``normal(mean=0.9, sd=0.02)``.
+        The distribution in words, such as ``normal(mean=0.9, sd=0.02)``.
     distribution : Any
         Frozen distribution of ``scipy.stats``.
     """
@@ -48,12 +48,12 @@ class Law:
         Parameters
         ----------
         shares : ndarray
-            Probabilities from 0 to 1; those nearer than 1e-12 to an end are taken at that distance.
+            Probabilities from 0 to 1, limited to 1e-12 from either end.
 
         Returns
         -------
         ndarray
-            In the unit of the parameter, of the same shape.
+            Values in the unit of the parameter, of the same shape.
         """
         return self.distribution.ppf(np.clip(shares, 1e-12, 1 - 1e-12))
 
@@ -74,7 +74,7 @@ LAWS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
         ("low", "peak", "high"),
     ),
 }
-"""Distributions with names of our own; any other continuous one of ``scipy.stats`` has its name there."""
+"""Distributions with names of this package; other continuous distributions have their names in ``scipy.stats``."""
 
 
 def law_of(name: str, table: object) -> Law:
@@ -83,14 +83,14 @@ def law_of(name: str, table: object) -> Law:
     Parameters
     ----------
     name : str
-        Of the parameter.
+        The parameter.
     table : object
-        Such as ``{law = "normal", mean = 0.9, sd = 0.02}``, as the TOML file has it.
+        Table of the TOML file, such as ``{law = "normal", mean = 0.9, sd = 0.02}``.
 
     Returns
     -------
     Law
-        In the unit of the parameter.
+        Distribution in the unit of the parameter.
 
     Raises
     ------
@@ -108,6 +108,7 @@ def law_of(name: str, table: object) -> Law:
 
 
 def _frozen(name: str, law: str, numbers: dict[str, float], words: str) -> Any:
+    """The frozen distribution of ``scipy.stats``; raises `InputError` without a finite mean and a spread above 0."""
     from scipy import stats
 
     if law in LAWS:
@@ -125,9 +126,9 @@ def _frozen(name: str, law: str, numbers: dict[str, float], words: str) -> Any:
     try:
         with np.errstate(all="ignore"):
             frozen = make(**numbers)
-            known = [float(each) for each in (frozen.mean(), frozen.std(), frozen.ppf(0.5))]
+            moments = [float(moment) for moment in (frozen.mean(), frozen.std(), frozen.ppf(0.5))]
     except (TypeError, ValueError, ArithmeticError) as error:
         raise InputError(f"tolerance of {name}: {words} is not allowed: {error}.") from error
-    if not (all(map(math.isfinite, known)) and known[1] > 0):
+    if not (all(map(math.isfinite, moments)) and moments[1] > 0):
         raise InputError(f"tolerance of {name}: {words} is not allowed: a finite mean and a spread above 0 are needed.")
     return frozen

@@ -21,7 +21,7 @@ SAMPLES = 64
 SAMPLINGS = ("latin_hypercube", "sobol")
 FEWEST, MOST = 8, 20_000
 BEYOND = 1e-6
-"""Share of a distribution that may lie beyond the range of a parameter, on each side."""
+"""Probability that a distribution may exceed the range of a parameter, on each side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +33,11 @@ class TolerancePlan:
     factors : Factors
         Distributions, and the parameters with tolerances as products of them.
     force : str
-        The varied force; empty if none is.
+        Name of the varied force; empty if none is varied.
     shares : (samples, laws) ndarray
         Cumulative probabilities of the samples.
     exact : int
-        Samples computed by the whole chain: the first ones.
+        Number of samples, the first ones, that are computed by the whole chain.
     batch : Batch
         The sensor with all parameters at their mean.
     """
@@ -55,12 +55,12 @@ class TolerancePlan:
 
     @property
     def standardised(self) -> np.ndarray:
-        """(samples, laws) relative to the mean, in standard deviations, with values rounded as written."""
+        """Samples relative to the mean, in standard deviations, (samples, laws), from values rounded as written."""
         values = np.array(list(self._columns().values())).T
         return (values - [law.mean for law in self.laws]) / [law.deviation for law in self.laws]
 
     def samples(self, points: int, mesh_size: float | None) -> Batch:
-        """The batch of the samples to be computed, with the points and the mesh of the mean sensor."""
+        """The batch of the exact samples, with the points and the mesh size of the mean sensor."""
         rows = {name: words[: self.exact] for name, words in self._words().items()}
         axes = tuple(axis._replace(values=rows) if axis.dim == STEP else axis for axis in self.batch.axes)
         batch = replace(self.batch, name="samples", axes=axes, bare=True)
@@ -71,14 +71,21 @@ class TolerancePlan:
         return {name: [f"{value:.12g}" for value in column] for name, column in values.items()}
 
     def _columns(self) -> dict[str, np.ndarray]:
-        """Values of the laws."""
+        """Values (samples,) of each law, rounded as written."""
         columns = (law.values(column) for law, column in zip(self.laws, self.shares.T, strict=True))
         rounded = [np.array([float(f"{value:.12g}") for value in column]) for column in columns]
         return {law.name: column for law, column in zip(self.laws, rounded, strict=True)}
 
 
 def read_plan(file: Path, exact: int | None = None) -> TolerancePlan:
-    """The plan in a study file with a table ``[tolerance]``, whose own ``exact`` counts if none is given here.
+    """The plan in a study file with a table ``[tolerance]``.
+
+    Parameters
+    ----------
+    file : Path
+        Study file.
+    exact : int, optional
+        Number of exact samples, instead of ``exact`` in the table.
 
     Raises
     ------
@@ -95,14 +102,18 @@ def read_plan(file: Path, exact: int | None = None) -> TolerancePlan:
     for name in ("together", "steps", "derivatives", "target_slope"):
         if name in scene or name in content:
             raise InputError(f"{name} is not allowed in a tolerance study.")
+
+    # The laws, and the batch of the sensor with all parameters at their mean.
     folder = file.resolve().parent
-    given = scene.get("define", {})
-    factors = read_factors(table["of"], {**parameters_in(str(scene.get("scene")), folder), **given})
-    # What is scaled varies, and so has no other value.
-    scene["define"] = {name: value for name, value in given.items() if name not in factors.constants}
+    defines = scene.get("define", {})
+    factors = read_factors(table["of"], {**parameters_in(str(scene.get("scene")), folder), **defines})
+    # Parameters that are scaled vary, and must not have a fixed value too.
+    scene["define"] = {name: value for name, value in defines.items() if name not in factors.constants}
     at_mean = factors.parameters({law.name: law.mean for law in factors.laws})
     scene["together"] = {name: [f"{value:.12g}"] for name, value in at_mean.items()}
     batch = batch_from(content, 0, folder)
+
+    # The samples, and the ranges that all laws must keep.
     shares = _shares(table.get("samples", SAMPLES), table.get("sampling", SAMPLINGS[0]), len(factors.laws), batch.seed)
     count = _exact(table.get("exact", len(shares)) if exact is None else exact, len(shares))
     plan = TolerancePlan(factors, _force(batch), shares, count, replace(batch, name="nominal"))
@@ -112,6 +123,7 @@ def read_plan(file: Path, exact: int | None = None) -> TolerancePlan:
 
 
 def _shares(samples: Any, sampling: Any, parameters: int, seed: int) -> np.ndarray:
+    """Cumulative probabilities (samples, parameters) by a Latin hypercube or a scrambled Sobol' sequence."""
     from scipy.stats import qmc
 
     check_whole("samples", samples, FEWEST, MOST)
@@ -124,10 +136,10 @@ def _shares(samples: Any, sampling: Any, parameters: int, seed: int) -> np.ndarr
 
 
 def _exact(exact: Any, samples: int) -> int:
-    """The number of samples to be computed.
+    """The number of exact samples, checked.
 
-    Those are the first ones, a fair part of all: rows of a Latin hypercube are in random order, and the beginning of a
-    scrambled Sobol' sequence is such a sequence itself.
+    The first samples represent all: rows of a Latin hypercube are in random order, and the beginning of a scrambled
+    Sobol' sequence is such a sequence itself.
     """
     if not (is_whole(exact) and FEWEST <= exact <= samples):
         raise InputError(
@@ -138,12 +150,12 @@ def _exact(exact: Any, samples: int) -> int:
 
 
 def _force(batch: Batch) -> str:
-    """The varied force: nothing else may be varied, and it has at least two values."""
+    """Name of the varied force, empty if none; raises `InputError` if anything else varies, or there is one value."""
     axes = [axis for axis in batch.axes if axis.dim != STEP]
     if not axes:
         return ""
-    (first, *others) = axes
-    if others or not first.is_force or first.size < 2 or first.is_open:
+    (first, *further_axes) = axes
+    if further_axes or not first.is_force or first.size < 2 or first.is_open:
         raise InputError(
             f"vary = {', '.join(axis.dim for axis in axes)} is not allowed in a tolerance study: one component of the "
             "force, with two values or more, or nothing."
@@ -152,8 +164,8 @@ def _force(batch: Batch) -> str:
 
 
 def _check_range(plan: TolerancePlan, law: Law) -> None:
-    """Refuse a distribution that exceeds the range of its parameter, with others at their mean."""
-    mean = {each.name: each.mean for each in plan.laws}
+    """Raise `InputError` if a distribution exceeds the range of its parameter, with all others at their mean."""
+    mean = {other_law.name: other_law.mean for other_law in plan.laws}
     for end in (BEYOND, 1 - BEYOND):
         value = float(law.values(np.array(end)))
         parameters = plan.factors.parameters({**mean, law.name: value})

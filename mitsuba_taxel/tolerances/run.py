@@ -90,22 +90,24 @@ def run_tolerance(
 
 
 def _like(mean: xr.Dataset, plan: TolerancePlan) -> Batch:
-    """The samples, read like the mean sensor: without random numbers if possible."""
+    """The batch of samples, with points and mesh size of the mean sensor, without random numbers if possible."""
     points = 0 if is_smooth(mean) else int(mean.attrs["points"])
     return plan.samples(points, mean.attrs.get("mesh_size"))
 
 
 def _as_tree(plan: TolerancePlan) -> dict[str, Any]:
-    """Both batches as a study of two scenes, for ``open_study`` and ``taxel status``."""
+    """Both batches as the content of a study of two scenes, for ``open_study`` and ``taxel status``."""
     tables = ("scene", "define", "vary", "together")
-    both = {batch.name: batch.as_toml() for batch in (plan.batch, plan.samples(1, None))}
-    shared = {name: value for name, value in both["nominal"].items() if name not in tables}
-    scenes = [{"name": name, **{key: one[key] for key in tables if key in one}} for name, one in both.items()]
+    contents = {batch.name: batch.as_toml() for batch in (plan.batch, plan.samples(1, None))}
+    shared = {name: value for name, value in contents["nominal"].items() if name not in tables}
+    scenes = [
+        {"name": name, **{key: content[key] for key in tables if key in content}} for name, content in contents.items()
+    ]
     return {**shared, "scenes": scenes}
 
 
 def _with_derivatives(plan: TolerancePlan) -> tuple[Batch, list[str]]:
-    """The mean batch with derivatives with respect to all parameters that have one, and a note for each other one."""
+    """The batch of the mean sensor with all available derivatives, and a note for each parameter without one."""
     values = {name: words[0] for axis in plan.batch.axes for name, words in axis.values.items()}
     names = list(plan.factors.products)
     refused = without_derivative(plan.batch.scene(values), names)

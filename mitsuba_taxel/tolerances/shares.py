@@ -13,20 +13,20 @@ from numpy.polynomial.legendre import legvander
 from mitsuba_taxel.tolerances.laws import Law
 
 NODES, TAIL = 1001, 1e-4
-"""Of the quadrature by a parameter, and the probability that it leaves out on each side."""
+"""Number of nodes of the quadrature over a parameter, and the probability that it omits on each side."""
 ENOUGH = 0.8
-"""Least share of the variance that the polynomial explains for its indices to be known."""
+"""Least share of the variance that a polynomial must explain for its indices to be stated."""
 RESAMPLES = 32
-"""Fits behind the errors of indices, which they leave uncertain by 13 %."""
+"""Number of fits for the errors of indices, which then have an uncertainty of 13 %."""
 SPARE = 1.5
-"""Least samples per coefficient."""
+"""Least number of samples per coefficient."""
 HIGHEST_DEGREE, MOST_TERMS, MOST_OF_SECOND = 10, 400, 1000
-"""Of polynomials: the largest degree, and the most terms, also of those of first and second degree."""
+"""Of polynomials: the largest degree, the largest number of terms, and that for first and second degree."""
 HYPERBOLIC = 0.75
-"""Norm of the degrees that leaves out most products of several parameters, of which few matter (G. Blatman, B. Sudret,
+"""Exponent of the norm of degrees that omits most products of several parameters (G. Blatman, B. Sudret,
 Adaptive sparse polynomial chaos expansion based on least angle regression, J. Comput. Phys. 230, 2011)."""
 EXACT = 1e-9
-"""Share of the variance that rounding may leave: a polynomial that misses less is not improved."""
+"""Unexplained share of the variance, due to rounding, below which a polynomial is not improved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +36,15 @@ class ResponseSurface:
     Attributes
     ----------
     degrees : (terms, parameters) ndarray
-        Degrees of the Legendre polynomials whose product a term is.
+        Degrees of the Legendre polynomials whose product is a term.
     reach : (parameters,) ndarray
         Standardised parameters at which their argument is 1.
     coefficients : (terms, outputs) ndarray
+        Coefficients of the fit.
     explained : (outputs,) ndarray
-        Share of the variance predicted for samples left out one by one.
+        Share of the variance that is predicted in leave-one-out cross-validation.
     redrawn : (resamples, terms, outputs) ndarray
-        Coefficients of fits to outputs whose residuals are drawn anew.
+        Coefficients of fits to outputs with resampled residuals.
     """
 
     degrees: np.ndarray
@@ -53,24 +54,24 @@ class ResponseSurface:
     redrawn: np.ndarray
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
-        """(N, outputs) at standardised parameters (N, parameters)."""
+        """Outputs (N, outputs) at standardised parameters (N, parameters)."""
         return _design(z / self.reach, self.degrees) @ self.coefficients
 
 
 def fitted(z: np.ndarray, outputs: np.ndarray) -> ResponseSurface | None:
-    """The polynomial that predicts best, of any degree for which there are enough samples.
+    """The polynomial of the best prediction, among all degrees for which there are enough samples.
 
     Parameters
     ----------
     z : (N, parameters) ndarray
-        Samples.
+        Standardised parameters of the samples.
     outputs : (N, outputs) ndarray
         Their outputs.
 
     Returns
     -------
     ResponseSurface or None
-        None if there are too few samples.
+        None if there are too few samples for any polynomial.
     """
     reach = np.maximum(np.abs(z).max(axis=0, initial=0.0), 1e-300)
     best, missed = None, math.inf
@@ -86,13 +87,15 @@ def fitted(z: np.ndarray, outputs: np.ndarray) -> ResponseSurface | None:
 
 
 def fewest_of(parameters: int) -> int:
-    """The fewest samples through which a polynomial is fitted."""
+    """The least number of samples to which a polynomial is fitted."""
     return math.ceil(SPARE * (1 + parameters))
 
 
 def more_samples(parameters: int, count: int) -> tuple[int, int] | None:
-    """The fewest samples beyond ``count`` through which another polynomial is fitted, and its degree; None if there is
-    no other."""
+    """The least number of samples beyond ``count`` to which a larger polynomial is fitted, and its degree.
+
+    None if there is no larger polynomial.
+    """
     terms = int(count / SPARE)
     larger = [degrees for degrees in _bases(parameters, MOST_OF_SECOND) if len(degrees) > terms]
     return (math.ceil(SPARE * len(larger[0])), int(larger[0].sum(axis=1).max())) if larger else None
@@ -103,7 +106,7 @@ class Indices(NamedTuple):
     polynomial explains less than ENOUGH of the variance.
 
     Errors are those of the coefficients, by a bootstrap of the residuals (B. Efron, R. Tibshirani, An Introduction to
-    the Bootstrap, 1993, section 9.4), and half of the share that is not explained, which may be anyone's.
+    the Bootstrap, 1993, section 9.4), and half of the unexplained share, which may be due to any parameter.
     """
 
     first: np.ndarray
@@ -113,7 +116,7 @@ class Indices(NamedTuple):
 
 
 def indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> Indices:
-    """Sobol' indices of what a polynomial was fitted to.
+    """Sobol' indices of the outputs to which a polynomial was fitted, for parameters with these laws.
 
     Parameters
     ----------
@@ -127,23 +130,24 @@ def indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> Indices:
     Indices
         First and total ones and their errors; NaN where too little is explained.
     """
+    # Indices of the fit, and of the fits to resampled residuals.
     resamples, terms, outputs = polynomial.redrawn.shape
     redrawn = polynomial.redrawn.transpose(1, 0, 2).reshape(terms, -1)
     every = replace(polynomial, coefficients=np.hstack([polynomial.coefficients, redrawn]))
-    found = np.array(_indices(every, laws)).reshape(2, resamples + 1, outputs, len(laws))
-    spread = np.std(found[:, 1:], axis=1, ddof=1)
+    estimates = np.array(_indices(every, laws)).reshape(2, resamples + 1, outputs, len(laws))
+    spread = np.std(estimates[:, 1:], axis=1, ddof=1)
     missed = np.clip(1 - polynomial.explained, 0.0, 1.0)[:, None] / 2
-    error = np.where(np.isfinite(found[:, 0]), np.hypot(np.nan_to_num(spread), missed), math.nan)
-    known = np.where((polynomial.explained >= ENOUGH)[:, None], 1.0, math.nan)
-    return Indices(*(values * known for values in (*found[:, 0], *error)))
+    error = np.where(np.isfinite(estimates[:, 0]), np.hypot(np.nan_to_num(spread), missed), math.nan)
+    mask = np.where((polynomial.explained >= ENOUGH)[:, None], 1.0, math.nan)
+    return Indices(*(values * mask for values in (*estimates[:, 0], *error)))
 
 
 def _indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> tuple[np.ndarray, np.ndarray]:
     """First and total Sobol' indices (outputs, parameters) of the polynomial; NaN if nothing varies.
 
-    Variances of conditional means are quadratic forms of the coefficients: expectations of products of two terms are
-    products over the parameters, of the mean of a product where a parameter varies, and of the product of means where
-    it is averaged out.
+    Variances of conditional means are quadratic forms of the coefficients. Their matrices are products over the
+    parameters: of the means of products of two basis functions if the parameter varies, and of the products of their
+    means if it is averaged out.
     """
     varying, averaged = [], []
     for law, reach, degrees in zip(laws, polynomial.reach, polynomial.degrees.T, strict=True):
@@ -154,24 +158,30 @@ def _indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> tuple[np.ndarr
         averaged.append(np.outer(mean, mean))
 
     def square(which: Sequence[bool]) -> np.ndarray:
-        """Mean square (outputs,) of the mean by the parameters that do not vary."""
-        pairs = [one if varies else other for one, other, varies in zip(varying, averaged, which, strict=True)]
+        """Mean square (outputs,) of the output averaged over the parameters that do not vary."""
+        pairs = [
+            varying_product if varies else averaged_product
+            for varying_product, averaged_product, varies in zip(varying, averaged, which, strict=True)
+        ]
         return np.einsum("io,io->o", polynomial.coefficients, np.prod(pairs, axis=0) @ polynomial.coefficients)
 
     count = len(laws)
-    whole, constant = square([True] * count), square([False] * count)
-    variance = whole - constant
+    mean_square, constant = square([True] * count), square([False] * count)
+    variance = mean_square - constant
     with np.errstate(divide="ignore", invalid="ignore"):
-        factor = np.where(variance > 1e-20 * whole, 1 / variance, math.nan)
-    single = [[number == other for other in range(count)] for number in range(count)]
+        factor = np.where(variance > 1e-20 * mean_square, 1 / variance, math.nan)
+    single = [[number == column for column in range(count)] for number in range(count)]
     first = np.stack([(square(which) - constant) * factor for which in single], axis=1)
-    total = np.stack([(whole - square([not one for one in which])) * factor for which in single], axis=1)
+    total = np.stack([(mean_square - square([not varies for varies in which])) * factor for which in single], axis=1)
     return first, total
 
 
 def _quadrature(law: Law) -> tuple[np.ndarray, np.ndarray]:
-    """Standardised values of a parameter, and their weights: the trapezoidal rule for a normal variable of which it is
-    a function, without its tails, where no sample lies and polynomials are of no use."""
+    """Nodes and weights of a quadrature over a standardised parameter.
+
+    It is the trapezoidal rule for a normal variable, of which the parameter is a function, without the tails: no sample
+    lies there, and polynomials would extrapolate.
+    """
     from scipy.stats import norm
 
     normal = np.linspace(norm.ppf(TAIL), norm.isf(TAIL), NODES)
@@ -180,35 +190,35 @@ def _quadrature(law: Law) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bases(parameters: int, most: int) -> list[np.ndarray]:
-    """Degrees (terms, parameters) of the terms of polynomials with at most so many, by increasing number of terms."""
-    found: dict[int, np.ndarray] = {}
+    """Degrees (terms, parameters) of all polynomials with at most ``most`` terms, by increasing number of terms."""
+    by_count: dict[int, np.ndarray] = {}
     for degree in range(1, HIGHEST_DEGREE + 1):
         limit = min(most, MOST_OF_SECOND if degree <= 2 else MOST_TERMS)
         for norm in (1.0, HYPERBOLIC):
             degrees = _index_set(parameters, degree, norm, limit)
             if degrees is not None:
-                found.setdefault(len(degrees), degrees)
-    return [found[count] for count in sorted(found)]
+                by_count.setdefault(len(degrees), degrees)
+    return [by_count[count] for count in sorted(by_count)]
 
 
 def _index_set(parameters: int, degree: int, norm: float, most: int) -> np.ndarray | None:
-    """All degrees whose norm does not exceed ``degree``; None if they are more than ``most``."""
+    """Degrees (terms, parameters) whose norm is at most ``degree``; None if there are more than ``most`` terms."""
     bound = degree**norm + 1e-9
-    found: list[tuple[tuple[int, ...], float]] = [((), 0.0)]
+    index_set: list[tuple[tuple[int, ...], float]] = [((), 0.0)]
     for _ in range(parameters):
-        found = [
+        index_set = [
             ((*powers, power), used + power**norm)
-            for powers, used in found
+            for powers, used in index_set
             for power in range(degree + 1)
             if used + power**norm <= bound
         ]
-        if len(found) > most:
+        if len(index_set) > most:
             return None
-    return np.array([powers for powers, _ in found])
+    return np.array([powers for powers, _ in index_set])
 
 
 def _design(x: np.ndarray, degrees: np.ndarray) -> np.ndarray:
-    """(N, terms) at arguments (N, parameters)."""
+    """Design matrix (N, terms): products of Legendre polynomials at arguments (N, parameters)."""
     design = np.ones((len(x), len(degrees)))
     for column, powers in zip(x.T, degrees.T, strict=True):
         design *= legvander(column, powers.max())[:, powers]
@@ -216,13 +226,14 @@ def _design(x: np.ndarray, degrees: np.ndarray) -> np.ndarray:
 
 
 class _LeastSquares:
-    """A fit of outputs (N, outputs) by a design (N, terms).
+    """Least-squares fit of outputs (N, outputs) with a design matrix (N, terms).
 
     Attributes
     ----------
     coefficients : (terms, outputs) ndarray
+        Coefficients of the fit.
     missed : (outputs,) ndarray
-        Share of the variance not predicted for samples left out one by one; 0 of outputs that do not vary.
+        Share of the variance not predicted in leave-one-out cross-validation; 0 for outputs that do not vary.
     """
 
     def __init__(self, design: np.ndarray, outputs: np.ndarray) -> None:
@@ -235,8 +246,10 @@ class _LeastSquares:
         self.missed = np.divide(square, variance, out=np.zeros_like(variance), where=variance > 0)
 
     def redrawn(self) -> np.ndarray:
-        """Coefficients (resamples, terms, outputs) with residuals drawn anew from those of the left-out samples, which
-        a fit has not made smaller."""
+        """Coefficients (resamples, terms, outputs) for resampled residuals.
+
+        The residuals are those of leave-one-out predictions, which the fit has not reduced.
+        """
         count, outputs = self._left_out.shape
         drawn = np.random.default_rng(0).integers(count, size=(RESAMPLES, count))
         again = self._solved(self._left_out[drawn].transpose(1, 0, 2).reshape(count, -1))

@@ -37,16 +37,16 @@ def spread_rows(spread: pandas.DataFrame) -> list[tuple[str, ...]]:
                 _relative(getattr(row, "mean_error", math.nan), abs(row.nominal)),
             ),
             _with_error(_relative(row.sd, abs(row.nominal)), _relative(row.sd_error, abs(row.nominal))),
-            _share(_relative(row.linear_sd, abs(row.nominal))),
-            _share(row.linear_error),
-            _share(row.explained),
+            _percent(_relative(row.linear_sd, abs(row.nominal))),
+            _percent(row.linear_error),
+            _percent(row.explained),
         )
         for row in spread.itertuples()
     ]
 
 
 def _error_of(row: Any) -> str:
-    error = getattr(row, "nominal_error", math.nan)  # of older studies it is not known
+    error = getattr(row, "nominal_error", math.nan)  # older studies have none
     return f" ± {error:.1g}" if math.isfinite(error) and error else ""
 
 
@@ -71,12 +71,12 @@ def index_rows(parameters: pandas.DataFrame) -> tuple[tuple[str, ...], list[tupl
     return headings, [(row["parameter"], row["law"], *(_index(row, name) for name in figures)) for row in rows]
 
 
-def _share(value: float) -> str:
+def _percent(value: float) -> str:
     return "-" if math.isnan(value) else f"{round(value, 3) + 0.0:.1%}"  # what rounds to zero has no sign
 
 
 def _with_error(value: float, error: float) -> str:
-    return _share(value) if math.isnan(error) else f"{_share(value)} ± {_share(error)}"
+    return _percent(value) if math.isnan(error) else f"{_percent(value)} ± {_percent(error)}"
 
 
 def _index(row: dict[str, Any], name: str) -> str:

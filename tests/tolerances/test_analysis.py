@@ -82,18 +82,18 @@ def test_the_reader_is_told_what_few_samples_cannot_tell():
         {"figure": ["rest", "rest", "sensitivity"], "taxel": [1, 2, 1], "linear_explained": [0.4, 0.3, 0.99]}
     )
     shares = pandas.DataFrame({"parameter": list("abcde"), "rate": 1.0})
-    (note,) = _notes_of_few(spread, shares, exact=9, others=91, parameters=5)
+    (note,) = _notes_of_few(spread, shares, exact=9, linear=91, parameters=5)
     assert "linear answer explains only 30% of the variance of rest (taxel 2)" in note and "91 add little" in note
-    (note,) = _notes_of_few(spread[2:], shares, exact=8, others=92, parameters=5)
+    (note,) = _notes_of_few(spread[2:], shares, exact=8, linear=92, parameters=5)
     assert "Sobol' indices are shares of the linear answer" in note and "exact = 9 or more" in note
 
 
 def test_the_reader_is_told_which_parameters_the_linear_answer_leaves_out():
     spread = pandas.DataFrame({"figure": ["rest"], "taxel": [1], "linear_explained": [0.0]})
     shares = pandas.DataFrame({"parameter": ["a", "b"], "rate": [1.0, math.nan]})
-    (note,) = _notes_of_few(spread, shares, exact=9, others=91, parameters=2)
+    (note,) = _notes_of_few(spread, shares, exact=9, linear=91, parameters=2)
     assert note.startswith("the linear answer, which leaves out b, explains only 0% of the variance of rest")
-    (note,) = _notes_of_few(spread, shares.assign(rate=math.nan), exact=9, others=91, parameters=2)
+    (note,) = _notes_of_few(spread, shares.assign(rate=math.nan), exact=9, linear=91, parameters=2)
     assert note == "no parameter has a linear answer: results are of these 9, the other 91 add nothing"
 
 
