@@ -113,34 +113,35 @@ def main() -> None:
 
 
 def _let_blas_have_one_thread() -> None:
-    """Unless the user wants more: between many small products, further threads only wait, which takes a tenth more."""
+    """Limit BLAS to one thread unless the user sets another number: for small products, more threads cost time."""
     if "OMP_NUM_THREADS" not in os.environ:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def _signals_as_interrupts() -> list[signal.Signals]:
-    """Treat terminating signals as interrupts: children are ended, and nothing is lost.
+    """Treat terminating signals as interrupts, so that child processes end and results are kept.
 
     Returns
     -------
-    A list to which the received signals are added; further ones are ignored.
+    list[signal.Signals]
+        List to which the first received signal is added; later signals are ignored.
     """
-    came: list[signal.Signals] = []
+    received: list[signal.Signals] = []
 
     def end(number: int, frame: object) -> None:
-        came.append(signal.Signals(number))
-        for other in _ENDING:
-            signal.signal(other, signal.SIG_IGN)
+        received.append(signal.Signals(number))
+        for ending in _ENDING:
+            signal.signal(ending, signal.SIG_IGN)
         raise KeyboardInterrupt
 
     for number in _ENDING:
         if signal.getsignal(number) is signal.SIG_DFL:  # nohup leaves it ignored
             signal.signal(number, end)
-    return came
+    return received
 
 
 def _describe(error: Exception) -> tuple[str, int]:
-    """Message and exit code of an error."""
+    """The message and the exit code of an error."""
     kinds = sys.modules.get("mitsuba_taxel.base.errors")
     if isinstance(error, _Ended):
         return f"ended by {error.signal.name}", 128 + error.signal
@@ -179,7 +180,7 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 
 def _require_working_directory() -> None:
-    """Mitsuba ends the process without one."""
+    """Raise an error if the working directory does not exist: Mitsuba would end the process."""
     try:
         os.getcwd()
     except OSError as error:
@@ -187,10 +188,10 @@ def _require_working_directory() -> None:
 
 
 class _Shown(io.TextIOWrapper):
-    """Text in which control characters, as of the name of a file, are written out: they would command a terminal."""
+    """Text output in which control characters, such as those in file names, are escaped: a terminal would obey them."""
 
     def write(self, text: str) -> int:
-        return super().write(_CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text))
+        return super().write(_CONTROL.sub(lambda match: f"\\x{ord(match[0]):02x}", text))
 
 
 def _keep_stdout_for_results() -> None:
@@ -212,7 +213,7 @@ def _keep_stdout_for_results() -> None:
 
 
 def _stdout_is_full() -> bool:
-    """Whether standard output cannot be written; what it still holds is then given up."""
+    """Whether standard output cannot be written; its buffered content is then discarded."""
     try:
         sys.stdout.flush()
     except OSError:

@@ -31,7 +31,7 @@ def _shown(
     keep: Callable[[Sequence[Row]], None] | None = None,
     summary: Callable[[Sequence[Row]], str] | None = None,
 ) -> list[Row]:
-    """Rows as they are measured, kept after each; those measured so far are printed as a table, whatever happens."""
+    """Rows of a benchmark, stored after each; those measured so far are printed as a table, also after an error."""
     from .tables import print_text_table
 
     measured: list[Row] = []

@@ -84,7 +84,7 @@ def ball_command(sizes: tuple[float, ...], depths: tuple[float, ...], file: Path
 
 
 def _show(columns: Sequence[object], rows: Iterable[Sequence[object]], file: Path | None) -> None:
-    """Print rows as they come, and write them at the end."""
+    """Print rows as they are measured, and write all of them at the end."""
     kept = []
     for row in chain([columns], rows):
         click.echo("  ".join(f"{cell!s:16}" for cell in row).rstrip())

@@ -36,13 +36,13 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
     from .tables import print_json, print_result
 
     data = read_measurement(source) if source.suffix.lower() == ".csv" else open_study(source)
-    found = calibrate(data, coverage=coverage, noise=noise)
-    write_calibration(found, output)
-    widths = dict(zip(found.forces, found.half_width.tolist(), strict=True))
+    calibration = calibrate(data, coverage=coverage, noise=noise)
+    write_calibration(calibration, output)
+    widths = dict(zip(calibration.forces, calibration.half_width.tolist(), strict=True))
     if as_json:
-        about = {"unit": found.unit, "half_width_N": widths, "coverage": found.coverage}
-        about |= {"covered": found.covered, "tested": found.tested}
-        print_json({**about, "rms_of_range": found.polynomial.rms, "file": str(output)})
+        about = {"unit": calibration.unit, "half_width_N": widths, "coverage": calibration.coverage}
+        about |= {"covered": calibration.covered, "tested": calibration.tested}
+        print_json({**about, "rms_of_range": calibration.polynomial.rms, "file": str(output)})
         return
-    print_result(printed_calibration(found))
+    print_result(printed_calibration(calibration))
     print(f"Results: {output}")

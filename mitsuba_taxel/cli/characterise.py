@@ -49,20 +49,20 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
     volts, electronics = None, circuit_in(circuit)
     forces: list[str] = []
     if measured:
-        experiments, off, maps, notes = _measured(source)
+        experiments, deviations, maps, notes = _measured(source)
     else:
         study = open_study(source)
         forces = force_parameters(study)
         electronics = electronics or circuit_of_study(study)
-        experiments, off, maps, notes = simulated_experiments(study, electronics)
+        experiments, deviations, maps, notes = simulated_experiments(study, electronics)
         volts = None if electronics is None else volts_table(study, electronics)
         notes += [] if volts is None else volts_notes(volts, electronics)
     if not experiments:
-        wanted = " or ".join(filter(None, (", ".join(forces[:-1]), *forces[-1:])))
-        raise InputError(f"{source} holds no readings along a force: a study that varies {wanted} is needed.")
+        needed = " or ".join(filter(None, (", ".join(forces[:-1]), *forces[-1:])))
+        raise InputError(f"{source} holds no readings along a force: a study that varies {needed} is needed.")
     folder = folder or (source.parent if measured else source)
     make_folder(folder)
-    table, pairs = characteristics(experiments, off), symmetric_pairs(maps)
+    table, pairs = characteristics(experiments, deviations), symmetric_pairs(maps)
     files = write_characteristics(folder, experiments, maps, table, pairs, volts)
     if as_json:
         _print_json(table, pairs, notes, files, volts)

@@ -58,8 +58,8 @@ def command(
 
     limits = {name: _number(name, word) for name, word in at_most.items()}
     studies = {str(folder): open_study(folder) for folder in folders}
-    found = compare(studies, by, limits, force=force, up_to=up_to, circuit=circuit_in(circuit))
-    printed = printed_comparison(found)
+    comparison = compare(studies, by, limits, force=force, up_to=up_to, circuit=circuit_in(circuit))
+    printed = printed_comparison(comparison)
     if output is not None:
         from mitsuba_taxel.base.atomic import replacing, write_text
         from mitsuba_taxel.base.printed import write_printed
@@ -67,32 +67,34 @@ def command(
 
         make_folder(output)
         with replacing(output / "comparison.csv") as file:
-            found.table.to_csv(file, index=False)
-        if found.volts is not None:
+            comparison.table.to_csv(file, index=False)
+        if comparison.volts is not None:
             with replacing(output / "volts.csv") as file:
-                found.volts.to_csv(file, index=False)
-        write_text(output / "notes.txt", "".join(f"{note}\n" for note in found.notes))
+                comparison.volts.to_csv(file, index=False)
+        write_text(output / "notes.txt", "".join(f"{note}\n" for note in comparison.notes))
         write_printed(printed, output)
         with replacing(output / "comparison.png") as file:
-            plot_ranking(found).savefig(file)
+            plot_ranking(comparison).savefig(file)
     if as_json:
-        about = {"by": by, "units": found.unit, "channel": found.channel, "notes": found.notes}
-        volts = {} if found.volts is None else {"volts": records(found.volts)}
-        print_json({"variants": records(found.table), **about, **volts})
-        _require_ranked(found)
+        about = {"by": by, "units": comparison.unit, "channel": comparison.channel, "notes": comparison.notes}
+        volts = {} if comparison.volts is None else {"volts": records(comparison.volts)}
+        print_json({"variants": records(comparison.table), **about, **volts})
+        _require_ranked(comparison)
         return
     print_result(printed)
     if output is not None:
         print(f"Results: {output}")
-    _require_ranked(found)
+    _require_ranked(comparison)
 
 
-def _require_ranked(found: Comparison) -> None:
+def _require_ranked(comparison: Comparison) -> None:
     from mitsuba_taxel import ComputationError
 
-    if not found.ranked:
-        closest = found.table.iloc[0]
-        limits = ", ".join(f"{name} at most {limit:g} {found.unit[name]}" for name, limit in found.limits.items())
+    if not comparison.ranked:
+        closest = comparison.table.iloc[0]
+        limits = ", ".join(
+            f"{name} at most {limit:g} {comparison.unit[name]}" for name, limit in comparison.limits.items()
+        )
         raise ComputationError(
             f"no variant is within the limits ({limits}), so none is ranked: the probability of the first in the "
             f"table is {closest.allowed:.1%}."

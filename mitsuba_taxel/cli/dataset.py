@@ -11,7 +11,7 @@ from .options import debug_option, folder_option, json_option, seed_option
 
 def _shares(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, ...]:
     try:
-        return tuple(float(share) for share in value.split(","))
+        return tuple(float(word) for word in value.split(","))
     except ValueError:
         raise click.BadParameter(f"{value!r} is not of the form 0.7,0.15,0.15.", ctx, param) from None
 

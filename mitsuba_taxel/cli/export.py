@@ -27,11 +27,11 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
 
     from .tables import print_json, print_result
 
-    found, notes = export(open_study(folder), output)
+    files, notes = export(open_study(folder), output)
     if as_json:
-        about = {"inputs": found.names, "units": found.units, "low": found.low.tolist(), "high": found.high.tolist()}
-        error = {"rms": found.rms, "worst": found.worst, "tested": found.tested}
+        about = {"inputs": files.names, "units": files.units, "low": files.low.tolist(), "high": files.high.tolist()}
+        error = {"rms": files.rms, "worst": files.worst, "tested": files.tested}
         print_json({**about, "error": error, "notes": notes, "file": str(output)})
         return
-    print_result(printed_model(found, notes))
+    print_result(printed_model(files, notes))
     print(f"Results: {output}")

@@ -13,7 +13,7 @@ except ValueError:  # in another thread than the main one, which no signal reach
 
 
 def raise_again() -> None:
-    """Have Ctrl-C raise a KeyboardInterrupt, as before."""
+    """Let Ctrl-C raise a KeyboardInterrupt again."""
     try:
         if _before is signal.default_int_handler:
             signal.signal(signal.SIGINT, _before)

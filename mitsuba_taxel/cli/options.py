@@ -1,4 +1,4 @@
-"""The options that several subcommands share."""
+"""Options that several subcommands have."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class Share(click.ParamType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         text = str(value).strip()
         try:
-            share = float(text[:-1]) / 100 if text.endswith("%") else float(text)
+            fraction = float(text[:-1]) / 100 if text.endswith("%") else float(text)
         except ValueError:
             self.fail(f"{value!r} is not a number such as 0.2% or 0.002.", param, ctx)
-        if not 0 < share < 1:
+        if not 0 < fraction < 1:
             self.fail(f"{value!r} is not allowed: above 0 and below 100% is needed.", param, ctx)
-        return share
+        return fraction
 
 
 class _Duration(click.ParamType):
@@ -45,7 +45,7 @@ class _Duration(click.ParamType):
 
 
 class NewFile(click.ParamType):
-    """A file to write, which has one of some suffixes, in a folder that can be written."""
+    """A file to be written, with an allowed suffix, in a writable folder."""
 
     name = "file"
 
@@ -60,7 +60,7 @@ class NewFile(click.ParamType):
 
 
 def assignments(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
-    """Turn ``name=value`` words into a dictionary; each name once."""
+    """Convert words ``name=value`` into a dictionary; names must be distinct."""
     pairs: dict[str, str] = {}
     for word in values:
         name, equals, value = word.partition("=")
@@ -142,7 +142,7 @@ markdown_option = click.option(
 
 
 def output_option(name: str, what: str) -> Callable:
-    """The file to write, with a default ``name``."""
+    """Option for the file to be written, by default ``name``."""
     suffix = Path(name).suffix
     return click.option(
         "-o", "--output", type=NewFile(suffix), default=name, show_default=True, metavar=f"FILE{suffix}", help=what
@@ -150,7 +150,7 @@ def output_option(name: str, what: str) -> Callable:
 
 
 def on_a_study_file(command: Callable) -> Callable:
-    """Add what the commands that read tables of a study file have in common."""
+    """Add the arguments and options of commands that read a table of a study file."""
     source = click.argument("source", metavar="STUDY.toml", type=click.Path(path_type=Path))
     for add in (debug_option, json_option, scheduler_option, workers_option, folder_option, source):
         command = add(command)

@@ -39,7 +39,7 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
             raise click.UsageError("-o is not allowed without a part.")
         if height is not None:
             raise click.UsageError("--edges is not allowed without a part.")
-        parts = [read_part(one) for one in part_names()]
+        parts = [read_part(name) for name in part_names()]
         if as_json:
             print_json([{"name": part.name, "title": part.title, "source": part.source} for part in parts])
         else:
@@ -72,17 +72,17 @@ def _draw(part, file: Path) -> None:
 
 
 def _curve(part) -> list[tuple[float, float, float]]:
-    """Height, current of the datasheet and that of the dies, relative to the largest."""
+    """Rows of height in mm, current of the datasheet, and computed current, both relative to the largest."""
     import numpy as np
 
     from mitsuba_taxel.parts import distance_model
 
     if not part.distance_curve:
         return []
-    heights, given = np.array(part.distance_curve).T
+    heights, currents = np.array(part.distance_curve).T
     most = distance_model(part, np.linspace(heights.min(), heights.max(), 200)[:60]).max()
     model = distance_model(part, heights)
-    return list(zip(heights.tolist(), given.tolist(), (model / max(most, model.max())).tolist(), strict=True))
+    return list(zip(heights.tolist(), currents.tolist(), (model / max(most, model.max())).tolist(), strict=True))
 
 
 def _largest_difference(curve: list[tuple[float, float, float]]) -> float:
@@ -99,7 +99,7 @@ def _edges(part, height: float | None) -> dict[str, list[float]]:
 def _show_edges(edges: dict[str, list[float]], height: float) -> None:
     from .tables import print_table
 
-    rows = ((word, *(f"{place:.3f}" for place in places)) for word, places in edges.items())
+    rows = ((word, *(f"{position:.3f}" for position in positions)) for word, positions in edges.items())
     print(f"\nEdge of a mirror at {height:g} mm that lies below it, from the middle of the body")
     print_table(("along", "10 % [mm]", "50 % [mm]", "90 % [mm]"), rows)
 

@@ -86,12 +86,12 @@ def command(
     check_new_file(output, *PICTURES)
     description = Scene.from_file(scene, **defines)
     with progress_bar("pads"):
-        parts, offset = shown_parts(description.load(), cut, magnify)
+        solids, offset = shown_parts(description.load(), cut, magnify)
     with progress_bar("picture") as progress:
-        pixels = render_parts(parts, width=width, samples=samples, progress=progress)
+        pixels = render_parts(solids, width=width, samples=samples, progress=progress)
     if magnify != 1:
         pixels = labelled(pixels, f"deformation shown {magnify:g} times")
-    if most := most_pressure(parts):
+    if most := most_pressure(solids):
         pixels = with_scale(pixels, most)
     write_picture(pixels, output)
     height = len(pixels)

@@ -145,10 +145,10 @@ def readings_as_json(readings, volts=None) -> dict[str, object]:
     return (
         {
             "readings": [dict(zip(columns, row, strict=True)) for row in rows],
-            "error_budget": {source: known(share) for source, share in readings.error_budget.items()},
+            "error_budget": {source: known(fraction) for source, fraction in readings.error_budget.items()},
             "pads": {
-                name: dict(zip(("value", "error"), map(known, found), strict=True))
-                for name, found in readings.pads.items()
+                name: dict(zip(("value", "error"), map(known, estimate), strict=True))
+                for name, estimate in readings.pads.items()
             },
             "mesh_size_mm": readings.mesh_size,
             "seconds": {stage: float(seconds) for stage, seconds in readings.seconds.items()},
@@ -161,7 +161,7 @@ def readings_as_json(readings, volts=None) -> dict[str, object]:
 
 
 def derivatives_as_json(derivatives) -> dict[str, object]:
-    """The part for ``--derivatives``."""
+    """The entry for ``--derivatives``."""
     if derivatives is None:
         return {}
     from .tables import known
@@ -170,7 +170,7 @@ def derivatives_as_json(derivatives) -> dict[str, object]:
 
 
 def volts_as_json(volts) -> dict[str, object]:
-    """The part for ``--circuit``, besides columns of the readings."""
+    """The entry for ``--circuit``, in addition to columns of the readings."""
     if volts is None:
         return {}
     step = {"volts_per_count": volts.step}
@@ -179,7 +179,7 @@ def volts_as_json(volts) -> dict[str, object]:
 
 
 def crosstalk_as_json(matrix) -> dict[str, object]:
-    """The part for ``--crosstalk``: rows are LEDs, columns phototransistors."""
+    """The entry for ``--crosstalk``: rows are LEDs, columns phototransistors."""
     if matrix is None:
         return {}
     power, error = matrix.power.tolist(), matrix.standard_error.tolist()
@@ -191,7 +191,7 @@ def crosstalk_as_json(matrix) -> dict[str, object]:
 
 
 def audit_as_json(audit) -> dict[str, object]:
-    """The part for ``--audit``: shares of the emitted power."""
+    """The entry for ``--audit``: fractions of the emitted power."""
     if audit is None:
         return {}
     rows = zip(audit.places, audit.share.tolist(), audit.standard_error.tolist(), strict=True)

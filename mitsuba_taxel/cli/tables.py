@@ -1,4 +1,4 @@
-"""Output of the subcommands for people: tables on stdout, progress on stderr."""
+"""Text output of the subcommands: tables on stdout, progress on stderr."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 
 
 def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A table of numbers on stdout; the first column is aligned left, the others right."""
+    """Print a table of numbers on stdout; the first column is aligned left, the others right."""
     from mitsuba_taxel.base.text_table import text_table
 
     print(text_table(headings, rows, terminal_width()))
 
 
 def terminal_width() -> int | None:
-    """Characters of a line of the terminal; None in a pipe, where no line is broken."""
+    """Width of the terminal in characters; None in a pipe, where lines are not wrapped."""
     console = Console()
     return console.width if console.is_terminal else None
 
 
 def print_text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], width: int | None = None) -> None:
-    """A table of words on stdout; only its last column is wrapped, in a pipe only if a width is given."""
+    """Print a table of words on stdout; only its last column is wrapped, in a pipe only if a width is given."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for heading in headings:
         table.add_column(heading, no_wrap=heading != headings[-1])
@@ -46,7 +46,7 @@ def print_text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], wid
 
 
 def text_width() -> int:
-    """Width of a line of prose: that of the terminal, at most 120, or 100 without one."""
+    """Width of a line of prose: that of the terminal, at most 120 characters, or 100 without a terminal."""
     console = Console()
     return min(console.width, 120) if console.is_terminal else 100
 
@@ -72,14 +72,14 @@ def _show(table: Table) -> None:
 
 
 def print_figures(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """A table of figures of merit under a title, which names the force if there is only one; units below names."""
+    """Print a table of figures of merit, units below names; the title names the force if there is only one."""
     from mitsuba_taxel.base.printed import figures_table
 
     print_result([figures_table(title, headings, rows)] if rows else [])
 
 
 def print_result(printed: Printed) -> None:
-    """The tables and lines of a result, units below names; warnings on stderr."""
+    """Print the tables and lines of a result, units below names, and warnings on stderr."""
     from mitsuba_taxel.base.printed import WARNING
 
     for number, block in enumerate(printed):
@@ -92,7 +92,7 @@ def print_result(printed: Printed) -> None:
 
 
 def circuit_in(file):
-    """The circuit in a file, None if none is given."""
+    """The circuit in a file; None without a file."""
     if file is None:
         return None
     from mitsuba_taxel.electronics import read_circuit
@@ -101,7 +101,7 @@ def circuit_in(file):
 
 
 def print_volts(taxels: Iterable[int], volts) -> None:
-    """Each taxel behind a circuit, and its derivatives in volts and counts."""
+    """Print the output of each taxel behind a circuit, and its derivatives in volts and counts."""
     print("\nAs the circuit shows it; noise: 1 sigma of the electronics")
     rows = zip(
         map(str, taxels),
@@ -123,7 +123,7 @@ def print_volts(taxels: Iterable[int], volts) -> None:
 
 
 def _print_shown_derivatives(shown) -> None:
-    """In volts; and for each parameter and taxel in counts, the noise and the distance from saturation."""
+    """Print derivatives in volts and counts by parameter and taxel, with noise and distance from saturation."""
     from mitsuba_taxel.sensing.reading.derivative_values import derivatives_text
 
     print(f"\n{derivatives_text(shown.in_volts, terminal_width())}")
@@ -141,7 +141,7 @@ def _print_shown_derivatives(shown) -> None:
 
 
 def print_pads(rows: Sequence[Mapping]) -> None:
-    """Deformed pads: their load, and the quality of the solution."""
+    """Print deformed pads: their load, and the quality of the solution."""
 
     def number(value: float | None, form: str) -> str:
         return "unknown" if value is None else format(value, form)
@@ -172,22 +172,22 @@ def print_pads(rows: Sequence[Mapping]) -> None:
     if quantity == "displacement":
         print("Force by which the board holds the pad, in N:")
         for row in rows:
-            force = ", ".join(f"{part:.4g}" for part in row["board_force_N"])
+            force = ", ".join(f"{component:.4g}" for component in row["board_force_N"])
             print(f"{row['file']}: ({force}) +- {number(row['board_force_error_N'], '.1g')}")
 
 
 def print_json(answer: object) -> None:
-    """An object on stdout, as JSON."""
+    """Print an object on stdout, as JSON."""
     click.echo(json.dumps(answer))
 
 
 def known(number: float) -> float | None:
-    """A number, or None for one that is not finite, which JSON does not support."""
+    """The number, or None if it is not finite, which JSON does not support."""
     return None if isinstance(number, float) and not math.isfinite(number) else number
 
 
 def records(table) -> list[dict[str, object]]:
-    """The rows of a data frame for JSON."""
+    """The rows of a data frame as dictionaries for JSON, None for numbers that are not finite."""
     return [{name: known(value) for name, value in row.items()} for row in table.to_dict("records")]
 
 
@@ -195,7 +195,7 @@ def records(table) -> list[dict[str, object]]:
 def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
     """A function (done, total) that moves a bar on stderr, or does nothing if stderr is not a terminal.
 
-    Beside it stands what is done at the moment, such as meshing.
+    The current activity, such as meshing, stands beside the bar.
     """
     from mitsuba_taxel.base.activities import announced_to
 
@@ -224,7 +224,7 @@ def study_bar() -> Iterator[Callable]:
 
 
 def _bar() -> Progress:
-    """A bar on stderr, if that is a terminal."""
+    """A progress bar on stderr, hidden if that is not a terminal."""
     console = Console(file=sys.__stderr__)  # control characters move its cursor
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
@@ -234,7 +234,7 @@ def _bar() -> Progress:
 
 
 def print_notes(result) -> None:
-    """The warnings of a result on stderr, and its notes."""
+    """Print the warnings of a result on stderr, and its notes on stdout."""
     for warning in result.warnings:
         click.echo(f"warning: {warning}", err=True)
     for note in result.notes:
@@ -242,7 +242,7 @@ def print_notes(result) -> None:
 
 
 def print_left_out(lines: Sequence[str]) -> None:
-    """Work omitted for a scene, one line each."""
+    """Print the work omitted for a scene, one line each."""
     print("\nLeft out of this scene:")
     for line in lines:
         print(f"  {line}")

@@ -96,11 +96,11 @@ def write_characteristics(
 
 
 def plot_sensitivity(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
-    """Each experiment's first run of growing force: change and slope against force.
+    """Plot change and slope of readings against force, for each experiment's first run of growing force.
 
     Top: change of the readings since the start; bottom: their slopes, between neighbouring points or from derivatives.
-    Right: the same in percent of the reading at rest, if known. Bars are 1 sigma of the light. For one experiment, a
-    line is a taxel. For several, a line is an experiment, of the taxel that changes most in all of them.
+    Right: both in percent of the reading at rest, if known. Bars are 1 sigma of the light. For one experiment, each
+    line is a taxel. For several, each line is an experiment, with the taxel that changes most in all of them.
 
     Parameters
     ----------
@@ -114,30 +114,30 @@ def plot_sensitivity(experiments: Sequence[Experiment], narrow: bool = False) ->
     Figure
         Of matplotlib.
     """
-    groups = _groups([one for one in experiments if one.loading_runs])
-    relative = all(one.rest is not None for group in groups for one in group.lines.values())
+    groups = _groups([experiment for experiment in experiments if experiment.loading_runs])
+    relative = all(experiment.rest is not None for group in groups for experiment in group.lines.values())
     axes = panel_axes(2 * len(groups), 1 + relative, size=(4.6, 3.0), sharex=False, narrow=narrow)
     for group, (above, below) in zip(groups, axes.reshape(len(groups), 2, -1), strict=True):
-        for number, (label, one) in enumerate(group.lines.items()):
-            _draw_run(above, below, one, label, number)
+        for number, (label, experiment) in enumerate(group.lines.items()):
+            _draw_run(above, below, experiment, label, number)
         unit = group.unit
-        for places, words, units in ((above, "change", (unit, "%")), (below, "slope", (f"{unit}/N", "%/N"))):
-            for ax, each in zip(places, units, strict=False):
-                label_with_prefix([ax], f"{words}{_of(group)}", each)
+        for row, words, units in ((above, "change", (unit, "%")), (below, "slope", (f"{unit}/N", "%/N"))):
+            for ax, axis_unit in zip(row, units, strict=False):
+                label_with_prefix([ax], f"{words}{_of(group)}", axis_unit)
         _finish(group, [*above, *below])
-        for one, other in zip(above, below, strict=True):
-            other.set_xlim(one.get_xlim())
+        for above_ax, below_ax in zip(above, below, strict=True):
+            below_ax.set_xlim(above_ax.get_xlim())
     legend_beside(axes[0, 0].figure, axes[:, 0], groups[0].legend)
     return axes[0, 0].figure
 
 
 def plot_deviations(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
-    """How branches deviate from the end-point line of the first of growing force.
+    """Plot deviations of branches from the end-point line of the first branch of growing force.
 
-    In percent of the largest change, as equations 5 to 7 have it: the distance from zero is the nonlinearity, that of
-    the first falling branch (dashed) from the first growing one (solid) the hysteresis, that of the second growing
-    one (dotted) from the first the repeatability. Bars are 1 sigma of the light. Lines are as those of
-    :func:`plot_sensitivity`.
+    They are in percent of the largest change, as in equations 5 to 7. The distance from zero is the nonlinearity, that
+    of the first branch of falling force (dashed) from the first of growing force (solid) the hysteresis, and that of
+    the second of growing force (dotted) from the first the repeatability. Bars are 1 sigma of the light. Lines are
+    those of :func:`plot_sensitivity`.
 
     Parameters
     ----------
@@ -151,14 +151,16 @@ def plot_deviations(experiments: Sequence[Experiment], narrow: bool = False) -> 
     Figure
         Of matplotlib.
     """
-    groups = _groups([one for one in experiments if any(branch.loading for branch in one.branches)])
+    groups = _groups(
+        [experiment for experiment in experiments if any(branch.loading for branch in experiment.branches)]
+    )
     axes = panel_axes(len(groups), 1, size=(6.4, 3.6), sharex=False, narrow=narrow)
     words: dict[str, None] = {}
     for group, (ax,) in zip(groups, axes, strict=True):
-        for number, (label, one) in enumerate(group.lines.items()):
-            cycle = _first_cycle(one.branches)
+        for number, (label, experiment) in enumerate(group.lines.items()):
+            cycle = _first_cycle(experiment.branches)
             words |= dict.fromkeys(cycle)
-            largest = one.largest_change.mean(axis=0)
+            largest = experiment.largest_change.mean(axis=0)
             for word, branch in cycle.items():
                 percent = 100 * from_line(branch, cycle["force grows"]) / np.where(largest > 0, largest, np.nan)
                 _draw(ax, branch.force, percent[..., 0], label if word == "force grows" else None, number, LINES[word])
@@ -171,11 +173,11 @@ def plot_deviations(experiments: Sequence[Experiment], narrow: bool = False) -> 
 
 
 def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
-    """The mean slope against each varied parameter other than the force.
+    """Plot the mean slope against each varied parameter other than the force.
 
-    Absolute, and in percent of the reading at rest, if known; each with a line for every combination of the others, and
-    bars of 1 sigma of the light. Lines are those of :func:`plot_sensitivity` for several experiments. Readings in watts
-    and in volts have panels of their own.
+    Slopes are absolute, and in percent of the reading at rest, if known. There is a line for each combination of the
+    other parameters, with bars of 1 sigma of the light. Lines are those of :func:`plot_sensitivity` for several
+    experiments. Readings in watts and in volts have panels of their own.
 
     Parameters
     ----------
@@ -190,28 +192,30 @@ def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Fig
         Of matplotlib.
     """
     names, by_unit = parameters_of(experiments), _by_unit(experiments)
-    relative = all(one.rest is not None for shown in by_unit for one in shown)
+    relative = all(experiment.rest is not None for shown in by_unit for experiment in shown)
     axes = panel_axes(len(by_unit) * len(names), 1 + relative, size=(4.6, 3.0), sharex=False, narrow=narrow)
     panels = ((shown, name) for shown in by_unit for name in names)
-    for (shown, name), places in zip(panels, axes, strict=True):
+    for (shown, name), row in zip(panels, axes, strict=True):
         channel = most_affected(shown)
         of = f"readings in {shown[0].unit}" if len(by_unit) > 1 else ""
         title = ", ".join(filter(None, (of, channel.words)))
         lines: dict[str, list[Experiment]] = {}
-        for one in shown:
-            others = (f"{other} = {as_label(one.where.get(other))}" for other in names if other != name)
-            lines.setdefault(", ".join(others), []).append(one)
+        for experiment in shown:
+            fixed = (
+                f"{parameter} = {as_label(experiment.where.get(parameter))}" for parameter in names if parameter != name
+            )
+            lines.setdefault(", ".join(fixed), []).append(experiment)
         chosen = np.unique(np.linspace(0, len(lines) - 1, MOST_LINES).round().astype(int))
         for number, label in enumerate(np.array(list(lines), dtype=object)[chosen]):
-            _draw_against(places, name, lines[label], channel, label, number)
-        for ax, unit in zip(places, (f"{shown[0].unit}/N", "%/N"), strict=False):
+            _draw_against(row, name, lines[label], channel, label, number)
+        for ax, unit in zip(row, (f"{shown[0].unit}/N", "%/N"), strict=False):
             label_with_prefix([ax], f"mean slope by {shown[0].force}", unit)
             ax.set_title(title, fontsize="medium")
             ax.set_xlabel(name)
             if len(lines) > 1:
                 ax.legend(frameon=False, fontsize="x-small")
         if len(lines) > MOST_LINES:
-            places[0].set_title(f"{title} ({len(lines) - MOST_LINES} more lines left out)", fontsize="small")
+            row[0].set_title(f"{title} ({len(lines) - MOST_LINES} more lines left out)", fontsize="small")
     return axes[0, 0].figure
 
 
@@ -229,43 +233,44 @@ def parameters_of(experiments: Sequence[Experiment]) -> list[str]:
         Names.
     """
     loaded = next(iter(_by_unit(experiments)), [])
-    if len({(one.force, len(one.taxel)) for one in loaded}) != 1:
+    if len({(experiment.force, len(experiment.taxel)) for experiment in loaded}) != 1:
         return []
-    names = dict.fromkeys(name for one in loaded for name in one.where)
-    return [name for name in names if len({as_label(one.where.get(name)) for one in loaded}) > 1]
+    names = dict.fromkeys(name for experiment in loaded for name in experiment.where)
+    return [name for name in names if len({as_label(experiment.where.get(name)) for experiment in loaded}) > 1]
 
 
 def _by_unit(experiments: Sequence[Experiment]) -> list[list[Experiment]]:
-    """Experiments with a run of growing force, those of each unit of readings together."""
+    """Experiments with a run of growing force, grouped by the unit of their readings."""
     by_unit: dict[str, list[Experiment]] = {}
-    for one in experiments:
-        if one.loading_runs:
-            by_unit.setdefault(one.unit, []).append(one)
+    for experiment in experiments:
+        if experiment.loading_runs:
+            by_unit.setdefault(experiment.unit, []).append(experiment)
     return list(by_unit.values())
 
 
 def _draw_against(
-    places: Sequence[Axes], name: str, experiments: list[Experiment], channel: Channel, label: str, number: int
+    axes: Sequence[Axes], name: str, experiments: list[Experiment], channel: Channel, label: str, number: int
 ) -> None:
-    found = []
-    for one in experiments:
-        single = one.weighted(channel.weights)
+    """Draw mean slopes of experiments, absolute and in percent of rest, against the parameter ``name``."""
+    points = []
+    for experiment in experiments:
+        single = experiment.weighted(channel.weights)
         run = single.loading_runs[0]
         all_ = slopes(run)
         absolute = (all_.mean_slope[0], all_.mean_slope_error[0])
         both = absolute if single.rest is None else (*absolute, *np.ravel(relative_slope(run, all_, single.rest)))
-        found.append((one.where.get(name), *both))
-    numeric = all(isinstance(row[0], (int, float)) for row in found)
-    found.sort(key=lambda row: row[0]) if numeric else None
-    x, *values = zip(*found, strict=True)
+        points.append((experiment.where.get(name), *both))
+    numeric = all(isinstance(row[0], (int, float)) for row in points)
+    points.sort(key=lambda row: row[0]) if numeric else None
+    x, *values = zip(*points, strict=True)
     joined = numeric and name != "step"  # rows of a table may be in any order
-    for ax, value, error in zip(places, values[::2], values[1::2], strict=False):
+    for ax, value, error in zip(axes, values[::2], values[1::2], strict=False):
         look = style(number)
-        known = np.isfinite(error).all()
+        is_known = np.isfinite(error).all()
         ax.errorbar(
             x if numeric else list(map(str, x)),
             value,
-            error if known else None,
+            error if is_known else None,
             label=label or None,
             markersize=4,
             linewidth=0.8,
@@ -285,16 +290,19 @@ class _Group(NamedTuple):
 
 
 def _groups(experiments: Sequence[Experiment]) -> list[_Group]:
-    """Groups of experiments, one per panel, up to the largest number of panels."""
-    alike: dict[tuple, list[Experiment]] = {}
-    for one in experiments:
-        alike.setdefault((one.force, one.unit, len(one.taxel)), []).append(one)
+    """Groups of experiments, one per panel, up to the largest number of panels.
+
+    A panel compares experiments with the same force, unit and number of taxels.
+    """
+    comparable: dict[tuple, list[Experiment]] = {}
+    for experiment in experiments:
+        comparable.setdefault((experiment.force, experiment.unit, len(experiment.taxel)), []).append(experiment)
     groups = []
-    for (force, unit, taxels), together in alike.items():
+    for (force, unit, taxels), together in comparable.items():
         channel = most_affected(together)
-        panels, left_out = compared(together, lambda one: one.where)
+        panels, left_out = compared(together, lambda experiment: experiment.where)
         for panel in panels:
-            lines = {label: one.weighted(channel.weights) for label, one in panel.cases.items()}
+            lines = {label: experiment.weighted(channel.weights) for label, experiment in panel.cases.items()}
             words, legend = channel.words, None
             if len(together) == 1:
                 lines = {
@@ -308,11 +316,13 @@ def _groups(experiments: Sequence[Experiment]) -> list[_Group]:
 
 
 def _of(group: _Group) -> str:
+    """End of an axis label that names the shown channel."""
     return f", {group.channel}" if group.channel else ""
 
 
 def _finish(group: _Group, axes: Sequence[Axes]) -> None:
-    forces = np.concatenate([run.force for one in group.lines.values() for run in one.runs])
+    """Title and force axes of the panels of a group."""
+    forces = np.concatenate([run.force for experiment in group.lines.values() for run in experiment.runs])
     for ax in axes:
         load_to_the_right(ax, forces)
     axes[0].set_title(group.title, fontsize="medium")
@@ -320,9 +330,9 @@ def _finish(group: _Group, axes: Sequence[Axes]) -> None:
         ax.set_xlabel(f"{group.force} [N]")
 
 
-def _draw_run(above: Sequence[Axes], below: Sequence[Axes], one: Experiment, label: str, number: int) -> None:
-    """Change and slope of a channel's first run of growing force, and both in percent of rest."""
-    run = one.loading_runs[0]
+def _draw_run(above: Sequence[Axes], below: Sequence[Axes], experiment: Experiment, label: str, number: int) -> None:
+    """Draw change and slope of a channel's first run of growing force, and both in percent of rest."""
+    run = experiment.loading_runs[0]
     change = run.samples[..., 0]
     middle, slope = (run.force[1:] + run.force[:-1]) / 2, np.diff(change, axis=0) / np.diff(run.force)[:, None]
     error = None
@@ -330,19 +340,19 @@ def _draw_run(above: Sequence[Axes], below: Sequence[Axes], one: Experiment, lab
         middle, slope, error = run.force, run.tangents.slope, run.tangents.error[:, 0]
     _draw(above[0], run.force, change, label, number)
     _draw(below[0], middle, slope, label, number, error=error)
-    if one.rest is not None and len(above) > 1:
-        level = one.rest.mean() or np.nan
-        shift = (one.rest[:, 0] - level) / level
+    if experiment.rest is not None and len(above) > 1:
+        level = experiment.rest.mean() or np.nan
+        shift = (experiment.rest[:, 0] - level) / level
         _draw(above[1], run.force, 100 * (change - change.mean(axis=1, keepdims=True) * shift) / level, label, number)
-        parts = slope if error is not None else slope - slope.mean(axis=1, keepdims=True) * shift
+        residual_slope = slope if error is not None else slope - slope.mean(axis=1, keepdims=True) * shift
         relative = None if error is None else 100 * error / abs(level)
-        _draw(below[1], middle, 100 * parts / level, label, number, error=relative)
+        _draw(below[1], middle, 100 * residual_slope / level, label, number, error=relative)
 
 
 def plot_tangential_maps(maps: Sequence[TangentialMap], narrow: bool = False) -> Figure:
-    """The taxels' changes under each tangential load, x to the right, y upwards.
+    """Plot the taxels' changes under each tangential load as maps, x to the right, y upwards.
 
-    Each field has the taxel's number, its change and 1 sigma; an arrow shows the direction of the load. All maps have
+    Each field shows the taxel's number, its change and 1 sigma; an arrow shows the direction of the load. All maps have
     the same colour scale.
 
     Parameters
@@ -359,51 +369,52 @@ def plot_tangential_maps(maps: Sequence[TangentialMap], narrow: bool = False) ->
     """
     count = min(len(maps), MOST_PANELS)
     across = 1 if narrow else min(math.ceil(math.sqrt(count)), 3)
-    largest = max(float(np.abs(one.change).max()) for one in maps[:count])
+    largest = max(float(np.abs(load_map.change).max()) for load_map in maps[:count])
     factor, unit = prefixed(largest, maps[0].experiment.unit)
     most = largest / factor or 1.0
     axes = panel_axes(math.ceil(count / across), across, size=(5.2, 4.0), sharex=False, narrow=narrow)
     for ax in axes.flat[count:]:
         ax.set_visible(False)
-    for ax, one in zip(axes.flat, maps[:count], strict=False):
+    for ax, load_map in zip(axes.flat, maps[:count], strict=False):
         ax.grid(visible=False)
-        changes, errors = one.change / factor, one.error / factor
+        changes, errors = load_map.change / factor, load_map.error / factor
         picture = ax.imshow(changes, cmap="PuOr", vmin=-most, vmax=most)
-        for place, (change, error) in enumerate(zip(changes.flat, errors.flat, strict=True)):
-            row, column = divmod(place, one.shape[1])
+        for index, (change, error) in enumerate(zip(changes.flat, errors.flat, strict=True)):
+            row, column = divmod(index, load_map.shape[1])
             words = NOT_RESOLVED if abs(change) <= error else with_error(change, error).replace(" ± ", "\n± ")
             ax.text(
                 column,
                 row,
-                f"{one.experiment.taxel[place]}\n{words}",
+                f"{load_map.experiment.taxel[index]}\n{words}",
                 ha="center",
                 va="center",
                 color="white" if abs(change) > 0.6 * most else "black",
                 fontsize=7,
             )
-        _arrow(ax, one)
+        _arrow(ax, load_map)
         ax.set_xticks([])
         ax.set_yticks([])
-        ax.set_xlabel(f"{one.experiment.force} = {one.force:.4g} N")
-        where = one.experiment.where.items()
+        ax.set_xlabel(f"{load_map.experiment.force} = {load_map.force:.4g} N")
+        where = load_map.experiment.where.items()
         ax.set_title(", ".join(f"{name} = {as_label(value)}" for name, value in where), fontsize="medium")
     axes[0, 0].figure.colorbar(picture, ax=axes, label=f"change [{unit}]")
     return axes[0, 0].figure
 
 
 def _explain_lines(ax: Axes, words: Iterable[str]) -> None:
+    """Draw a legend of line styles, by their keys in `LINES`."""
     from matplotlib.lines import Line2D
 
     lines = [Line2D([], [], color="black", linestyle=LINES[word], label=word) for word in words]
     ax.legend(handles=lines, frameon=False, fontsize="small")
 
 
-def _arrow(ax: Axes, one: TangentialMap) -> None:
-    """The direction of the load, on a strip beside the map; rows count downwards, y upwards."""
-    push = one.direction * np.sign(one.force) * (1, -1)
-    middle = np.array([one.shape[1], one.shape[0] / 2 - 0.5])
+def _arrow(ax: Axes, load_map: TangentialMap) -> None:
+    """Draw the direction of the load beside the map; rows count downwards, y upwards."""
+    push = load_map.direction * np.sign(load_map.force) * (1, -1)
+    middle = np.array([load_map.shape[1], load_map.shape[0] / 2 - 0.5])
     ax.annotate("", middle + 0.4 * push, middle - 0.4 * push, arrowprops={"arrowstyle": "-|>", "linewidth": 2})
-    ax.set_xlim(-0.5, one.shape[1] + 0.5)
+    ax.set_xlim(-0.5, load_map.shape[1] + 0.5)
     ax.spines[:].set_visible(False)
 
 
@@ -426,7 +437,7 @@ def _draw(
     line: str = "-",
     error: np.ndarray | None = None,
 ) -> None:
-    """A line of samples (points, replicates) over force, with bars of their scatter or a given error, if known."""
+    """Draw a line of samples (points, replicates) over force, with bars of their scatter, or of ``error`` if given."""
     errors = standard_error(samples, axis=1) if error is None else error
     look = style(number)
     ax.errorbar(
@@ -443,6 +454,11 @@ def _draw(
 
 
 def _latex(table: pandas.DataFrame, pairs: pandas.DataFrame) -> str:
-    parts = list(by_reading(table).values())
-    tables = [table_rows(part, figures, latex=True) for figures in (SLOPES, DEVIATIONS) for part in parts]
-    return "\n".join(latex_table(*parts) for parts in (*tables, pair_rows(pairs, latex=True)) if parts[1])
+    """Tables of slopes, of deviations, each for every unit of readings, and of pairs, as LaTeX; empty ones omitted."""
+    tables = [
+        table_rows(readings, figures, latex=True)
+        for figures in (SLOPES, DEVIATIONS)
+        for readings in by_reading(table).values()
+    ]
+    tables.append(pair_rows(pairs, latex=True))
+    return "\n".join(latex_table(headings, rows) for headings, rows in tables if rows)

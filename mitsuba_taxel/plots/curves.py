@@ -29,20 +29,31 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PLACES = 200
-"""Points at which cubic curves are drawn."""
+"""Number of points of a drawn cubic curve."""
 STEP = "step"
 TOUCH = ("indenter_x", "indenter_y", "patch_x", "patch_y")
-"""Roles of parameters that say where a pad is touched."""
+"""Roles of parameters that are positions of a contact."""
 TAXELS = "taxel, row by\nrow from (-x, +y)"
 QUANTITIES = {"W": "optical power", "V": "voltage"}
 
 
 class Curve(NamedTuple):
-    """Power of some taxels against the curve parameter, with all other parameters fixed.
+    """Power of taxels against the curve parameter, with all other parameters fixed.
 
-    ``where`` : values of the other parameters; ``x`` (points,); ``samples`` (points, replicates, taxels) and ``error``
-    (points, taxels), the total one, in W; ``smooth`` and ``slope`` (points, taxels) without random numbers, if known;
-    ``joined``: whether a line from point to point means anything, as it does not from place to place.
+    Attributes
+    ----------
+    where : Mapping[str, Any]
+        Values of the other parameters.
+    x : (points,) ndarray
+        Values of the curve parameter.
+    samples : (points, replicates, taxels) ndarray
+        Readings in W.
+    error : (points, taxels) ndarray
+        Total errors in W.
+    smooth, slope : (points, taxels) ndarray or None
+        Readings without random numbers, and their derivatives by the curve parameter, if available.
+    joined : bool
+        Whether points are joined by a line; not between different positions of a contact.
     """
 
     where: Mapping[str, Any]
@@ -55,18 +66,18 @@ class Curve(NamedTuple):
 
     def weighted(self, weights: np.ndarray) -> Curve:
         """Sums over the taxels with weights (taxels, lines); errors of taxels are taken as fully correlated."""
-        smooth, slope = (None if each is None else each @ weights for each in (self.smooth, self.slope))
+        smooth, slope = (None if values is None else values @ weights for values in (self.smooth, self.slope))
         return self._replace(
             samples=self.samples @ weights, error=self.error @ np.abs(weights), smooth=smooth, slope=slope
         )
 
     @property
     def rest(self) -> int:
-        """The point of least magnitude, or the first if values are words."""
+        """Index of the point with the least magnitude of x, or of the first if values are words."""
         return int(np.abs(self.x).argmin()) if self.x.dtype.kind in "fi" else 0
 
     def relative(self) -> Curve:
-        """The change since rest in percent of the mean reading there; common noise cancels."""
+        """The curve of the change since rest, in percent of the mean reading at rest; common noise cancels."""
         rest = self.samples[self.rest]
         level = rest.mean(axis=0)
         level = np.where(level > 0, level, np.nan)
@@ -80,62 +91,78 @@ class Curve(NamedTuple):
 
 
 def touched_places(study: xr.Dataset) -> tuple[list[str], str]:
-    """Of a study of steps that touch several places: the parameters of the place, and the load along which each place
-    is pressed, blank if no place is pressed by several."""
-    listed = [str(name) for name, each in study.coords.items() if each.dims == (STEP,) and each.dtype.kind in "fi"]
+    """Parameters of the contact's position, and of the load, in a study of steps with several positions.
+
+    Returns
+    -------
+    names : list[str]
+        Parameters of the position that vary; empty if none does.
+    load : str
+        Parameter of the load along which a position is pressed; blank if each position has one load.
+    """
+    listed = [
+        str(name)
+        for name, coordinate in study.coords.items()
+        if coordinate.dims == (STEP,) and coordinate.dtype.kind in "fi"
+    ]
     roles = roles_of_study(study)
-    places = [name for name in listed if roles.get(name, "") in TOUCH and np.ptp(study[name].values) > 0]
+    position_names = [name for name in listed if roles.get(name, "") in TOUCH and np.ptp(study[name].values) > 0]
     loads = [name for name in listed if any(roles.get(name) in names for names in LOADS)]
-    if not places:
+    if not position_names:
         return [], ""
     load = max(loads, key=lambda name: len(np.unique(study[name].values)), default="")
-    count = len(np.unique(np.stack([study[name].values for name in places], axis=1), axis=0))
-    pressed = np.stack([study[name].values for name in (*places, *([load] if load else []))], axis=1)
-    return places, load if len(np.unique(pressed, axis=0)) > count else ""
+    count = len(np.unique(np.stack([study[name].values for name in position_names], axis=1), axis=0))
+    pressed = np.stack([study[name].values for name in (*position_names, *([load] if load else []))], axis=1)
+    return position_names, load if len(np.unique(pressed, axis=0)) > count else ""
 
 
 def curves_of(study: xr.Dataset) -> list[Curve]:
-    """The curves of a study, one for each combination of its other parameters, in the order of numbers.
+    """The curves of a study, one for each combination of its other parameters, sorted by the curve parameter.
 
-    Steps that press several places are a curve for each place, along the load.
+    Steps with several loads at each of several positions are a curve for each position, along the load.
     """
-    places, load = touched_places(study)
+    # Steps with several positions: the curves of each position.
+    position_names, load = touched_places(study)
     if load:
-        groups = np.unique(np.stack([study[name].values for name in places], axis=1), axis=0)
-        found = []
-        for place in groups:
-            here = np.all([study[name].values == at for name, at in zip(places, place, strict=True)], axis=0)
-            along = study.isel({STEP: np.flatnonzero(here)})
-            where = dict(zip(places, place.tolist(), strict=True))
+        groups = np.unique(np.stack([study[name].values for name in position_names], axis=1), axis=0)
+        curves = []
+        for point in groups:
+            selected = np.all(
+                [study[name].values == at for name, at in zip(position_names, point, strict=True)], axis=0
+            )
+            along = study.isel({STEP: np.flatnonzero(selected)})
+            where = dict(zip(position_names, point.tolist(), strict=True))
             one_place = along.drop_vars([name for name in along.coords if along[name].dims == (STEP,)])
-            found += [
+            curves += [
                 curve._replace(
                     where={**where, **curve.where}, x=along[load].values, smooth=None, slope=None, joined=True
                 )
                 for curve in curves_of(one_place)
             ]
-        return found
+        return curves
+
+    # Other studies: a curve along the curve's dimension for each combination of the other dimensions.
     name = study.attrs["curve"]
     powers = study[["replicate_power", "total_error"]]
     smooth = "derivative" in study and name in study.parameter.values
     if smooth:
         slope = study.derivative.sel(parameter=name, drop=True)
         powers = powers.assign(smooth_power=study.smooth_power, slope=slope)
-    others = [str(dim) for dim in powers.total_error.dims if dim not in (name, "taxel")]
-    panels = powers.stack(panel=others) if others else powers.expand_dims("panel")
+    panel_dims = [str(dim) for dim in powers.total_error.dims if dim not in (name, "taxel")]
+    panels = powers.stack(panel=panel_dims) if panel_dims else powers.expand_dims("panel")
     panels = panels.transpose("panel", name, "replicate", "taxel")
     x = study[name].values if name in study.coords else np.arange(study.sizes[name])
     if name != STEP and x.dtype.kind in "fi" and len({*np.sign(np.diff(x))}) > 1:
         panels, x = panels.isel({name: np.argsort(x, kind="stable")}), np.sort(x)
     return [
         Curve(
-            {other: panels[other].values[number].item() for other in others},
+            {dim: panels[dim].values[number].item() for dim in panel_dims},
             x,
             panels.replicate_power.values[number],
             panels.total_error.values[number],
             panels.smooth_power.values[number] if smooth else None,
             panels.slope.values[number] if smooth else None,
-            joined=not (name == STEP and places),
+            joined=not (name == STEP and position_names),
         )
         for number in range(panels.sizes["panel"])
     ]
@@ -212,13 +239,15 @@ def _plot_compared(study: xr.Dataset, curves: list[Curve], narrow: bool) -> Figu
 
 
 def _key(curve: Curve) -> tuple[tuple[str, Any], ...]:
-    """The values of its other parameters, by which a curve differs from all others."""
+    """The values of a curve's other parameters, which identify it."""
     return tuple(curve.where.items())
 
 
 def most_affected(study: xr.Dataset, curves: list[Curve]) -> dict[tuple[tuple[str, Any], ...], int]:
-    """For each curve, by the values of its other parameters, the position of the taxel that changes most: along the
-    curve if places are varied, else in all curves."""
+    """Index of the taxel that changes most, for each curve by its :func:`_key`.
+
+    It is the taxel that changes most along the curve if positions of a contact vary, else in all curves.
+    """
     means = [np.ma.masked_invalid(curve.samples.mean(axis=1)) for curve in curves]
     change = np.array([np.ma.ptp(mean, axis=0).filled(0.0) for mean in means])
     if not change.any():  # of single points
@@ -230,7 +259,7 @@ def most_affected(study: xr.Dataset, curves: list[Curve]) -> dict[tuple[tuple[st
 
 
 def plot_taxels(study: xr.Dataset, narrow: bool = False) -> Figure:
-    """How each taxel's reading changes, a panel for each curve of a study, with the same axes.
+    """Plot the change of each taxel's reading, with a panel for each curve of a study and the same axes.
 
     Parameters
     ----------
@@ -359,9 +388,9 @@ def _draw_cubic(ax: Axes, x: np.ndarray, value: np.ndarray, slope: np.ndarray, l
     """The cubic curve through values and slopes."""
     from scipy.interpolate import CubicHermiteSpline
 
-    known = np.flatnonzero(np.isfinite(value) & np.isfinite(slope))
-    order = known[np.argsort(x[known])]
+    finite = np.flatnonzero(np.isfinite(value) & np.isfinite(slope))
+    order = finite[np.argsort(x[finite])]
     if len(order) > 1:
-        places = np.linspace(x[order[0]], x[order[-1]], PLACES)
+        abscissae = np.linspace(x[order[0]], x[order[-1]], PLACES)
         between = CubicHermiteSpline(x[order], value[order], slope[order])
-        ax.plot(places, between(places), linewidth=0.8, color=look["color"], linestyle=look["linestyle"])
+        ax.plot(abscissae, between(abscissae), linewidth=0.8, color=look["color"], linestyle=look["linestyle"])

@@ -21,7 +21,7 @@ COLOURS = ("#332288", "#CC6677", "#117733", "#DDAA33", "#88CCEE", "#882255", "#4
 """Paul Tol's "muted" scheme, distinguishable with any colour vision; markers differ too."""
 MARKERS = "osD^v<>Px"
 MOST_LINES = len(COLOURS)
-"""Most lines in one panel."""
+"""Largest number of lines in one panel."""
 MOST_PANELS = 12
 NARROW = 4.2
 """Width in inches of a figure for a phone: text of 10 points then matches its surroundings."""
@@ -37,11 +37,26 @@ class Panel(NamedTuple, Generic[Case]):
 
 
 def compared(cases: Sequence[Case], where: Callable[[Case], Mapping[str, object]]) -> tuple[list[Panel[Case]], int]:
-    """Panels of cases that differ in parameters, and the number of cases left out.
+    """Distribute cases that differ in parameters over panels.
 
-    A few cases share one panel. Otherwise a panel has the cases that differ in one parameter, the one with most values
-    that still fit; if there is none, one panel has an even selection.
+    A few cases share one panel. Otherwise, each panel has the cases that differ in one parameter only: the parameter
+    with most values that fit into a panel. If no parameter fits, one panel has an even selection of the cases.
+
+    Parameters
+    ----------
+    cases : Sequence[Case]
+        Cases to be compared.
+    where : Callable[[Case], Mapping[str, object]]
+        Function that returns the parameters of a case.
+
+    Returns
+    -------
+    panels : list[Panel[Case]]
+        At most `MOST_PANELS`.
+    left_out : int
+        Number of cases in none of them.
     """
+    # The varied parameters, and the one that is compared within panels.
     values: dict[str, dict[str, None]] = {}
     for case in cases:
         for name, value in where(case).items():
@@ -53,6 +68,8 @@ def compared(cases: Sequence[Case], where: Callable[[Case], Mapping[str, object]
         shown = np.unique(np.linspace(0, len(cases) - 1, min(len(cases), MOST_LINES)).round().astype(int))
         panel = Panel("", {_words(where(cases[n]), varied): cases[n] for n in shown.tolist()})
         return [panel], len(cases) - len(panel.cases)
+
+    # Cases by the values of the other parameters.
     panels: dict[str, dict[str, Case]] = {}
     for case in cases:
         title = _words(where(case), [name for name in varied if name != along])
@@ -147,8 +164,7 @@ def save_figure(figure: Figure, folder: Path, name: str) -> None:
 
 
 def save_small(figure: Figure, file: Path) -> None:
-    """Write a figure as PNG with a palette of 256 colours, of a third of the size, for pages kept under version
-    control.
+    """Write a figure as PNG with a palette of 256 colours, for pages under version control: a third of the size.
 
     Parameters
     ----------
@@ -186,12 +202,12 @@ def label_with_prefix(axes: Iterable[Axes], words: str, unit: str) -> None:
     largest = max(abs(end) for ax in shown for end in ax.get_ylim())
     factor, prefix_and_unit = prefixed(largest, unit)
     for ax in shown:
-        ax.yaxis.set_major_formatter(lambda value, place: f"{round(value / factor, 9) + 0.0:.7g}".replace("-", "−"))
+        ax.yaxis.set_major_formatter(lambda value, _position: f"{round(value / factor, 9) + 0.0:.7g}".replace("-", "−"))
     shown[0].set_ylabel(f"{words} [{prefix_and_unit}]")
 
 
 def label_below(figure: Figure, last: Axes, words: str) -> None:
-    """Label the common x axis of all panels: below them all, or in one column below the last."""
+    """Label the common x axis of all panels: below all of them, or below the last if they are in one column."""
     if figure.get_figwidth() > NARROW:
         figure.supxlabel(words)
     else:

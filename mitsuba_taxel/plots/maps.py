@@ -1,4 +1,4 @@
-"""Maps of readings and resolutions over two places that are varied, such as those of an indenter."""
+"""Maps of readings and resolutions over two varied coordinates, such as the position of an indenter."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 
 def plane_of(study: xr.Dataset) -> tuple[str, str] | None:
-    """Two parameters that a study varies over numbers, of roles that end in x and y but for that are one, such as the
-    place of an indenter; None if it has no such pair, or one of them has a single value.
+    """Two numeric dimensions of a study that are x and y of the same quantity, such as the position of an indenter.
+
+    None if there is no such pair, or one of them has a single value.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ def plane_of(study: xr.Dataset) -> tuple[str, str] | None:
 
 
 def plane_of_steps(study: xr.Dataset) -> tuple[str, str] | None:
-    """The same among the parameters that steps list; None if one of them has a single value in all steps.
+    """Two such parameters among the columns of steps; None if one of them has a single value in all steps.
 
     Parameters
     ----------
@@ -52,12 +53,16 @@ def plane_of_steps(study: xr.Dataset) -> tuple[str, str] | None:
     tuple[str, str] or None
         Names of the parameters along x and y.
     """
-    listed = [str(name) for name, each in study.coords.items() if each.dims == ("step",) and each.dtype.kind in "fi"]
+    listed = [
+        str(name)
+        for name, coordinate in study.coords.items()
+        if coordinate.dims == ("step",) and coordinate.dtype.kind in "fi"
+    ]
     return pair_among(study, [name for name in listed if np.ptp(study[name].values) > 0])
 
 
 def has_map(study: xr.Dataset) -> bool:
-    """Whether :func:`plot_map` has places to show.
+    """Whether a study has two coordinates for :func:`plot_map`.
 
     Parameters
     ----------
@@ -73,19 +78,18 @@ def has_map(study: xr.Dataset) -> bool:
 
 
 def pair_among(study: xr.Dataset, names: Sequence[str]) -> tuple[str, str] | None:
-    """Two of some parameters that are x and y of one place, or of one load."""
+    """The first two of these parameters that are x and y of the same position or load; None if there are none."""
     roles = roles_of_study(study)
     by_role = {roles[name]: name for name in names if name in roles}
     pairs = ((name, by_role.get(f"{role[:-1]}y")) for role, name in by_role.items() if role.endswith("x"))
-    return next(((one, other) for one, other in pairs if other is not None), None)
+    return next(((x_name, y_name) for x_name, y_name in pairs if y_name is not None), None)
 
 
 def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
-    """Power of each taxel, as a colour over the two parameters of :func:`plane_of`, or as a dot at each place of
-    :func:`plane_of_steps`; all taxels have one scale.
+    """Plot the power of each taxel as colours over two coordinates; all taxels have the same scale.
 
-    Of other parameters that are varied the last values are taken, which the title tells; of steps at one place the
-    last one.
+    The coordinates are those of :func:`plane_of`, or of :func:`plane_of_steps`, at which dots are drawn. Other varied
+    parameters have their last values, which the title states; of several steps at one position, the last is shown.
 
     Parameters
     ----------
@@ -106,8 +110,8 @@ def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
         study = study.isel(step=np.sort(last))
     plane = listed or plane_of(study)
     assert plane is not None
-    others = [str(dim) for dim in study.power.dims if dim not in (*plane, "taxel", *(["step"] if listed else []))]
-    shown = study.isel({name: -1 for name in others})
+    fixed = [str(dim) for dim in study.power.dims if dim not in (*plane, "taxel", *(["step"] if listed else []))]
+    shown = study.isel({name: -1 for name in fixed})
     power = shown.power.transpose("taxel", *(["step"] if listed else plane[::-1])).values
     factor, unit = prefixed(float(np.nanmax(power, initial=0.0)), "W")
     axes = _panels(shown, plane, min(len(power), MOST_PANELS), narrow)
@@ -123,21 +127,21 @@ def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
     figure.colorbar(picture, ax=axes, label=f"optical power [{unit}]")
     count = len(axes)
     left_out = "" if len(power) <= count else f"{len(power) - count} taxels are not shown"
-    if titles := list(filter(None, (_where(shown, others), left_out))):
+    if titles := list(filter(None, (_where(shown, fixed), left_out))):
         figure.suptitle("; ".join(titles), fontsize="medium")
     return figure
 
 
-def plot_resolution(found: xr.Dataset, narrow: bool = False) -> Figure:
-    """One standard deviation of each unknown that :func:`resolution` found, over the parameters of :func:`plane_of`.
+def plot_resolution(resolutions: xr.Dataset, narrow: bool = False) -> Figure:
+    """Plot the standard deviation of each unknown, as returned by :func:`resolution`, over two coordinates.
 
-    Each has a scale of its own, logarithmic, and its largest relative error in the title; white is where it is not
-    known. Of other parameters that are varied the
-    last values are taken, which the title tells.
+    The coordinates are those of :func:`plane_of`. Each unknown has its own logarithmic scale, with the largest relative
+    error in the title; unknown values are white. Other varied parameters have their last values, which the title
+    states.
 
     Parameters
     ----------
-    found : xr.Dataset
+    resolutions : xr.Dataset
         As :func:`resolution` returns it.
     narrow : bool
         Whether the picture is for a phone.
@@ -149,12 +153,14 @@ def plot_resolution(found: xr.Dataset, narrow: bool = False) -> Figure:
     """
     from matplotlib.colors import LogNorm
 
-    plane = plane_of(found)
+    plane = plane_of(resolutions)
     assert plane is not None
-    others = [str(dim) for dim in found.resolution.dims if dim not in (*plane, "parameter")]
-    shown = found.isel({name: -1 for name in others})
-    axes = _panels(shown, plane, found.sizes["parameter"], narrow)
-    for ax, name, unit in zip(axes, found.parameter.values.tolist(), found.unit.values.tolist(), strict=True):
+    fixed = [str(dim) for dim in resolutions.resolution.dims if dim not in (*plane, "parameter")]
+    shown = resolutions.isel({name: -1 for name in fixed})
+    axes = _panels(shown, plane, resolutions.sizes["parameter"], narrow)
+    for ax, name, unit in zip(
+        axes, resolutions.parameter.values.tolist(), resolutions.unit.values.tolist(), strict=True
+    ):
         values = shown.resolution.sel(parameter=name).transpose(plane[1], plane[0]).values
         values, unit = (1e-3 * values, "m") if unit == "mm" else (values, unit)
         if not np.isfinite(values).any():
@@ -169,7 +175,7 @@ def plot_resolution(found: xr.Dataset, narrow: bool = False) -> Figure:
         shares = (shown.resolution_error / shown.resolution).sel(parameter=name).values
         largest = np.max(shares, initial=0.0, where=np.isfinite(shares))
         ax.set_title(f"{name}, ±{100 * largest:.2g} % at most" if largest else name, fontsize="medium")
-    if where := _where(shown, others):
+    if where := _where(shown, fixed):
         axes[0].figure.suptitle(where, fontsize="medium")
     return axes[0].figure
 
@@ -193,5 +199,5 @@ def _panels(shown: xr.Dataset, plane: tuple[str, str], count: int, narrow: bool)
     return list(axes.flat[:count])
 
 
-def _where(shown: xr.Dataset, others: list[str]) -> str:
-    return ", ".join(f"{name} = {as_label(shown[name].item())}" for name in others if name in shown.coords)
+def _where(shown: xr.Dataset, fixed: list[str]) -> str:
+    return ", ".join(f"{name} = {as_label(shown[name].item())}" for name in fixed if name in shown.coords)

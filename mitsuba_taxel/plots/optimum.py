@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 
 def plot_optimum(figures: pandas.DataFrame, variables: pandas.DataFrame, history: pandas.DataFrame) -> Figure:
-    """The objective over the designs, and before and after the figures and variables.
+    """Plot the objective over the designs, and figures and variables of the first and the best design.
 
     Parameters
     ----------
     figures, variables, history : pandas.DataFrame
-        Those of an ``Optimum``.
+        Tables of an ``Optimum``.
 
     Returns
     -------
@@ -64,16 +64,16 @@ def _draw_course(ax: Axes, history: pandas.DataFrame, goal: Any) -> None:
 
 
 def _draw_pairs(ax: Axes, names: list[str], before: Any, best: Any) -> None:
-    place = np.arange(len(names))[::-1]
-    ax.hlines(place, before, best, color=COLOURS[4], linewidth=3)
-    ax.scatter(before, place, 40, color=COLOURS[7], marker="o", label="before", zorder=3)
-    ax.scatter(best, place, 40, color=COLOURS[1], marker="D", label="best", zorder=3)
-    ax.set_yticks(place, [name.replace(" along ", "\nalong ") for name in names], fontsize="small")
+    y = np.arange(len(names))[::-1]
+    ax.hlines(y, before, best, color=COLOURS[4], linewidth=3)
+    ax.scatter(before, y, 40, color=COLOURS[7], marker="o", label="before", zorder=3)
+    ax.scatter(best, y, 40, color=COLOURS[1], marker="D", label="best", zorder=3)
+    ax.set_yticks(y, [name.replace(" along ", "\nalong ") for name in names], fontsize="small")
     ax.margins(y=0.3)
 
 
 def plot_sections(before: Pad, best: Pad) -> Figure:
-    """Sections through a row of cells of two pads, at the same scale.
+    """Plot sections through a row of cells of two pads, at the same scale.
 
     Parameters
     ----------
@@ -106,14 +106,14 @@ def plot_sections(before: Pad, best: Pad) -> Figure:
 
 
 def plot_front(front: pandas.DataFrame, units: Sequence[str]) -> Figure:
-    """Trade-offs: the second objective, in the second column, over the first.
+    """Plot a Pareto front: the second column of its table, the second objective, over the first.
 
     Parameters
     ----------
     front : pandas.DataFrame
-        That of an ``Optimum``.
+        Table of an ``Optimum``.
     units : Sequence[str]
-        Of the two objectives.
+        Units of the two objectives.
 
     Returns
     -------
@@ -122,9 +122,9 @@ def plot_front(front: pandas.DataFrame, units: Sequence[str]) -> Figure:
     """
     axes = panel_axes(1, 1)
     ax = axes[0, 0]
-    one, other = front.columns[:2]
-    factor, unit = prefixed(float(front[one].abs().max()), "" if units[0] == "1" else units[0])
-    ax.plot(front[one] / factor, front[other], "o-", color=COLOURS[0])
-    ax.set_xlabel(f"{one} [{unit}]" if unit else one)
-    label_with_prefix([ax], other, "" if units[1] == "1" else units[1])
+    first, second = front.columns[:2]
+    factor, unit = prefixed(float(front[first].abs().max()), "" if units[0] == "1" else units[0])
+    ax.plot(front[first] / factor, front[second], "o-", color=COLOURS[0])
+    ax.set_xlabel(f"{first} [{unit}]" if unit else first)
+    label_with_prefix([ax], second, "" if units[1] == "1" else units[1])
     return axes[0, 0].figure

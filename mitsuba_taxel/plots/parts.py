@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 
 def plot_part(part: Part) -> Figure:
-    """A part: body, windows and dies from above; beside, the current under a mirror
-    or white card over its height, relative to the largest, and points of the datasheet.
+    """Plot a part: body, windows and dies from above, and its current under a mirror or white card over the height.
+
+    The current is relative to the largest; points are those of the datasheet.
 
     Parameters
     ----------
@@ -65,12 +66,12 @@ def _outline(side: Side) -> np.ndarray:
 
 
 def _draw_curve(ax: Axes, part: Part) -> None:
-    given = np.array(part.distance_curve or np.empty((0, 2)))
-    heights = np.geomspace(0.1, max(given[:, 0].max(initial=0.0), 3.0), 80)
+    datasheet = np.array(part.distance_curve or np.empty((0, 2)))
+    heights = np.geomspace(0.1, max(datasheet[:, 0].max(initial=0.0), 3.0), 80)
     power = distance_model(part, heights)
     ax.plot(heights, 100 * power / power.max(), color=COLOURS[0], label=f"these dies, {part.distance_reflector}")
-    if len(given):
-        ax.plot(*(given * (1, 100)).T, "o", color=COLOURS[1], markersize=4, label="datasheet")
+    if len(datasheet):
+        ax.plot(*(datasheet * (1, 100)).T, "o", color=COLOURS[1], markersize=4, label="datasheet")
     ax.set_xlabel(f"height of the {part.distance_reflector} above the windows [mm]")
     ax.set_ylabel("current [% of the largest]")
     ax.legend(fontsize="small")

@@ -20,15 +20,16 @@ NOT_SETTINGS = ("taxel", "unit", "measured", "model", "residual", "in_errors")
 def plot_residuals(
     residuals: pandas.DataFrame, correlation: pandas.DataFrame, units: Mapping[str, str], loads: Collection[str]
 ) -> Figure:
-    """A fit: readings against the setting that changes most, points measured and
-    lines modelled; below, residuals over their errors; beside, the correlations of the unknowns.
+    """Plot a fit: readings, residuals relative to their errors, and correlations of the unknowns.
+
+    Readings, as points if measured and as lines if modelled, are drawn against the setting with most values.
 
     Parameters
     ----------
     residuals, correlation : pandas.DataFrame
-        Those of a ``FitResult``.
+        Tables of a ``FitResult``.
     units : Mapping[str, str]
-        Of the settings, as far as known.
+        Units of the settings that have one.
     loads : Collection[str]
         Names of the settings that are components of a load.
 
@@ -43,10 +44,10 @@ def plot_residuals(
     axes = figure.subplot_mosaic(
         [["readings", "correlation"], ["residuals", "correlation"]], width_ratios=(2, 1), height_ratios=(2, 1)
     )
-    name, places = _abscissa(residuals)
+    name, abscissa = _abscissa(residuals)
     for number, (taxel, rows) in enumerate(residuals.groupby("taxel")):
         colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
-        x = places[rows.index]
+        x = abscissa[rows.index]
         order = np.argsort(x, kind="stable")
         measured: dict[str, Any] = {"linestyle": "", "marker": marker, "markersize": 4, "color": colour}
         axes["readings"].plot(x, rows.measured, label=str(taxel), **measured)
@@ -60,7 +61,7 @@ def plot_residuals(
     axes["residuals"].set_xlabel(f"{name} [{unit}]" if unit else name)
     for ax in (axes["readings"], axes["residuals"]):
         if name in loads:
-            load_to_the_right(ax, places)
+            load_to_the_right(ax, abscissa)
     axes["residuals"].axhspan(-2, 2, color=COLOURS[4], alpha=0.3)
     for ax in (axes["readings"], axes["residuals"]):
         ax.grid(alpha=0.3)
@@ -71,7 +72,7 @@ def plot_residuals(
 def _abscissa(residuals: pandas.DataFrame) -> tuple[str, np.ndarray]:
     """The setting with most distinct values, or the row number, and its values."""
     settings = [name for name in residuals.columns if name not in NOT_SETTINGS]
-    name = max(settings, key=lambda one: residuals[one].nunique(), default="")
+    name = max(settings, key=lambda setting: residuals[setting].nunique(), default="")
     try:
         return name or "row", residuals[name].astype(float).to_numpy() if name else np.arange(len(residuals))
     except ValueError:  # words

@@ -23,7 +23,7 @@ TITLES = {
 
 
 def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figure:
-    """A tolerance study, a row for each figure.
+    """Plot a tolerance study, with a row of two panels for each figure.
 
     Left, for each taxel, relative to the nominal value: a bar from 5 to 95 % of the samples, their mean, and one
     standard deviation of the samples and from derivatives; where few of the samples are exact, the standard errors of
@@ -32,7 +32,7 @@ def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figu
     Parameters
     ----------
     spread, parameters : pandas.DataFrame
-        Those of a ``Tolerance``.
+        Tables of a ``Tolerance``.
 
     Returns
     -------
@@ -41,9 +41,9 @@ def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figu
     """
     names = list(dict.fromkeys(spread.figure))
     grid = axes_of((10.5, 2.6 * len(names) + 0.5), len(names), 2)
-    for (left, right), name in zip(grid, names, strict=True):
-        _draw_spread(left, spread[spread.figure == name], name)
-        _draw_parameters(right, parameters, name)
+    for (spread_ax, share_ax), name in zip(grid, names, strict=True):
+        _draw_spread(spread_ax, spread[spread.figure == name], name)
+        _draw_parameters(share_ax, parameters, name)
     grid[-1, 0].set_xlabel("taxel")
     grid[-1, 1].set_xlabel("total Sobol' index, mean of the taxels")
     figure = grid[0, 0].figure
@@ -53,22 +53,20 @@ def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figu
 
 
 def _draw_spread(ax: Axes, rows: pandas.DataFrame, name: str) -> None:
-    place, unit = np.arange(len(rows)), 100 / rows.nominal.replace(0.0, np.nan).to_numpy()
+    x, unit = np.arange(len(rows)), 100 / rows.nominal.replace(0.0, np.nan).to_numpy()
     low, high, mean = ((rows[column] - rows.nominal).to_numpy() * unit for column in ("low", "high", "mean"))
     ax.use_sticky_edges = False
-    ax.bar(place, high - low, bottom=low, width=0.7, color=COLOURS[4], label="5 to 95 % of the samples")
+    ax.bar(x, high - low, bottom=low, width=0.7, color=COLOURS[4], label="5 to 95 % of the samples")
     if "low_error" in rows:
         for end, error, label in ((low, rows.low_error, "standard error of these ends"), (high, rows.high_error, None)):
-            ax.errorbar(place, end, error * abs(unit), fmt="none", ecolor="grey", capsize=4, label=label)
-    ax.errorbar(
-        place - 0.12, mean, rows.sd * abs(unit), fmt="o", color=COLOURS[0], markersize=4, label="mean and 1 sigma"
-    )
+            ax.errorbar(x, end, error * abs(unit), fmt="none", ecolor="grey", capsize=4, label=label)
+    ax.errorbar(x - 0.12, mean, rows.sd * abs(unit), fmt="o", color=COLOURS[0], markersize=4, label="mean and 1 sigma")
     if rows.linear_sd.notna().any():
         zero, linear = np.zeros(len(rows)), rows.linear_sd * abs(unit)
-        ax.errorbar(place + 0.12, zero, linear, fmt="s", color=COLOURS[1], markersize=3, label="1 sigma, linear")
+        ax.errorbar(x + 0.12, zero, linear, fmt="s", color=COLOURS[1], markersize=3, label="1 sigma, linear")
     ax.axhline(0, color="black", linewidth=0.6)
     ax.set_xlim(-1, len(rows))
-    ax.set_xticks(place, rows.taxel.astype(str))
+    ax.set_xticks(x, rows.taxel.astype(str))
     ax.set_ylabel(f"{TITLES[name]}\n[% of nominal]")
     ax.grid(axis="y", alpha=0.3)
 

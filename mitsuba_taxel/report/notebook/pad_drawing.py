@@ -13,7 +13,7 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 WIDTH, GAP, TOP, TEXT = 300.0, 70.0, 12.0, 11
 """Width of a view, margins beside and above it, and height of text, in pixels."""
 MOST_NUMBERS = 100
-"""Most cells that are numbered individually."""
+"""Largest number of cells that are numbered."""
 SILICONE = 'fill="#6f8ba6" fill-opacity="0.35" stroke="currentColor" stroke-width="1.2" fill-rule="evenodd"'
 _TICK, _FIRST, _SECOND = 4.0, 16.0, 40.0
 """Half length of a tick, and distances of rows of dimensions from the outline, in pixels."""
@@ -28,26 +28,28 @@ def draw_pad(pad: Pad) -> str:
     words = f"Section and plan of a pad of {length:g} by {depth:g} by {height:g} mm with {pad.cell} cells"
     centres = sorted({x for x, _ in pad.cell_centres})
     section = _View((-0.5 * length, 0.0), height, scale, TOP)
-    parts = [f'<path d="{_section_path(pad, centres, section)}" {SILICONE}/>']
+    elements = [f'<path d="{_section_path(pad, centres, section)}" {SILICONE}/>']
     radius, first = 0.5 * pad.cell_size, centres[0]
     edges = [-0.5 * length, first - radius, first + radius]
-    parts += [section.below(edges[k], edges[k + 1], 0.0, _FIRST) for k in (0, 1)]
+    elements += [section.below(edges[k], edges[k + 1], 0.0, _FIRST) for k in (0, 1)]
     if len(centres) > 1:
-        parts.append(section.below(centres[-2], centres[-1], 0.0, _FIRST))
-    parts.append(section.below(-0.5 * length, 0.5 * length, 0.0, _SECOND))
-    parts.append(section.beside(0.0, height, 0.5 * length, _FIRST))
-    parts.append(section.beside(0.0, pad.top_of_cell, -0.5 * length, -_FIRST))
+        elements.append(section.below(centres[-2], centres[-1], 0.0, _FIRST))
+    elements.append(section.below(-0.5 * length, 0.5 * length, 0.0, _SECOND))
+    elements.append(section.beside(0.0, height, 0.5 * length, _FIRST))
+    elements.append(section.beside(0.0, pad.top_of_cell, -0.5 * length, -_FIRST))
     plan = _View((-0.5 * length, -0.5 * depth), depth, scale, TOP + scale * height + 2 * _SECOND)
-    parts.append(f'<path d="{_plan_path(pad, plan)}" {SILICONE}/>')
+    elements.append(f'<path d="{_plan_path(pad, plan)}" {SILICONE}/>')
     if len(pad.cell_centres) <= MOST_NUMBERS:
-        parts += [plan.label(centre, str(number)) for number, centre in enumerate(pad.cell_centres, start=1)]
-    parts.append(plan.beside(-0.5 * depth, 0.5 * depth, 0.5 * length, _FIRST))
-    return _svg(words, scale * length + 2 * GAP, plan.bottom + TOP, parts)
+        elements += [plan.label(centre, str(number)) for number, centre in enumerate(pad.cell_centres, start=1)]
+    elements.append(plan.beside(-0.5 * depth, 0.5 * depth, 0.5 * length, _FIRST))
+    return _svg(words, scale * length + 2 * GAP, plan.bottom + TOP, elements)
 
 
 def draw_surface(vertices: np.ndarray, triangles: np.ndarray) -> str:
-    """Sections of a closed surface (vertices (V, 3) in mm, triangles (T, 3)): vertical through its middle, and
-    horizontal just above its lowest points, where cells are open."""
+    """Two sections of a closed surface with vertices (V, 3) in mm and triangles (T, 3).
+
+    One is vertical through the middle, the other horizontal just above the lowest points, where cells are open.
+    """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     size = high - low
     scale = WIDTH / max(size[:2])
@@ -56,11 +58,11 @@ def draw_surface(vertices: np.ndarray, triangles: np.ndarray) -> str:
     flat = _segments(vertices, triangles, 2, low[2] + 0.01 * size[2])
     section = _View((low[0], low[2]), size[2], scale, TOP)
     plan = _View((low[0], low[1]), size[1], scale, TOP + scale * size[2] + 2 * _SECOND)
-    parts = [section.lines(upright[:, :, [0, 2]]), plan.lines(flat[:, :, [0, 1]])]
-    parts.append(section.below(low[0], high[0], low[2], _FIRST))
-    parts.append(section.beside(low[2], high[2], high[0], _FIRST))
-    parts.append(plan.beside(low[1], high[1], high[0], _FIRST))
-    return _svg(words, scale * size[0] + 2 * GAP, plan.bottom + TOP, parts)
+    elements = [section.lines(upright[:, :, [0, 2]]), plan.lines(flat[:, :, [0, 1]])]
+    elements.append(section.below(low[0], high[0], low[2], _FIRST))
+    elements.append(section.beside(low[2], high[2], high[0], _FIRST))
+    elements.append(plan.beside(low[1], high[1], high[0], _FIRST))
+    return _svg(words, scale * size[0] + 2 * GAP, plan.bottom + TOP, elements)
 
 
 class _View:
@@ -71,11 +73,11 @@ class _View:
     corner : Point
         Lowest coordinates of the view, mm.
     height : float
-        In mm.
+        Height of the view, mm.
     scale : float
         Pixels per mm.
     top : float
-        Pixels from the drawing's upper edge.
+        Distance from the upper edge of the drawing, pixels.
     """
 
     def __init__(self, corner: Point, height: float, scale: float, top: float) -> None:
@@ -100,12 +102,12 @@ class _View:
         text = _text(line + shift, 0.5 * (a + b) + TEXT / 3, _number(end - start), anchor)
         return _line(line, a, line, b) + "".join(_line(line - _TICK, y, line + _TICK, y) for y in (a, b)) + text
 
-    def label(self, place: Point, words: str) -> str:
-        x, y = self.at(*place)
+    def label(self, point: Point, words: str) -> str:
+        x, y = self.at(*point)
         return _text(x, y + TEXT / 3, words)
 
     def lines(self, segments: np.ndarray) -> str:
-        """Segments (S, 2, 2) in mm."""
+        """Lines for segments (S, 2, 2) in mm."""
         ends = ((self.at(*start), self.at(*end)) for start, end in segments.tolist())
         path = "".join(f"M{a:.1f} {b:.1f}L{c:.1f} {d:.1f}" for (a, b), (c, d) in ends)
         return f'<path d="{path}" stroke="currentColor" stroke-width="1.2" fill="none"/>'
@@ -117,7 +119,7 @@ def _section_path(pad: Pad, centres: Iterable[float], view: _View) -> str:
     path = f"M{_pair(view.at(-half, 0))}"
     for x in centres:
         if sphere is None or pad.top_x:
-            path += "".join(f"L{_pair(view.at(x + place, z))}" for place, z in pad.shape.section().tolist())
+            path += "".join(f"L{_pair(view.at(x + offset, z))}" for offset, z in pad.shape.section().tolist())
             continue
         arc = f"{view.scale * sphere:.2f}"
         roof = f"A{arc} {arc} 0 0 1 " if math.isfinite(sphere) else "L"
@@ -128,33 +130,33 @@ def _section_path(pad: Pad, centres: Iterable[float], view: _View) -> str:
 
 
 def _plan_path(pad: Pad, view: _View) -> str:
-    """Outline of the pad and of every cell."""
+    """Outline of the pad and of each cell."""
     length, depth, _ = (view.scale * extent for extent in pad.extent)
     path = f"M{_pair(view.at(-0.5 * pad.extent[0], 0.5 * pad.extent[1]))}h{length:.2f}v{depth:.2f}h{-length:.2f}Z"
     size, radius = view.scale * pad.cell_size, 0.5 * view.scale * pad.cell_size
     for x, y in pad.cell_centres:
-        left, middle = view.at(x - 0.5 * pad.cell_size, y)
+        left_end, middle = view.at(x - 0.5 * pad.cell_size, y)
         if pad.shape.is_square:
-            path += f"M{_pair((left, middle - radius))}h{size:.2f}v{size:.2f}h{-size:.2f}Z"
+            path += f"M{_pair((left_end, middle - radius))}h{size:.2f}v{size:.2f}h{-size:.2f}Z"
         else:
             half = f"a{radius:.2f} {radius:.2f} 0 0 1 "
-            path += f"M{_pair((left, middle))}{half}{size:.2f} 0{half}{-size:.2f} 0Z"
+            path += f"M{_pair((left_end, middle))}{half}{size:.2f} 0{half}{-size:.2f} 0Z"
     return path
 
 
 def _segments(vertices: np.ndarray, triangles: np.ndarray, axis: int, height: float) -> np.ndarray:
-    """(S, 2, 3) intersections of triangles with the plane at a height along an axis."""
+    """Segments (S, 2, 3) in which triangles intersect the plane at a height along an axis."""
     import trimesh
 
     mesh = trimesh.Trimesh(vertices, triangles, process=False)
     return trimesh.intersections.mesh_plane(mesh, np.eye(3)[axis], height * np.eye(3)[axis])
 
 
-def _svg(words: str, width: float, height: float, parts: list[str]) -> str:
+def _svg(words: str, width: float, height: float, elements: list[str]) -> str:
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{escape(words)}" '
         f'width="{width:.0f}" height="{height:.0f}" viewBox="0 0 {width:.0f} {height:.0f}" '
-        f'font-family="sans-serif" font-size="{TEXT}"><title>{escape(words)}</title>{"".join(parts)}</svg>'
+        f'font-family="sans-serif" font-size="{TEXT}"><title>{escape(words)}</title>{"".join(elements)}</svg>'
     )
 
 
@@ -170,5 +172,5 @@ def _number(length: float) -> str:
     return f"{length:.4g}"
 
 
-def _pair(place: Point) -> str:
-    return f"{place[0]:.2f} {place[1]:.2f}"
+def _pair(point: Point) -> str:
+    return f"{point[0]:.2f} {point[1]:.2f}"

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from mitsuba_taxel.sensing import PadSensor, Readings, Scene
 
 MOST_LINES = 10
-"""Most failures of a study, and rows at either end of a table, that are shown."""
+"""Largest number of shown failures of a study, and of rows at either end of a table."""
 MOST_DRAWN = 5000
-"""Most readings for which a plot is small enough as SVG."""
+"""Largest number of readings for which an SVG plot is small enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +52,12 @@ def show(study: xr.Dataset | xr.DataTree) -> StudyView:
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        As returned by ``sweep``, ``run_study`` or ``open_study``.
+        Result of ``sweep``, ``run_study`` or ``open_study``.
 
     Returns
     -------
     StudyView
-        Which notebooks show as HTML.
+        Object that notebooks show as HTML.
 
     Raises
     ------
@@ -116,9 +116,9 @@ def _pad_file_html(pad: PadFile) -> str:
 
 def _viscoelastic_html(silicone: Viscoelastic) -> str:
     """The instantaneous law, and the Prony series."""
-    left = 1 - silicone.shares.sum()
-    rows = [(f"{share:.6g}", f"{time:.6g}") for share, time in silicone.prony]
-    memory = _framed("Memory", _line(f"Left in the long run: {left:.6g}."), _table(("share", "time [s]"), rows))
+    long_term = 1 - silicone.shares.sum()
+    rows = [(f"{fraction:.6g}", f"{time:.6g}") for fraction, time in silicone.prony]
+    memory = _framed("Memory", _line(f"Left in the long run: {long_term:.6g}."), _table(("share", "time [s]"), rows))
     return _material_html(silicone.law) + memory
 
 
@@ -130,7 +130,7 @@ def _material_html(material: Material | Viscoelastic) -> str:
     if isinstance(material, Viscoelastic):
         return _viscoelastic_html(material)
     law = (type(material).__doc__ or "").strip().splitlines()[0].rstrip(".")
-    units = {name: stated.unit for name, stated in parameters_of(type(material)).items()}
+    units = {name: parameter.unit for name, parameter in parameters_of(type(material)).items()}
     rows = [(name, f"{getattr(material, name):.6g}", units.get(name, "")) for name in material.parameters]
     derived = {"shear_modulus": "MPa", "youngs_modulus": "MPa", "compressibility": "1/MPa"}
     rows += [
@@ -173,7 +173,7 @@ def _state_html(state: State) -> str:
 def _sensor_html(sensor: PadSensor) -> str:
     """A sensor: its pad, silicone, load and optical parts."""
     package = sensor.photo_reflector.package
-    parts = {
+    components = {
         "load": f"{type(sensor.load).__name__}, {sensor.load.quantity} = {tuple(sensor.force)} {sensor.load.unit}",
         "roof": sensor.roof,
         "side": sensor.side,
@@ -183,7 +183,10 @@ def _sensor_html(sensor: PadSensor) -> str:
         "phototransistor": package.phototransistor,
         "body": sensor.photo_reflector.wall,
     }
-    rows = [(name, part if isinstance(part, str) else _given(part)) for name, part in parts.items()]
+    rows = [
+        (name, component if isinstance(component, str) else _values_in_words(component))
+        for name, component in components.items()
+    ]
     return _pad_html(sensor.pad) + _material_html(sensor.material) + _framed("Sensor", _table(("part", ""), rows))
 
 
@@ -191,8 +194,8 @@ def _scene_html(scene: Scene) -> str:
     """A scene's parameters or, if made in Python, its parts."""
     if isinstance(scene.source, dict):
         items = scene.source.items()
-        parts = [(name, part["type"]) for name, part in items if isinstance(part, Mapping) and "type" in part]
-        return _framed(f"Scene: {scene.name}", _table(("part", "plugin"), parts))
+        entries = [(name, entry["type"]) for name, entry in items if isinstance(entry, Mapping) and "type" in entry]
+        return _framed(f"Scene: {scene.name}", _table(("part", "plugin"), entries))
     rows = [(name, value, scene.defaults.get(name, "")) for name, value in scene.parameters.items()]
     table = _table(("parameter", "value", "default"), rows) if rows else _line("It has no parameters.")
     return _framed(f"Scene: {scene.name}", table)
@@ -241,17 +244,21 @@ def _plot(study: xr.Dataset, quantity: str) -> str:
     return f'<img src="data:{kind};base64,{content}" alt="{escape(words)}" style="max-width: 100%; background: white">'
 
 
-def _given(part: Any) -> str:
-    """Parameters of a part that apply."""
+def _values_in_words(component: Any) -> str:
+    """Parameters of a component that have a value, in words."""
     from mitsuba_taxel.parameters import parameters_of
 
-    given = ((stated, getattr(part, name)) for name, stated in parameters_of(type(part)).items())
-    words = (f"{stated.name} = {stated.words(value)} {stated.unit}" for stated, value in given if value is not None)
+    values = ((parameter, getattr(component, name)) for name, parameter in parameters_of(type(component)).items())
+    words = (
+        f"{parameter.name} = {parameter.words(value)} {parameter.unit}"
+        for parameter, value in values
+        if value is not None
+    )
     return ", ".join(map(str.strip, words))
 
 
-def _framed(title: str, *parts: str) -> str:
-    return f"<div><strong>{escape(title)}</strong>{''.join(f'<div>{part}</div>' for part in parts if part)}</div>"
+def _framed(title: str, *blocks: str) -> str:
+    return f"<div><strong>{escape(title)}</strong>{''.join(f'<div>{block}</div>' for block in blocks if block)}</div>"
 
 
 def _line(text: str) -> str:

@@ -9,7 +9,9 @@ import numpy as np
 from mitsuba_taxel.geometry.triangles import area_normals
 
 MOST_VERTICES = 6000
-"""Any browser draws these in a few hundredths of a second, and a page of 21 load steps takes some 3 MB."""
+"""Largest number of vertices of a drawn surface.
+
+Any browser draws it in a few hundredths of a second, and a page with 21 load steps has some 3 MB."""
 _FINEST, _STEP = 1 / 150, 1.15
 
 
@@ -26,19 +28,20 @@ def coarsened(
 ) -> Coarse:
     """A surface simplified to at most ``most_vertices`` of its own vertices.
 
-    Vertices in the same cube of a grid are merged if they lie in the same regions: those on a rim are not merged with
-    those beside it. Applied to a deformed surface of the same triangles, ``kept`` selects the same material points.
+    Vertices in the same cube of a grid are merged if they belong to the same regions, so that vertices on a rim are not
+    merged with vertices beside it. Applied to a deformed surface of the same triangles, ``kept`` selects the same
+    material points.
 
     Source: J. Rossignac and P. Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.
 
     Parameters
     ----------
     vertices : (N, 3) ndarray
-        In mm.
+        Vertices in mm.
     triangles : (M, 3) ndarray
-        Int.
+        Indices of vertices.
     regions : (M,) ndarray
-        Int, from 0 to 30.
+        Region of each triangle, from 0 to 30.
     """
     touching = np.zeros(len(vertices), dtype=np.int64)
     for corner in triangles.T:
@@ -61,8 +64,10 @@ def coarsened(
 
 
 def _normals_about(vertices: np.ndarray, triangles: np.ndarray, regions: np.ndarray) -> np.ndarray:
-    """(M, 3) sums of the area normals about the corners of each triangle, in its region, as its own may be too
-    small."""
+    """Sums (M, 3) of the area normals around the corners of each triangle, within its region.
+
+    The normal of a triangle itself may be too small.
+    """
     _, corner = np.unique(triangles.astype(np.int64) * 32 + regions[:, None], return_inverse=True)
     corner, normals = corner.reshape(triangles.shape), area_normals(vertices, triangles)
     columns = [np.bincount(corner.ravel(), np.repeat(column, 3))[corner].sum(axis=1) for column in normals.T]

@@ -1,4 +1,4 @@
-"""Contents of the page's viewer besides the pad: packages, LEDs, phototransistors, indenters, light paths of a cell."""
+"""Contents of the viewer beside the pad: packages, LEDs, phototransistors, indenters, and light paths of a cell."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from mitsuba_taxel.sensing import sample_paths
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
 
 SAMPLED, DRAWN = 200, 12
-"""Numbers of light paths: the shortest that reach the phototransistor, and the shortest others, are drawn."""
+"""Numbers of sampled and of drawn light paths: the shortest that reach the phototransistor, and the shortest others."""
 LIFT = 0.01
 """Height in mm at which faces are drawn above their package."""
 
 
 class LitScene:
-    """A loaded scene, and the taxel whose light is shown: the one nearest the middle of ``box`` (2, 3)."""
+    """A loaded scene, with the light of the taxel nearest to the middle of ``box``, corners (2, 3) in mm."""
 
     def __init__(self, live: Any, box: np.ndarray) -> None:
         self._live, self._box, self._pairs = live, box, taxels_of(live)
-        places = np.concatenate([np.array(pair.sensor.faces.centres).T for pair in self._pairs])
-        self.taxel = 1 + int(np.argmin(np.linalg.norm(places - box.mean(axis=0), axis=1)))
-        self.y = float(places[self.taxel - 1, 1])
+        centres = np.concatenate([np.array(pair.sensor.faces.centres).T for pair in self._pairs])
+        self.taxel = 1 + int(np.argmin(np.linalg.norm(centres - box.mean(axis=0), axis=1)))
+        self.y = float(centres[self.taxel - 1, 1])
 
     def paths(self, packing: Packing) -> dict[str, list[str]]:
-        """Packed paths: those that reach the phototransistor, and others."""
+        """Packed light paths: those that reach the phototransistor, then others."""
         paths = sample_paths(self._live, self.taxel, count=SAMPLED)
         kinds: dict[str, list[np.ndarray]] = {"reached": [], "others": []}
         for vertices, reached in zip(paths.vertices, paths.reached, strict=True):
@@ -39,7 +39,7 @@ class LitScene:
         return {kind: [packing.lengths(path) for path in sorted(some, key=len)[:DRAWN]] for kind, some in kinds.items()}
 
     def fixed(self, packing: Packing) -> list[dict[str, Any]]:
-        """Packed solids other than pads, each with its kind and its largest y; boards end near the pad."""
+        """Packed solids other than pads, each with its kind and its largest y; boards are cut off near the pad."""
         margin = 0.04 * np.ptp(self._box, axis=0).max()
         solids = []
         for kind, vertices, triangles in self._parts():
@@ -61,9 +61,9 @@ class LitScene:
             if mesh is None:
                 continue
             mesh.merge_vertices()  # many files do not share vertices between triangles
-            for part in mesh.split(only_watertight=False, repair=False):
-                coarse = coarsened(part.vertices, part.faces, np.zeros(len(part.faces), dtype=np.int64))
-                yield kind, part.vertices[coarse.kept], coarse.triangles
+            for body in mesh.split(only_watertight=False, repair=False):
+                coarse = coarsened(body.vertices, body.faces, np.zeros(len(body.faces), dtype=np.int64))
+                yield kind, body.vertices[coarse.kept], coarse.triangles
         for pair in self._pairs:
             for kind, faces in (("led", pair.led.window.faces), ("phototransistor", pair.sensor.window.faces)):
                 for index in range(faces.count):

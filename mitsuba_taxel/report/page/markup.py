@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def section(name: str, title: str, *parts: str) -> str:
+def section(name: str, title: str, *blocks: str) -> str:
     """A section with an anchor for the table of contents."""
     return f'<section id="{name}" aria-labelledby="{name}-title"><h2 id="{name}-title">{escape(title)}</h2>' + (
-        "\n".join(parts) + "</section>"
+        "\n".join(blocks) + "</section>"
     )
 
 
@@ -39,9 +39,9 @@ def table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) 
     )
 
 
-def folded(title: str, *parts: str) -> str:
+def folded(title: str, *blocks: str) -> str:
     """Content that is shown when its title is clicked."""
-    return f"<details><summary>{escape(title)}</summary>{''.join(parts)}</details>"
+    return f"<details><summary>{escape(title)}</summary>{''.join(blocks)}</details>"
 
 
 class Plot(Protocol):

@@ -13,16 +13,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PLACES = 101
-"""Values of an input at which the model is evaluated."""
+"""Number of values of an input at which the model is evaluated."""
 
 
 def plot_model(model: Polynomial, narrow: bool = False) -> Figure:
-    """Readings of the taxels against each input of a model, with the others in the middle of their ranges. Of many
-    taxels, those whose reading changes most.
+    """Plot readings of the taxels against each input of a model, with the other inputs in the middle of their ranges.
+
+    If there are many taxels, only those whose readings change most are shown.
 
     Parameters
     ----------
     model : Polynomial
+        The exported model.
     narrow : bool
         Whether the picture is for a phone.
     """
@@ -38,8 +40,8 @@ def plot_model(model: Polynomial, narrow: bool = False) -> Figure:
     shown = np.sort(np.argsort(-change, kind="stable")[:MOST_LINES])
     axes = panel_axes(1, len(varied), size=(4.6, 3.2), sharex=False, narrow=narrow)
     for ax, number, (x, readings) in zip(axes.flat, varied, lines, strict=True):
-        for place, taxel in enumerate(shown.tolist()):
-            look: dict[str, Any] = {**style(place), "marker": ""}
+        for row, taxel in enumerate(shown.tolist()):
+            look: dict[str, Any] = {**style(row), "marker": ""}
             ax.plot(x, readings[:, taxel], label=str(taxel + 1), linewidth=1.2, **look)
         name, unit = model.names[number], model.units[number]
         ax.set_xlabel(f"{name} [{unit}]" if unit not in ("", "1") else name)

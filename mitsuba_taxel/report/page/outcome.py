@@ -1,5 +1,5 @@
-"""Sections of a page with what `taxel tolerance`, `fit`, `optimise`, `compare`, `dataset`, `export` or `calibrate` left
-in a folder."""
+"""Sections of a page with the output of `taxel tolerance`, `fit`, `optimise`, `compare`, `dataset`, `export` or
+`calibrate`."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ if TYPE_CHECKING:
     import pandas
 
 MOST_ROWS, MOST_COLUMNS = 50, 12
-"""Of a table on the page; the rest is in the file."""
+"""Largest numbers of rows and columns of a table on the page; the file has all of them."""
 
 
 MODEL = "Readings against each input, with the others in the middle of their ranges."
 
 
 class Outcome(NamedTuple):
-    """What a command leaves in its folder.
+    """Output files of a command.
 
     Attributes
     ----------
     file : str
-        A file that says which command it was.
+        File by which the command is recognised.
     title : str
-        Of the section.
+        Title of the section.
     verdict : str
-        File with its lines of text.
+        File with lines of text.
     plots, tables : dict[str, str]
-        Captions by the name of a file without its ending.
+        Captions by the name of a file without its suffix.
     """
 
     file: str
@@ -114,11 +114,11 @@ AS_PRINTED: dict[str, tuple[str, _Rows]] = {
     "parameters.csv": (INDICES, index_rows),
     "fit.csv": ("Unknowns, with one standard deviation", lambda table: (UNKNOWN_HEADINGS, unknown_rows(table))),
 }
-"""Tables that the page has as the command prints them, by the file that holds their numbers."""
+"""Tables that the page shows as the command prints them, by the file with their numbers."""
 
 
 def outcome_sections(folder: Path) -> list[str]:
-    """Sections for the files of these commands in a folder; none if there are none."""
+    """Sections for the output of these commands in a folder; empty if it holds none."""
     made = [_section(kind, folder) for kind in OUTCOMES if (folder / kind.file).is_file()]
     models = sorted(folder.glob("*.onnx"))
     if models and find_spec("onnx") is None:
@@ -132,29 +132,28 @@ def outcome_sections(folder: Path) -> list[str]:
 
 
 def _printed(printed: Printed) -> list[str]:
-    """Tables and lines as the command prints them."""
-    parts: list[str] = []
-    for lines, blocks in groupby(printed, lambda block: isinstance(block, str)):
-        if lines:
-            parts.append(bullets([str(block) for block in blocks]))
+    """HTML of tables and lines that the command prints."""
+    html: list[str] = []
+    for are_lines, blocks in groupby(printed, lambda block: isinstance(block, str)):
+        if are_lines:
+            html.append(bullets([str(block) for block in blocks]))
         else:
-            parts += [
-                table(block.title.removesuffix(":"), *block[1:]) for block in blocks if not isinstance(block, str)
-            ]
-    return parts
+            html += [table(block.title.removesuffix(":"), *block[1:]) for block in blocks if not isinstance(block, str)]
+    return html
 
 
 def _section(kind: Outcome, folder: Path) -> str:
     printed = read_printed(folder)
-    parts = [bullets(_lines(folder / kind.verdict))] if printed is None else _printed(printed)
+    blocks = [bullets(_lines(folder / kind.verdict))] if printed is None else _printed(printed)
     if kind.file == "train.csv":
-        files = {part: folder / f"{part}.csv" for part in PARTS}
-        parts.insert(0, paragraph(rows_line({part: _count(file) for part, file in files.items() if file.is_file()})))
+        files = {subset: folder / f"{subset}.csv" for subset in PARTS}
+        counts = {subset: _count(file) for subset, file in files.items() if file.is_file()}
+        blocks.insert(0, paragraph(rows_line(counts)))
     for name, caption in kind.plots.items():
         kinds = {folder / f"{name}.svg": "svg+xml", folder / f"{name}.png": "png"}
-        for file, of in [each for each in kinds.items() if each[0].is_file()][:1]:
+        for file, of in [(file, of) for file, of in kinds.items() if file.is_file()][:1]:
             picture = base64.b64encode(file.read_bytes()).decode("ascii")
-            parts.append(
+            blocks.append(
                 f'<figure><img class="plot" src="data:image/{of};base64,{picture}" alt="{escape(caption)}">'
                 f"<figcaption>{escape(caption)}</figcaption></figure>"
             )
@@ -162,18 +161,18 @@ def _section(kind: Outcome, folder: Path) -> str:
         if (file := folder / f"{name}.csv").is_file():
             made = _table(file, caption)
             is_open = number < 2 and printed is None and kind.file != "train.csv"  # its rows are many and alike
-            parts.append(made if is_open else folded(caption, made))
-    return section(kind.title.lower(), kind.title, *parts)
+            blocks.append(made if is_open else folded(caption, made))
+    return section(kind.title.lower(), kind.title, *blocks)
 
 
 def _count(file: Path) -> int:
-    """Rows of a table, without its heading."""
+    """Number of rows of a table, without its heading."""
     with file.open("rb") as lines:
         return sum(1 for _ in lines) - 1
 
 
 def _lines(file: Path) -> list[str]:
-    """The lines of a verdict: all of a text, the first list of a page in Markdown."""
+    """The lines of a verdict: all lines of a text, or those of the first list of a Markdown page."""
     if not file.is_file():
         return []
     lines = file.read_text(encoding="utf-8", errors="replace").splitlines()

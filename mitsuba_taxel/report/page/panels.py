@@ -16,7 +16,7 @@ from mitsuba_taxel.report.page.solids import Packing, ShownSurface, Topologies, 
 from mitsuba_taxel.studies.plan.batch import Batch
 
 MOST_PANELS = 6
-"""Most load steps of a page: more would take minutes to write, and be slow to open."""
+"""Largest number of load steps of a page: more would take minutes to write, and be slow to open."""
 MOST_STEPS = 21
 
 
@@ -33,20 +33,20 @@ def viewer_panels(
     Parameters
     ----------
     batch : Batch or None
-        The scenes of the study, for light paths and packages; None leaves them out.
+        The scenes of the study, for light paths and packages; None omits these.
     most : int
-        Largest number of panels, the first ones with a mesh.
-    left_out : list of str
-        Descriptions of what is not shown, and why, are added to it.
+        Largest number of panels; the first with a mesh are shown.
+    left_out : list[str]
+        List to which reasons are added for everything that is not shown.
     progress : Callable[[int, int], None]
-        Called with the number of load steps done and the number of all.
+        Called with (load steps done, total load steps).
     """
     curve = study.attrs["curve"]
-    others = [str(dim) for dim in study.mesh.dims if dim != curve]
-    # Of a table of steps, a panel has the number of its row, and its scene the values there.
-    given = [str(name) for name, values in study.mesh.coords.items() if values.dims and {*values.dims} <= {*others}]
-    given = [name for name in given if name != "step"]
-    stacked = study.mesh.stack(panel=others) if others else study.mesh.expand_dims("panel")
+    fixed = [str(dim) for dim in study.mesh.dims if dim != curve]
+    # A panel of a table of steps is titled with the number of its row; its scene has the values of that row.
+    row_names = [str(name) for name, values in study.mesh.coords.items() if values.dims and {*values.dims} <= {*fixed}]
+    row_names = [name for name in row_names if name != "step"]
+    stacked = study.mesh.stack(panel=fixed) if fixed else study.mesh.expand_dims("panel")
     filled = stacked.transpose("panel", curve).values != ""
     full = np.flatnonzero(filled.any(axis=1))
     if len(full) > most:
@@ -54,12 +54,12 @@ def viewer_panels(
     if np.any(filled[full[:most]].sum(axis=1) > MOST_STEPS):
         left_out.append(f"load steps in three dimensions, of which {MOST_STEPS} of each pad are drawn.")
     chosen = [(stacked.isel(panel=number), _selection(np.flatnonzero(filled[number]))) for number in full[:most]]
-    total = sum(len(places) for _, places in chosen)
+    total = sum(len(indices) for _, indices in chosen)
     panels: list[dict[str, Any]] = []
-    for one, places in chosen:
-        where = {name: _word(one[name].item()) for name in others}
-        row = {name: _word(one[name].item()) for name in given}
-        steps = [one.isel({curve: place}) for place in places]
+    for curve_study, indices in chosen:
+        where = {name: _word(curve_study[name].item()) for name in fixed}
+        row = {name: _word(curve_study[name].item()) for name in row_names}
+        steps = [curve_study.isel({curve: index}) for index in indices]
         done = sum(len(panel["steps"]) for panel in panels)
         panels.append(
             _panel(where, row, steps, study, folder, batch, left_out, partial(_report, progress, done, total))
@@ -71,11 +71,11 @@ def _report(progress: Callable[[int, int], None], before: int, total: int, done:
     progress(before + done, total)
 
 
-def _selection(places: np.ndarray) -> np.ndarray:
-    """A selection of many load steps, including both ends."""
-    if len(places) <= MOST_STEPS:
-        return places
-    return places[np.linspace(0, len(places) - 1, MOST_STEPS).round().astype(int)]
+def _selection(indices: np.ndarray) -> np.ndarray:
+    """Indices of at most `MOST_STEPS` load steps, spread evenly, with both ends."""
+    if len(indices) <= MOST_STEPS:
+        return indices
+    return indices[np.linspace(0, len(indices) - 1, MOST_STEPS).round().astype(int)]
 
 
 def _panel(
@@ -92,7 +92,7 @@ def _panel(
     along = [name for name in along if name != "step" or len(along) == 1]
     topologies = Topologies()
     surfaces = [read_surfaces([folder / file for file in step.item().split()]) for step in steps]
-    places = [topologies.place(surface) for surface in surfaces]
+    placements = [topologies.place(surface) for surface in surfaces]
     rest = int(np.argmin([_size(step, along) for step in steps]))
     box = np.array([surfaces[rest].vertices.min(axis=0), surfaces[rest].vertices.max(axis=0)])
     most_pressure = max(float(surface.pressure.max()) for surface in surfaces)
@@ -112,20 +112,20 @@ def _panel(
         "taxel": None,
         "pressure": float(f"{most_pressure:.3g}"),
     }
-    moved = [_largest(surface, surfaces[rest]) for surface in surfaces]
-    for number, (step, surface, place) in enumerate(zip(steps, surfaces, places, strict=True)):
-        drawn = surface.vertices[topologies.coarse[place].kept]
-        largest = moved[number]
+    largest_displacement = [_largest(surface, surfaces[rest]) for surface in surfaces]
+    for number, (step, surface, placement) in enumerate(zip(steps, surfaces, placements, strict=True)):
+        drawn = surface.vertices[topologies.coarse[placement].kept]
+        largest = largest_displacement[number]
         about = {"words": _words(step, along), "largest": None if largest is None else f"{largest:.3g}"}
-        panel["steps"].append({**about, "topology": place, "vertices": packing.lengths(drawn)})
+        panel["steps"].append({**about, "topology": placement, "vertices": packing.lengths(drawn)})
         if most_pressure:
-            pressure = surface.pressure[topologies.coarse[place].kept]
+            pressure = surface.pressure[topologies.coarse[placement].kept]
             panel["steps"][-1]["pressure"] = packing.shares(pressure, most_pressure)
         if batch is not None:
             values = {**row, **{name: _word(step[name].item()) for name in along if name != "step"}}
             _light(panel, number, batch, values, box, packing, left_out)
         progress(number + 1)
-    panel["most"] = float(f"{max(largest for largest in moved if largest is not None):.3g}")
+    panel["most"] = float(f"{max(largest for largest in largest_displacement if largest is not None):.3g}")
     return panel
 
 
@@ -138,7 +138,7 @@ def _light(
     packing: Packing,
     left_out: list[str],
 ) -> None:
-    """Add light and packages of a step's scene to a panel, or to ``left_out`` why there are none."""
+    """Add light and packages of a step's scene to a panel, or the reason why there are none to ``left_out``."""
     try:
         lit = LitScene(batch.scene(values).load(), box)
         panel["steps"][number]["rays"] = lit.paths(packing)
@@ -163,20 +163,20 @@ def _light(
 
 
 def _words(step: xr.DataArray, along: list[str]) -> str:
-    parts = []
+    phrases = []
     for name in along:
         value, unit = step[name].item(), step[name].attrs.get("units", "")
-        parts.append(f"{name} = {_word(value)} {unit}".strip())
-    return ", ".join(parts)
+        phrases.append(f"{name} = {_word(value)} {unit}".strip())
+    return ", ".join(phrases)
 
 
 def _word(value: str | float) -> str:
-    """A value as in a scene: whole numbers have no decimal point."""
+    """A value as it is written in scenes: whole numbers have no decimal point."""
     return value if isinstance(value, str) else f"{value:.15g}"
 
 
 def _size(step: xr.DataArray, along: list[str]) -> float:
-    """Size of a load, to find the least one of a curve."""
+    """Magnitude of a load, by which the least load of a curve is determined."""
     return sum(abs(step[name].item()) for name in along if not isinstance(step[name].item(), str))
 
 

@@ -29,11 +29,11 @@ from mitsuba_taxel.sensing.reading.wording import budget_rows, light_of_study
 from mitsuba_taxel.studies import stage_totals, study_error_budget
 
 MOST_ROWS = 2000
-"""Most rows of a table."""
+"""Largest number of rows of a table."""
 
 
 def about(study: xr.Dataset, title: str, key: str) -> str:
-    """What was simulated."""
+    """Section with the scene, its parameters, settings and versions."""
     readings = int(study.power.notnull().sum())
     varied = [
         f"{name}: {_span(study[name].values, study[name].attrs.get('units', ''))}"
@@ -70,7 +70,7 @@ def _provenance(study: xr.Dataset) -> list[str]:
 
 
 def power(study: xr.Dataset, key: str) -> str:
-    """Power against the varied parameters, as plot and table."""
+    """Section with plot and table of the power against the varied parameters."""
     curve = study.attrs["curve"]
     values = study.power.values[np.isfinite(study.power.values)]
     words = (
@@ -95,9 +95,9 @@ def power(study: xr.Dataset, key: str) -> str:
 
 def _readings(study: xr.Dataset) -> str:
     shown = [("power", "total_error", "W"), ("voltage", "voltage_error", "V")]
-    shown = [each for each in shown if each[0] in study]
+    shown = [columns for columns in shown if columns[0] in study]
     counts = ["counts"] if "counts" in study else []
-    numbers = [*(name for each in shown for name in each[:2]), *counts, *(["saturated"] if counts else [])]
+    numbers = [*(name for columns in shown for name in columns[:2]), *counts, *(["saturated"] if counts else [])]
     frame = study[numbers].to_dataframe().reset_index()
     keys = [name for name in frame.columns if name not in numbers]
     units = [f" [{study[name].attrs['units']}]" if "units" in study[name].attrs else "" for name in keys]
@@ -115,8 +115,8 @@ def _readings(study: xr.Dataset) -> str:
     ]
     headings = [name + unit for name, unit in zip(keys, units, strict=True)]
     headings += [f"{name} [{unit}]" for (name, *_), (_, unit) in zip(shown, scales, strict=True)]
-    left = _left_out(len(frame), "readings.csv holds")
-    return table(f"Readings with their total error{left}", [*headings, *counts], rows)
+    omitted = _left_out(len(frame), "readings.csv holds")
+    return table(f"Readings with their total error{omitted}", [*headings, *counts], rows)
 
 
 def _left_out(rows: int, elsewhere: str) -> str:
@@ -128,34 +128,36 @@ def _word(value: object) -> str:
 
 
 def merit(study: xr.Dataset, key: str) -> str:
-    """Sensitivity, linearity and tangential maps, also in volts behind the study's circuit; empty if no force is
-    varied."""
+    """Section with sensitivity, linearity and tangential maps, in volts too if the study has a circuit.
+
+    Empty if no force is varied.
+    """
     circuit = circuit_of_study(study)
-    found = simulated_experiments(study, circuit)
-    if not found.experiments:
+    simulated = simulated_experiments(study, circuit)
+    if not simulated.experiments:
         return ""
-    figures, pairs = characteristics(found.experiments, found.off), symmetric_pairs(found.maps)
+    figures, pairs = characteristics(simulated.experiments, simulated.off), symmetric_pairs(simulated.maps)
     volts = None if circuit is None else volts_table(study, circuit)
     limits = [] if volts is None else volts_notes(volts, circuit)
-    parts = []
+    blocks = []
     for title, (headings, rows) in merit_tables(figures, volts).items():
         if rows:
-            left = _left_out(len(rows), "taxel characterise lists")
-            parts.append(table(f"{title}{left}", headings, rows[:MOST_ROWS]))
-    parts += [paragraph(line, "quiet") for line in (*remarks_explained(figures, pairs), *limits)]
+            omitted = _left_out(len(rows), "taxel characterise lists")
+            blocks.append(table(f"{title}{omitted}", headings, rows[:MOST_ROWS]))
+    blocks += [paragraph(line, "quiet") for line in (*remarks_explained(figures, pairs), *limits)]
     words = "Change of readings against force, and its slope below, also relative to rest; the tables hold the numbers."
     caption = "Change since rest, and slope; on the right in percent of the reading at rest. Bars: light."
-    parts.append(plot(partial(plot_sensitivity, found.experiments), words, caption))
-    if parameters_of(found.experiments):
+    blocks.append(plot(partial(plot_sensitivity, simulated.experiments), words, caption))
+    if parameters_of(simulated.experiments):
         words = "Mean slope against each parameter that is varied; the tables hold the numbers."
         caption = "Mean slope against what is varied; on the right in percent of the reading at rest. Bars: light."
-        parts.append(plot(partial(plot_against, found.experiments), words, caption))
+        blocks.append(plot(partial(plot_against, simulated.experiments), words, caption))
     if len(figures[figures.figure.isin(DEVIATIONS)]):
         words = "Deviation of each taxel's reading from the straight line between its end points, in percent."
-        parts.append(plot(partial(plot_deviations, found.experiments), words, "Deviation from the line."))
-    if found.maps:
-        parts.append(_tangential(found.maps, pairs))
-    return section(f"merit{key}", "Sensitivity and linearity", *parts, paragraph(found.notes[0], "quiet"))
+        blocks.append(plot(partial(plot_deviations, simulated.experiments), words, "Deviation from the line."))
+    if simulated.maps:
+        blocks.append(_tangential(simulated.maps, pairs))
+    return section(f"merit{key}", "Sensitivity and linearity", *blocks, paragraph(simulated.notes[0], "quiet"))
 
 
 def _tangential(maps, pairs) -> str:
@@ -167,7 +169,7 @@ def _tangential(maps, pairs) -> str:
 
 
 def cost(study: xr.Dataset, key: str) -> str:
-    """Error budget and time by stage."""
+    """Section with the error budget, and the time by stage."""
     errors = budget_rows(study_error_budget(study))
     seconds = stage_totals(study)
     total = sum(seconds.values())

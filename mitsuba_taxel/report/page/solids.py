@@ -12,11 +12,11 @@ import numpy as np
 from mitsuba_taxel.report.page.coarsening import Coarse, coarsened
 
 SPAN = 32000
-"""Lengths are encoded as integers, up to this number for the largest."""
+"""Integer by which the largest length is encoded."""
 
 
 class ShownSurface(NamedTuple):
-    """(N, 3) vertices in mm, (M, 3) triangles, the (M,) region of each; (N,) MPa by which an indenter presses."""
+    """Vertices (N, 3) in mm, triangles (M, 3) and their regions (M,), and contact pressure (N,) in MPa."""
 
     vertices: np.ndarray
     triangles: np.ndarray
@@ -25,15 +25,15 @@ class ShownSurface(NamedTuple):
 
 
 def read_surfaces(files: Sequence[Path]) -> ShownSurface:
-    """The surfaces in PLY files as one."""
-    parts = [_read(file) for file in files]
-    starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
-    triangles = [part.triangles + start for part, start in zip(parts, starts, strict=True)]
+    """The surfaces in PLY files as one surface."""
+    surfaces = [_read(file) for file in files]
+    starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces[:-1])])
+    triangles = [surface.triangles + start for surface, start in zip(surfaces, starts, strict=True)]
     return ShownSurface(
-        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([surface.vertices for surface in surfaces]),
         np.concatenate(triangles),
-        np.concatenate([part.regions for part in parts]),
-        np.concatenate([part.pressure for part in parts]),
+        np.concatenate([surface.regions for surface in surfaces]),
+        np.concatenate([surface.pressure for surface in surfaces]),
     )
 
 
@@ -50,14 +50,14 @@ def _read(file: Path) -> ShownSurface:
 
 
 class Topologies:
-    """Simplified versions of the surfaces of one panel, shared by those with the same triangles."""
+    """Simplified surfaces of a panel; surfaces with the same triangles share a simplification."""
 
     def __init__(self) -> None:
         self._places: dict[bytes, int] = {}
         self.coarse: list[Coarse] = []
 
     def place(self, surface: ShownSurface) -> int:
-        """Index in ``coarse`` of the version of a surface."""
+        """Index in ``coarse`` of the simplification of a surface, which is added if its triangles are new."""
         key = surface.triangles.tobytes()
         if key not in self._places:
             self._places[key] = len(self.coarse)

@@ -36,17 +36,17 @@ def write_report(
     Parameters
     ----------
     folder : Path
-        That of a study of one or several scenes, or what `taxel tolerance`, `fit`, `optimise`, `compare`, `dataset`,
-        `export` or `calibrate` wrote.
+        Folder of a study of one or several scenes, or output of `taxel tolerance`, `fit`, `optimise`, `compare`,
+        `dataset`, `export` or `calibrate`.
     file : Path
-        Must end in ``.html``; replaced when the page is complete.
+        File that ends in ``.html``; replaced when the page is complete.
     progress : Callable[[int, int], None]
-        Called with the number of load steps drawn and the number of all.
+        Called with (load steps drawn, total load steps).
 
     Returns
     -------
     list[str]
-        Descriptions of what was left out of the page, and why.
+        What the page omits, and why.
 
     Raises
     ------
@@ -59,16 +59,16 @@ def write_report(
         study = open_study(folder)
         scenes = {"": study}
         if isinstance(study, xr.DataTree):
-            scenes = {name: one.to_dataset() for name, one in study.children.items()}
+            scenes = {name: child.to_dataset() for name, child in study.children.items()}
     except InputError:
         if not outcome:
             raise
     left_out: list[str] = []
     panels = _panels(scenes, folder, left_out, progress)
-    parts = [_missing(scenes), *outcome, _viewer(panels)]
-    parts += [*(part for name, one in scenes.items() for part in _sections(name, one))]
+    blocks = [_missing(scenes), *outcome, _viewer(panels)]
+    blocks += [*(block for name, child in scenes.items() for block in _sections(name, child))]
     remarks = [paragraph(f"Left out: {line}", "quiet") for line in left_out]
-    title, body = folder.resolve().name, "\n".join([*parts, *remarks])
+    title, body = folder.resolve().name, "\n".join([*blocks, *remarks])
     page = Template(_asset("page.html")).substitute(
         title=escape(title),
         style=_asset("page.css"),
@@ -82,19 +82,22 @@ def write_report(
 
 
 def _missing(scenes: dict[str, xr.Dataset]) -> str:
-    """How many jobs of the scenes have no reading; empty if all have one."""
-    readings = [one.power.isnull().any("taxel") for one in scenes.values()]
-    missing, count = sum(int(each.sum()) for each in readings), sum(each.size for each in readings)
+    """Paragraph with the number of jobs without a reading; empty if there are none."""
+    readings = [scene.power.isnull().any("taxel") for scene in scenes.values()]
+    missing, count = (
+        sum(int(is_missing.sum()) for is_missing in readings),
+        sum(is_missing.size for is_missing in readings),
+    )
     return paragraph(f"Jobs without a reading: {missing} of {count}.") if missing else ""
 
 
 def _panels(
     scenes: dict[str, xr.Dataset], folder: Path, left_out: list[str], progress: Callable[[int, int], None]
 ) -> list[dict[str, Any]]:
-    """Panels of the viewer; descriptions of what it cannot show are added to ``left_out``."""
+    """Panels of the viewer for all scenes; what cannot be shown is added to ``left_out``."""
     panels: list[dict[str, Any]] = []
     with_pads = sum("mesh" in study for study in scenes.values())
-    share = max(MOST_PANELS // max(with_pads, 1), 1)
+    most_per_scene = max(MOST_PANELS // max(with_pads, 1), 1)
     for name, study in scenes.items():
         if "mesh" not in study:
             left_out.append(
@@ -102,18 +105,18 @@ def _panels(
             )
             continue
         reasons: list[str] = []
-        most = min(share, MOST_PANELS - len(panels))
+        most = min(most_per_scene, MOST_PANELS - len(panels))
         batch = _batch(folder / name, study, reasons) if most else None
-        found = viewer_panels(study, folder / name, batch, most, reasons, progress)
+        viewer = viewer_panels(study, folder / name, batch, most, reasons, progress)
         left_out += [": ".join(word for word in (name, reason) if word) for reason in reasons]
-        for panel in found:
+        for panel in viewer:
             panel["name"] = ": ".join(word for word in (name, panel["name"]) if word)
-        panels += found
+        panels += viewer
     return panels
 
 
 def _batch(folder: Path, study: xr.Dataset, left_out: list[str]) -> Batch | None:
-    """The scenes of the study, or None if the scene file has changed or is missing."""
+    """The batch of a study, from which scenes are loaded; None if the scene file has changed or is missing."""
     about = read_results(folder)
     try:
         batch = batch_from({name: about[name] for name in about if name not in WRITTEN_KEYS}, 0, folder)

@@ -29,7 +29,7 @@ PER_PASS = 16
 """Samples per pixel and pass, stratified and hence a square number; progress is reported after each pass."""
 
 AZIMUTH, ELEVATION, FIELD_OF_VIEW = 24.0, 19.0, 16.0
-"""In degrees: azimuth of the camera to the right of -y, elevation above the board, and horizontal field of view."""
+"""Camera, in degrees: azimuth to the right of -y, elevation above the board, and horizontal field of view."""
 MARGIN = 1.1
 CREASE = 40.0
 """Least angle between two triangles, in degrees, for which their edge is shown sharp."""
@@ -39,7 +39,7 @@ SKY, LAMP = (0.96, 0.98, 1.0), (5.2, 5.05, 4.8)
 """Radiances with which the unshaded ground is slightly overexposed white."""
 
 SEEN = 0.35
-"""Opacity of an indenter: what it presses with shows through it."""
+"""Opacity of an indenter, through which the pressed surface is visible."""
 
 
 def _matt(*colour: float) -> dict[str, Any]:
@@ -110,7 +110,7 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
 
 
 def with_scale(pixels: np.ndarray, most: float) -> np.ndarray:
-    """A picture with the colours of contact pressures in its upper left corner.
+    """A picture (H, W, 3) with a scale of contact pressures up to ``most`` MPa in its upper left corner.
 
     Parameters
     ----------
@@ -131,8 +131,8 @@ def with_scale(pixels: np.ndarray, most: float) -> np.ndarray:
     return pixels
 
 
-def labelled(pixels: np.ndarray, words: str, place: tuple[int, int] | None = None) -> np.ndarray:
-    """A picture with words.
+def labelled(pixels: np.ndarray, words: str, position: tuple[int, int] | None = None) -> np.ndarray:
+    """A picture (H, W, 3) with words in its lower left corner, or at a position in pixels.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def labelled(pixels: np.ndarray, words: str, place: tuple[int, int] | None = Non
         Linear colours.
     words : str
         One line.
-    place : tuple[int, int], optional
+    position : tuple[int, int], optional
         Pixels from the left and the top; by default in the lower left corner.
 
     Returns
@@ -153,13 +153,13 @@ def labelled(pixels: np.ndarray, words: str, place: tuple[int, int] | None = Non
     height, width = pixels.shape[:2]
     mask = Image.new("L", (width, height))
     size = _letter(pixels)
-    ImageDraw.Draw(mask).text(place or (size, height - 2 * size), words, fill=255, font=ImageFont.load_default(size))
+    ImageDraw.Draw(mask).text(position or (size, height - 2 * size), words, fill=255, font=ImageFont.load_default(size))
     ink = np.asarray(mask, dtype=float)[..., None] / 255
     return pixels * (1 - ink) + 0.01 * ink
 
 
 def _letter(pixels: np.ndarray) -> int:
-    """Height of letters."""
+    """Height of letters, in pixels."""
     return max(len(pixels) // 24, 9)
 
 
@@ -227,7 +227,7 @@ def _description(parts: Sequence[ShownPart], folder: Path, width: int) -> dict[s
 
     to_world = mi.ScalarTransform4f
     shapes = _meshes(parts, folder)
-    points = np.concatenate([part.vertices[part.triangles].reshape(-1, 3) for part in parts])
+    points = np.concatenate([solid.vertices[solid.triangles].reshape(-1, 3) for solid in parts])
     low, high = points.min(axis=0), points.max(axis=0)
     middle, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
     origin, target = _viewpoint(points)
@@ -271,11 +271,11 @@ def _description(parts: Sequence[ShownPart], folder: Path, width: int) -> dict[s
 
 def _meshes(parts: Sequence[ShownPart], folder: Path) -> dict[str, dict[str, Any]]:
     """One mesh for each material, written into a folder."""
-    corners = np.concatenate([part.vertices[part.triangles] for part in parts])
-    normals = np.concatenate([_corner_normals(part) for part in parts])
-    materials = np.concatenate([part.material for part in parts])
+    corners = np.concatenate([solid.vertices[solid.triangles] for solid in parts])
+    normals = np.concatenate([_corner_normals(solid) for solid in parts])
+    materials = np.concatenate([solid.material for solid in parts])
     most = most_pressure(parts)
-    pressed = [np.zeros(part.triangles.shape) if part.pressure is None else part.pressure for part in parts]
+    pressed = [np.zeros(solid.triangles.shape) if solid.pressure is None else solid.pressure for solid in parts]
     colours = _colours(np.concatenate(pressed), most) if most else None
     shapes = {}
     for name in np.unique(materials).tolist():
@@ -290,7 +290,7 @@ def _meshes(parts: Sequence[ShownPart], folder: Path) -> dict[str, dict[str, Any
 
 
 def most_pressure(parts: Sequence[ShownPart]) -> float:
-    """Largest pressure of an indenter on parts of a picture.
+    """Largest contact pressure of an indenter, in MPa; 0 without an indenter.
 
     Parameters
     ----------
@@ -302,39 +302,39 @@ def most_pressure(parts: Sequence[ShownPart]) -> float:
     float
         In MPa; 0 without an indenter.
     """
-    return max((float(part.pressure.max()) for part in parts if part.pressure is not None), default=0.0)
+    return max((float(solid.pressure.max()) for solid in parts if solid.pressure is not None), default=0.0)
 
 
 def _colours(pressure: np.ndarray, most: float) -> np.ndarray:
-    """(T, 3, 3) linear colours of the outside: its own where nothing presses."""
+    """Linear colours (T, 3, 3) of the outside: those of pressures, or of the material where nothing presses."""
     return np.where(pressure[..., None] > 0, _linear_colours(pressure, most), _SHELL)
 
 
 def _linear_colours(pressure: np.ndarray, most: float) -> np.ndarray:
-    """(..., 3) colours of pressures."""
+    """Linear colours (..., 3) of pressures."""
     from matplotlib import colormaps
 
     srgb = colormaps["viridis"](pressure / most)[..., :3]
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
-def _corner_normals(part: ShownPart) -> np.ndarray:
-    """(T, 3, 3) normals at the corners of triangles, equal on both sides of an edge unless it is sharp."""
-    normals = area_normals(part.vertices, part.triangles)
-    directions, pairs = unit(normals), neighbours(part.triangles)[1]
-    one, other = pairs.T
-    bend = np.einsum("ij,ij->i", directions[one], directions[other])
-    cut = part.material == "cut"
-    smooth = pairs[(bend > math.cos(math.radians(CREASE))) & (cut[one] == cut[other])]
+def _corner_normals(solid: ShownPart) -> np.ndarray:
+    """Normals (T, 3, 3) at the corners of triangles, equal on both sides of an edge unless it is sharp."""
+    normals = area_normals(solid.vertices, solid.triangles)
+    directions, pairs = unit(normals), neighbours(solid.triangles)[1]
+    first, second = pairs.T
+    bend = np.einsum("ij,ij->i", directions[first], directions[second])
+    cut = solid.material == "cut"
+    smooth = pairs[(bend > math.cos(math.radians(CREASE))) & (cut[first] == cut[second])]
     group = components(len(normals), smooth)
-    keys = part.triangles.astype(np.int64) * len(normals) + group[:, None]
+    keys = solid.triangles.astype(np.int64) * len(normals) + group[:, None]
     number = np.unique(keys, return_inverse=True)[1].reshape(-1)
     sums = np.stack([np.bincount(number, weights=np.repeat(column, 3)) for column in normals.T], axis=1)
     return unit(sums)[number].reshape(-1, 3, 3)
 
 
 def _write_ply(file: Path, corners: np.ndarray, normals: np.ndarray, colours: np.ndarray | None) -> None:
-    """Write triangles, each of corners of its own (T, 3, 3) with normals, and colours if given, as binary PLY."""
+    """Write triangles (T, 3, 3) with normals and optional colours at their corners, without shared vertices, as PLY."""
     of_corners = [corners, normals, *([] if colours is None else [colours])]
     count = len(corners)
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {3 * count}"]
@@ -350,14 +350,14 @@ def _viewpoint(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Position and target of the camera, such that points (N, 3) fill its view."""
     azimuth, elevation = math.radians(AZIMUTH), math.radians(ELEVATION)
     level = math.cos(elevation)
-    back = np.array([math.sin(azimuth) * level, -math.cos(azimuth) * level, math.sin(elevation)])
-    right = unit(np.cross([0.0, 0.0, 1.0], back))
-    up = np.cross(back, right)
+    towards_viewer = np.array([math.sin(azimuth) * level, -math.cos(azimuth) * level, math.sin(elevation)])
+    right = unit(np.cross([0.0, 0.0, 1.0], towards_viewer))
+    up = np.cross(towards_viewer, right)
     slope = math.tan(math.radians(FIELD_OF_VIEW / 2)) / MARGIN
     target, distance = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.0
     for _ in range(8):  # centre and size of the view depend on each other, weakly
-        x, y, near = ((points - target) @ axis for axis in (right, up, back))
-        distance = float(max((np.abs(x) / slope + near).max(), (np.abs(y) * ASPECT / slope + near).max()))
-        u, v = x / (distance - near), y / (distance - near)
+        x, y, depth = ((points - target) @ axis for axis in (right, up, towards_viewer))
+        distance = float(max((np.abs(x) / slope + depth).max(), (np.abs(y) * ASPECT / slope + depth).max()))
+        u, v = x / (distance - depth), y / (distance - depth)
         target = target + 0.5 * distance * ((u.min() + u.max()) * right + (v.min() + v.max()) * up)
-    return target + distance * back, target
+    return target + distance * towards_viewer, target

@@ -1,4 +1,4 @@
-"""Surfaces of the bodies that press on pads, as far as they are near them."""
+"""Surfaces of the bodies that press on pads, near the pads."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from mitsuba_taxel.kernels.protocols import PadShape
 def indenter_surface(pad: PadShape, magnify: float = 1.0) -> tuple[np.ndarray, np.ndarray] | None:
     """Vertices (V, 3) in mm and triangles (T, 3) of the body that presses on a live `deformable_pad`, if one does.
 
-    Of a body larger than the pad, what lies further from its tip than the longest side of that is left out.
+    Of a body larger than the pad, only the part within the longest side of the pad around the tip is returned.
 
     Parameters
     ----------
     magnify : float
-        What its displacement is multiplied by.
+        Factor of its displacement.
     """
     load, state = pad.load, pad.state
     if load.indenter is None:

@@ -106,7 +106,7 @@ def write_vtk(paths: RayPaths, file: Path) -> None:
 
 
 def _draw_panel(ax: Axes, across: int, paths: RayPaths, meshes: list[Trimesh], faces: dict, centre: np.ndarray) -> None:
-    """One view along axis ``across``: paths first, surfaces on top."""
+    """Draw the view along axis ``across``: paths first, surfaces above them."""
     from matplotlib.collections import LineCollection
 
     seen = [1 - across, 2]
@@ -128,7 +128,7 @@ def _draw_panel(ax: Axes, across: int, paths: RayPaths, meshes: list[Trimesh], f
 
 
 def _section(mesh: Trimesh, across: int, centre: np.ndarray) -> np.ndarray:
-    """(S, 2, 3) segments in which a mesh intersects the plane through ``centre`` normal to an axis."""
+    """Segments (S, 2, 3) in which a mesh intersects the plane through ``centre`` normal to an axis."""
     import trimesh
 
     normal = np.eye(3)[across]
@@ -154,7 +154,7 @@ def shape_mesh(shape: mi.Shape) -> Trimesh | None:
 
 
 def face_corners(faces: FaceGrid, index: int) -> np.ndarray:
-    """(4, 3) corners in mm of one face."""
+    """Corners (4, 3) of a face, in mm."""
     import mitsuba as mi
 
     half = 0.5 * np.array(faces.size).ravel()
@@ -163,7 +163,7 @@ def face_corners(faces: FaceGrid, index: int) -> np.ndarray:
 
 
 def _view(paths: RayPaths, faces: dict) -> np.ndarray:
-    """(2, 3) lower and upper corner of the view, without the few paths that go far and would make the rest small."""
+    """Lower and upper corner (2, 3) of the view; it excludes a few long paths, which would make the others small."""
     corners = np.concatenate([corners for corners, _ in faces.values()])
     points = np.concatenate(paths.vertices)
     kept = [path for path, reached in zip(paths.vertices, paths.reached, strict=True) if reached]

@@ -1,4 +1,4 @@
-"""The surfaces of a scene for a picture of the sensor: sectioned pads, whole packages, on a board."""
+"""The surfaces of a scene for a picture of the sensor: sectioned pads and whole packages on a board."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 FACING = np.array([0.0, 1.0, 0.0])
-"""Normal of the cut, towards the part that is kept."""
+"""Normal of the cut, towards the side that remains."""
 SHEET = 0.2
 """Thickness of rectangles in mm."""
 RIM, BOARD = 0.06, 0.04
@@ -34,7 +34,7 @@ class ShownPart:
     Attributes
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Vertices in mm.
     triangles : (T, 3) ndarray
         Vertex numbers, counter-clockwise seen from outside.
     material : (T,) ndarray
@@ -42,7 +42,7 @@ class ShownPart:
     cell : (T,) ndarray
         Number of the cell that a roof or side belongs to, 0 elsewhere.
     pressure : (T, 3) ndarray or None
-        MPa by which an indenter presses at the corners of the triangles; None if none does.
+        Contact pressure in MPa of an indenter at the corners of the triangles; None without an indenter.
     """
 
     vertices: np.ndarray
@@ -63,19 +63,18 @@ class ShownPart:
 
     def range(self, axis: int) -> tuple[float, float]:
         """Smallest and largest coordinate of its triangles in mm."""
-        places = self.vertices[self.triangles][..., axis]
-        return float(places.min()), float(places.max())
+        coordinates = self.vertices[self.triangles][..., axis]
+        return float(coordinates.min()), float(coordinates.max())
 
 
 def shown_parts(
     scene: mi.Scene, cut: float | str = "middle", magnify: float = 1.0
 ) -> tuple[list[ShownPart], float | None]:
-    """The parts of a picture of a ``mi.Scene``, and the position of its cut in mm, None if there is none.
+    """The parts of a picture of a ``mi.Scene``, and the position of its cut in mm, None without a cut.
 
-    Of pads and other surfaces the part at y > cut remains. Photo-reflectors are not cut, like fasteners in technical
-    drawings. A board is added; rectangles are shown as thin sheets, those at the height of the board not at all. The
-    whole front of one that carries an LED or a phototransistor looks like it. Other shapes without triangles are left
-    out.
+    The part of pads and other surfaces at y > cut remains. Photo-reflectors are not cut, like fasteners in technical
+    drawings. A board is added. Rectangles are shown as thin sheets, except those at the height of the board; a
+    rectangle with an LED or a phototransistor has its appearance. Other shapes without triangles are omitted.
 
     Parameters
     ----------
@@ -99,57 +98,59 @@ def shown_parts(
     InputError
         if the scene holds no mesh, or the cut does not intersect it.
     """
-    solids = [part for shape in scene.shapes() if (part := _solid(shape, magnify)) is not None]
+    solids = [solid for shape in scene.shapes() if (solid := _solid(shape, magnify)) is not None]
     bodies = [body for shape in scene.shapes() if (body := _indenter(shape, magnify)) is not None]
     sheets = [_sheet(shape) for shape in scene.shapes() if shape.class_name() == "Rectangle"]
     if not solids:
         raise InputError("the scene holds no mesh: nothing of it can be shown.")
-    ground = min(part.range(2)[0] for part in solids)
-    parts = [*solids, *bodies, *(sheet for sheet in sheets if sheet.range(2)[1] > ground + 1e-3 * SHEET)]
+    ground = min(solid.range(2)[0] for solid in solids)
+    shown = [*solids, *bodies, *(sheet for sheet in sheets if sheet.range(2)[1] > ground + 1e-3 * SHEET)]
     offset = None if cut == "none" else middle_row(solids) if cut == "middle" else float(cut)
     if offset is not None:
-        low, high = min(part.range(1)[0] for part in solids), max(part.range(1)[1] for part in solids)
+        low, high = min(solid.range(1)[0] for solid in solids), max(solid.range(1)[1] for solid in solids)
         if not low < offset < high:
             raise InputError(f"cut = {offset:g} is not allowed: above {low:.4g} and below {high:.4g} mm is needed.")
     board = _board(solids)
     if offset is not None:
-        parts = [left for part in parts if len((left := _opened(part, offset)).triangles)]
-    return [*parts, board], offset
+        shown = [visible for solid in shown if len((visible := _opened(solid, offset)).triangles)]
+    return [*shown, board], offset
 
 
 def middle_row(parts: list[ShownPart]) -> float:
     """y in mm of the middle row of cells or, without a pad, of photo-reflectors.
 
-    Of an even number of rows, the one nearer to -y; without rows, the middle of the parts.
+    If the number of rows is even, it is the middle row nearer to -y; without rows, the middle of all parts.
     """
-    ranges = [part.chosen(part.cell == cell).range(1) for part in parts for cell in np.unique(part.cell[part.cell > 0])]
-    ranges = ranges or [body.range(1) for part in parts if part.is_package for body in _bodies(part)]
+    ranges = [
+        solid.chosen(solid.cell == cell).range(1) for solid in parts for cell in np.unique(solid.cell[solid.cell > 0])
+    ]
+    ranges = ranges or [body.range(1) for solid in parts if solid.is_package for body in _bodies(solid)]
     if not ranges:
-        every = [part.range(1) for part in parts]
+        every = [solid.range(1) for solid in parts]
         ranges = [(min(low for low, _ in every), max(high for _, high in every))]
     centres = sorted((0.5 * (low + high) for low, high in ranges), reverse=True)
     return round(centres[len(centres) // 2], 4) + 0.0
 
 
-def _bodies(part: ShownPart) -> list[ShownPart]:
-    number = components(len(part.triangles), neighbours(part.triangles)[1])
-    return [part.chosen(number == body) for body in range(number.max() + 1)]
+def _bodies(solid: ShownPart) -> list[ShownPart]:
+    number = components(len(solid.triangles), neighbours(solid.triangles)[1])
+    return [solid.chosen(number == body) for body in range(number.max() + 1)]
 
 
 def _solid(shape: mi.Shape, magnify: float) -> ShownPart | None:
     """A mesh of a scene; None for other shapes."""
     import mitsuba as mi
 
-    further: np.ndarray | float = 0.0
+    displacement: np.ndarray | float = 0.0
     pressure = None
     if is_pad(shape) and shape.contact_pressure is not None:
         pressure = shape.contact_pressure[shape.surface.triangles]
     if magnify != 1 and is_pad(shape):
-        further, shape = (magnify - 1) * _displacements(shape), shape.closed()
+        displacement, shape = (magnify - 1) * _displacements(shape), shape.closed()
     parameters = mi.traverse(shape)
     if "vertex_positions" not in parameters or not len(parameters["faces"]):
         return None
-    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3) + further
+    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3) + displacement
     triangles = np.array(parameters["faces"]).reshape(-1, 3).astype(np.int64)
     region, cell = (
         np.array(parameters[name]).astype(int) if name in parameters else np.zeros(len(triangles), dtype=int)
@@ -175,7 +176,7 @@ def _indenter(shape: mi.Shape, magnify: float) -> ShownPart | None:
 
 
 def _displacements(pad: PadShape) -> np.ndarray:
-    """(V, 3) mm, displacements of the vertices of a pad's closed surface from the unloaded state."""
+    """Displacements (V, 3), in mm, of the vertices of a pad's closed surface from the unloaded state."""
     turn, shift = pad.to_world[:3, :3], pad.to_world[:3, 3]
     return np.einsum("vi,ji->vj", pad.surface.vertices, turn) + shift - pad.undeformed.vertices
 
@@ -195,7 +196,7 @@ def _sheet(rectangle: mi.Shape) -> ShownPart:
 
 def _board(parts: list[ShownPart]) -> ShownPart:
     low, high = np.transpose(
-        [[f(part.range(k)[n] for part in parts) for n, f in enumerate((min, max))] for k in range(3)]
+        [[f(solid.range(k)[n] for solid in parts) for n, f in enumerate((min, max))] for k in range(3)]
     )
     size = float(np.linalg.norm(high - low))
     (west, south), (east, north) = low[:2] - RIM * size, high[:2] + RIM * size
@@ -210,25 +211,25 @@ def _box(front: np.ndarray, depth: np.ndarray, material: str) -> ShownPart:
     return ShownPart(np.concatenate([front, front + depth]), triangles, np.full(12, material), np.zeros(12, dtype=int))
 
 
-def _opened(part: ShownPart, offset: float) -> ShownPart:
-    """The part on the kept side of the cut, with the section closed."""
-    if part.is_package:
-        return part
-    half = cut_open(part.vertices, part.triangles, FACING, offset)
+def _opened(solid: ShownPart, offset: float) -> ShownPart:
+    """The part that remains after the cut, with the section closed."""
+    if solid.is_package:
+        return solid
+    half = cut_open(solid.vertices, solid.triangles, FACING, offset)
     old = half.source >= 0
-    face = "cut" if part.cell.any() else part.material[0]
-    material = np.where(old, part.material[half.source], face)
-    pressure = None if part.pressure is None else _at_corners(part, half)
-    return ShownPart(half.vertices, half.triangles, material, np.where(old, part.cell[half.source], 0), pressure)
+    face = "cut" if solid.cell.any() else solid.material[0]
+    material = np.where(old, solid.material[half.source], face)
+    pressure = None if solid.pressure is None else _at_corners(solid, half)
+    return ShownPart(half.vertices, half.triangles, material, np.where(old, solid.cell[half.source], 0), pressure)
 
 
-def _at_corners(part: ShownPart, half: Half) -> np.ndarray:
-    """(T, 3) pressure at the corners of what a cut leaves of triangles; linear on each of these, 0 on the cut."""
-    assert part.pressure is not None
-    found = np.zeros(half.triangles.shape)
-    known = (half.source >= 0) & (part.pressure.max(axis=1)[half.source] > 0)
-    whole, values = part.vertices[part.triangles[half.source[known]]], part.pressure[half.source[known]]
-    sides, places = whole[:, 1:] - whole[:, :1], half.vertices[half.triangles[known]] - whole[:, :1]
-    along = np.einsum("tcj,tjk->tck", places, np.linalg.pinv(sides))
-    found[known] = values[:, :1] + np.einsum("tck,tk->tc", along, values[:, 1:] - values[:, :1])
-    return np.maximum(found, 0.0)
+def _at_corners(solid: ShownPart, half: Half) -> np.ndarray:
+    """Pressure (T, 3) at the corners of cut triangles, linear within each original triangle, and 0 on the section."""
+    assert solid.pressure is not None
+    pressure = np.zeros(half.triangles.shape)
+    pressed = (half.source >= 0) & (solid.pressure.max(axis=1)[half.source] > 0)
+    corners, values = solid.vertices[solid.triangles[half.source[pressed]]], solid.pressure[half.source[pressed]]
+    sides, offsets = corners[:, 1:] - corners[:, :1], half.vertices[half.triangles[pressed]] - corners[:, :1]
+    along = np.einsum("tcj,tjk->tck", offsets, np.linalg.pinv(sides))
+    pressure[pressed] = values[:, :1] + np.einsum("tck,tk->tc", along, values[:, 1:] - values[:, :1])
+    return np.maximum(pressure, 0.0)
