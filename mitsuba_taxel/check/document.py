@@ -34,16 +34,16 @@ ELEMENTS = {
 
 @dataclass
 class Element:
-    """One element.
+    """One XML element of a scene file.
 
     Attributes
     ----------
     tag, attributes : str and dict[str, str]
-        As written.
+        Tag and attributes as written.
     file, line : Path and int
-        Its place.
+        File, and line number in it.
     offset : int
-        Bytes before its ``<``.
+        Number of bytes before the ``<`` of the element.
     children : list of Element
         Nested elements; those of an included file are children of the ``include``.
     """
@@ -62,7 +62,15 @@ class Element:
             yield from child.walk()
 
     def finding(self, severity: str, message: str) -> Finding:
-        """A finding at its place."""
+        """A finding at the line of the element.
+
+        Parameters
+        ----------
+        severity : str
+            One of `mitsuba_taxel.check.finding.SEVERITIES`.
+        message : str
+            What is wrong, and what to do.
+        """
         return Finding(severity, message, self.file.name, self.line)
 
 
@@ -75,19 +83,20 @@ class Unreadable(Exception):
 
 
 def read_document(path: Path) -> Element:
-    """The root of an XML file, with included files.
+    """Read an XML file and its included files; returns the root element.
 
     Raises
     ------
     Unreadable
-        if a file does not exist, is not XML, is nested too deeply for Mitsuba, or includes itself, or there are too
-        many.
+        if a file does not exist, is not XML, is nested too deeply for Mitsuba or includes itself, or if there are too
+        many files.
     """
     return _read(path, (), count(1))
 
 
 def _read(path: Path, around: tuple[Path, ...], numbers: Iterator[int]) -> Element:
-    """``around`` are the files including it, and ``numbers`` count the files that are included."""
+    """The root of one file; ``around`` are the files that include it, and ``numbers`` counts included files."""
+    # Parse the file into a tree of elements.
     reader = _Reader(path)
     parser = expat.ParserCreate()
     parser.StartElementHandler = reader.start
@@ -102,6 +111,7 @@ def _read(path: Path, around: tuple[Path, ...], numbers: Iterator[int]) -> Eleme
     except (OSError, LookupError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
         raise Unreadable(Finding("error", f"it cannot be read: {why}.", path.name, 0)) from error
+    # Included files become children of their <include> element.
     assert reader.root is not None
     around = (*around, path.resolve())
     for element in [element for element in reader.root.walk() if element.tag == "include"]:
@@ -110,6 +120,7 @@ def _read(path: Path, around: tuple[Path, ...], numbers: Iterator[int]) -> Eleme
 
 
 def _included(element: Element, around: tuple[Path, ...], numbers: Iterator[int]) -> Element:
+    """The root of the file that an ``<include>`` element names, within the limits of Mitsuba's parser."""
     name = element.attributes.get("filename", "")
     inner = element.file.parent / name
     if not is_file(inner):
@@ -126,7 +137,15 @@ def _included(element: Element, around: tuple[Path, ...], numbers: Iterator[int]
 
 
 def leave_out(element: Element, absent: set[str]) -> None:
-    """Take out nested elements that use one of these parameters, and then ``<default>``s that are used no more."""
+    """Remove nested elements that refer to absent parameters, and ``<default>``s that are then unused.
+
+    Parameters
+    ----------
+    element : Element
+        Root of the tree, which is changed.
+    absent : set[str]
+        Names of the absent parameters.
+    """
     before = used_names(element)
     _take_out(element, absent)
     unused = before - used_names(element)
@@ -141,17 +160,25 @@ def _take_out(element: Element, absent: set[str]) -> None:
 
 
 def used_names(root: Element) -> set[str]:
-    """The names used as ``$name`` anywhere in a file."""
+    """Names of all ``$name`` references in a file."""
     return set().union(*(used_by(element.attributes) for element in root.walk()))
 
 
 def filled_in(value: str, parameters: Mapping[str, str]) -> str:
-    """An attribute's value with its ``$name``s replaced; names that are not parameters stay."""
+    """Replace the ``$name`` references of an attribute by their values.
+
+    Parameters
+    ----------
+    value : str
+        Text of the attribute.
+    parameters : Mapping[str, str]
+        Values by name; references to other names are left as they are.
+    """
     return re.sub(r"\$(\w+)", lambda match: parameters.get(match[1], match[0]), value)
 
 
 class _Reader:
-    """Builds the tree of elements; ``parser`` is set afterwards."""
+    """Builds the tree of elements from the events of ``parser``, which is assigned after construction."""
 
     parser: expat.XMLParserType
 

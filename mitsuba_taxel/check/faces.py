@@ -11,7 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.check.parts import Parts, ScenePart
+from mitsuba_taxel.check.parts import SceneObject, SceneObjects
 
 CORNERS = np.array(list(product((-1, 1), repeat=3)), dtype=float)
 """(8, 3) corners of a cube."""
@@ -23,39 +23,39 @@ class Faces:
 
     Attributes
     ----------
-    part, carrier : ScenePart
-        The plugin, and the shape that it is nested in.
+    obj, carrier : SceneObject
+        The LED or phototransistor, and the shape in which it is nested.
     centres : (N, 3) ndarray
-        In mm, in the world.
+        Centres in mm, in world coordinates.
     normal : (3,) ndarray
-        The direction that they face.
+        Unit normal, the direction of emission or detection.
     side : float
-        Shorter side, mm.
+        Shorter side in mm.
     """
 
-    part: ScenePart
-    carrier: ScenePart
+    obj: SceneObject
+    carrier: SceneObject
     centres: np.ndarray
     normal: np.ndarray
     side: float
 
 
-def faces_of(parts: Parts) -> tuple[list[Faces], list[Finding]]:
-    """All LEDs and phototransistors, and findings on those without a valid position."""
-    found, findings = [], []
-    for carrier in parts.shapes():
-        for part in carrier.children.values():
-            if part.plugin not in ("annular_led", "phototransistor"):
+def faces_of(objects: SceneObjects) -> tuple[list[Faces], list[Finding]]:
+    """All LEDs and phototransistors of a scene, and an error for each without a valid position."""
+    faces, findings = [], []
+    for carrier in objects.shapes():
+        for obj in carrier.children.values():
+            if obj.plugin not in ("annular_led", "phototransistor"):
                 continue
             try:
-                grid = part.made.window.faces
+                grid = obj.instance.window.faces
             except InputError as error:
-                findings.append(part.finding("error", f"{error}"))
+                findings.append(obj.finding("error", f"{error}"))
                 continue
             normal = np.array(grid.frame.n, dtype=float).ravel()
             side = float(np.array(grid.size, dtype=float).min())
-            found.append(Faces(part, carrier, np.array(grid.centres, dtype=float).T, normal, side))
-    return found, findings
+            faces.append(Faces(obj, carrier, np.array(grid.centres, dtype=float).T, normal, side))
+    return faces, findings
 
 
 @dataclass
@@ -64,17 +64,17 @@ class Boxes:
 
     Attributes
     ----------
-    part : ScenePart
+    obj : SceneObject
         The shape.
-    to_world : ndarray
-        (4, 4).
+    to_world : (4, 4) ndarray
+        Transformation of the grid to world coordinates, mm.
     centre, half : (3,) ndarray
-        Of the central box, or of its place if there is none, before ``to_world``.
+        Centre of the grid, and half sides of a box, in mm before ``to_world``.
     rows, columns, pitch : int and float
-        The grid.
+        Size of the grid, and distance of neighbouring boxes in mm.
     """
 
-    part: ScenePart
+    obj: SceneObject
     to_world: np.ndarray
     centre: np.ndarray
     half: np.ndarray
@@ -83,7 +83,7 @@ class Boxes:
     pitch: float = 0.0
 
     def centres(self) -> np.ndarray:
-        """(N, 3) before ``to_world``."""
+        """(N, 3) centres of the boxes in mm, before ``to_world``."""
         column, row = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
         shift = np.zeros((self.rows * self.columns, 3))
         shift[:, 0] = (column.ravel() - (self.columns - 1) / 2) * self.pitch
@@ -95,7 +95,7 @@ class Boxes:
         return apply(self.to_world, self.centres()[:, None] + CORNERS * self.half)
 
     def relative(self, points: np.ndarray) -> np.ndarray:
-        """(N, 3) positions of world points relative to the nearest box, whose faces are at -1 and 1."""
+        """(N, 3) coordinates of world points in the nearest box, scaled so that its faces are at -1 and 1."""
         local = apply(np.linalg.inv(self.to_world), points) - self.centre
         for axis, count in ((0, self.columns), (1, self.rows)):
             if count > 1:
@@ -106,26 +106,34 @@ class Boxes:
         return local / self.half
 
 
-def boxes_of(parts: Parts) -> list[Boxes]:
+def boxes_of(objects: SceneObjects) -> list[Boxes]:
     """The bodies of photo-reflectors, and Mitsuba's cubes."""
     boxes = []
-    for part in parts.shapes():
-        made = part.made
-        if part.plugin == "photo_reflector":
-            half = 0.5 * made.body
+    for obj in objects.shapes():
+        instance = obj.instance
+        if obj.plugin == "photo_reflector":
+            half = 0.5 * instance.body
             centre = np.array([0.0, 0.0, half[2]])
-            boxes.append(Boxes(part, to_world(part), centre, half, made.rows, made.columns, made.pitch))
-        elif part.plugin == "cube" and abs(np.linalg.det(to_world(part))) > 0:
-            boxes.append(Boxes(part, to_world(part), np.zeros(3), np.ones(3)))
+            boxes.append(Boxes(obj, to_world(obj), centre, half, instance.rows, instance.columns, instance.pitch))
+        elif obj.plugin == "cube" and abs(np.linalg.det(to_world(obj))) > 0:
+            boxes.append(Boxes(obj, to_world(obj), np.zeros(3), np.ones(3)))
     return boxes
 
 
-def to_world(part: ScenePart) -> np.ndarray:
+def to_world(obj: SceneObject) -> np.ndarray:
     """(4, 4) transformation of a shape."""
-    transform: Any = part.props.get("to_world", mi.ScalarTransform4f())
+    transform: Any = obj.props.get("to_world", mi.ScalarTransform4f())
     return np.array(transform.matrix, dtype=float)
 
 
 def apply(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points (..., 3) under an affine transformation (4, 4)."""
+    """(..., 3) points transformed by an affine matrix.
+
+    Parameters
+    ----------
+    matrix : (4, 4) ndarray
+        The transformation.
+    points : (..., 3) ndarray
+        In mm.
+    """
     return points @ matrix[:3, :3].T + matrix[:3, 3]

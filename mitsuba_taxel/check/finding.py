@@ -19,9 +19,9 @@ class Finding:
     message : str
         What is wrong, and what to do.
     file, line : str and int
-        Its place; line 0 is the scene as a whole.
+        File name and line number; line 0 stands for the whole scene.
     stopped : bool
-        Whether it is a computation that stops, such as that of a load which the pad cannot bear.
+        Whether a computation stopped, such as the solve for a load that the pad cannot bear.
     """
 
     severity: str
@@ -31,5 +31,5 @@ class Finding:
     stopped: bool = False
 
     def __str__(self) -> str:
-        place = f"{self.file}:{self.line}" if self.line else self.file
-        return f"{place}: {self.severity}: {self.message}"
+        location = f"{self.file}:{self.line}" if self.line else self.file
+        return f"{location}: {self.severity}: {self.message}"

@@ -1,4 +1,4 @@
-"""Findings on light: no LED or phototransistor, walls that reflect nothing, paths from the wrong end."""
+"""Checks of light: walls that reflect nothing, dark LEDs, unsuitable integrators, tables without the wavelength."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.check.parts import PAD, Parts, ScenePart
+from mitsuba_taxel.check.parts import PAD, SceneObject, SceneObjects
 from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.protocols import is_region
 from mitsuba_taxel.kernels.surfaces.regions import BODY_REGIONS
@@ -26,63 +26,78 @@ _FROM_THE_LIGHT = ("ptracer",)
 """Mitsuba's integrators whose paths start at the light."""
 
 
-def check_light(parts: Parts) -> Iterator[Finding]:
-    """Findings on the light without tracing."""
-    for shape in parts.shapes():
+def check_light(objects: SceneObjects) -> Iterator[Finding]:
+    """Find errors of light that show without tracing rays."""
+    for shape in objects.shapes():
         yield from _walls(shape)
-    yield from _nothing_comes_back(parts)
-    for led in parts.of("annular_led"):
-        if float(led.made.power[0]) == 0:
+    yield from _nothing_comes_back(objects)
+    for led in objects.of("annular_led"):
+        if float(led.instance.power[0]) == 0:
             yield led.finding("warning", "power = 0 of annular_led is no light: all readings are 0.", "power")
-    integrators = [part for part in parts.roots if part.kind == "integrator" and part.sound]
+    integrators = [obj for obj in objects.roots if obj.kind == "integrator" and obj.valid]
     for integrator in integrators[1:]:
         yield integrator.finding("error", "a scene takes one integrator, and this is another: take one of them out.")
     for integrator in integrators:
-        yield from _integrator(integrator, parts)
-    yield from _tables(parts)
+        yield from _integrator(integrator, objects)
+    yield from _tables(objects)
 
 
-def check_modelled(parts: Parts) -> list[Finding]:
-    """What `measure` refuses in a scene whose parts were all made."""
-    if not parts.sound:
+def check_modelled(objects: SceneObjects) -> list[Finding]:
+    """Find what `measure` refuses, in a scene whose objects are all valid."""
+    if not objects.valid:
         return []
     try:
-        refuse_unmodelled(_Contents(parts), _integrator_of(parts))
+        refuse_unmodelled(_Contents(objects), _integrator_of(objects))
     except InputError as error:
-        guilty = [part for part in parts.all if error.part is not None and part.made is error.part]
-        return [guilty[0].finding("error", str(error)) if guilty else Finding("error", str(error), parts.file, 0)]
+        culprits = [obj for obj in objects.all if error.part is not None and obj.instance is error.part]
+        return [culprits[0].finding("error", str(error)) if culprits else Finding("error", str(error), objects.file, 0)]
     return []
 
 
-def check_prepared(scene: Scene, parts: Parts) -> list[Finding]:
-    """What `measure` refuses of a sound scene when pads are deformed, and after a few rays; what pads touch, and black
-    backs."""
+def check_prepared(scene: Scene, objects: SceneObjects) -> list[Finding]:
+    """Prepare a valid scene as `measure` does, with deformed pads and a few rays.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene, without errors.
+    objects : SceneObjects
+        Its objects.
+
+    Returns
+    -------
+    list[Finding]
+        An error if the scene is refused or a computation stops; otherwise warnings of contacts of the pads, and of
+        surfaces whose back side absorbs light.
+    """
     try:
-        live = prepare(scene).scene
+        built = prepare(scene).scene
     except (InputError, ComputationError) as error:
-        return [Finding("error", str(error), parts.file, 0, stopped=isinstance(error, ComputationError))]
-    # Pads are built last: see `Scene.load`.
-    built = sorted((part for part in parts.roots if part.kind == "shape"), key=lambda part: part.plugin == PAD)
-    shapes = [part.element for part in built]
-    if len(shapes) != len(live.shapes()):  # a `merge` is taken apart
-        shapes = [parts.roots[0].element] * len(live.shapes())
-    touching = [Finding("warning", f"{note}.", parts.file, 0) for note in contact_notes(live)]
-    return touching + [shapes[number].finding("warning", f"{said}.") for number, said in dark_backs(live).items()]
+        return [Finding("error", str(error), objects.file, 0, stopped=isinstance(error, ComputationError))]
+    # Order the elements as the shapes of the built scene. Pads are built last: see `Scene.load`.
+    roots = sorted((obj for obj in objects.roots if obj.kind == "shape"), key=lambda obj: obj.plugin == PAD)
+    shapes = [obj.element for obj in roots]
+    if len(shapes) != len(built.shapes()):  # a `merge` is taken apart
+        shapes = [objects.roots[0].element] * len(built.shapes())
+    touching = [Finding("warning", f"{note}.", objects.file, 0) for note in contact_notes(built)]
+    return touching + [
+        shapes[number].finding("warning", f"{message}.") for number, message in dark_backs(built).items()
+    ]
 
 
-def _integrator_of(parts: Parts) -> Any:
-    integrators = [part for part in parts.roots if part.kind == "integrator"]
-    return integrators[0].made if integrators else make_plugin("taxel_tracer")
+def _integrator_of(objects: SceneObjects) -> Any:
+    integrators = [obj for obj in objects.roots if obj.kind == "integrator"]
+    return integrators[0].instance if integrators else make_plugin("taxel_tracer")
 
 
 @dataclass
 class _Contents:
-    """The shapes of a scene without ray tracing: the part of a scene that `refuse_unmodelled` needs."""
+    """Shapes, emitters and sensors of a scene without ray tracing: the interface that `refuse_unmodelled` needs."""
 
-    parts: Parts
+    objects: SceneObjects
 
     def shapes(self) -> list[Any]:
-        return [part.made for part in self.parts.shapes()]
+        return [obj.instance for obj in self.objects.shapes()]
 
     def emitters(self) -> list[Any]:
         return self._endpoints("emitter")
@@ -91,91 +106,92 @@ class _Contents:
         return self._endpoints("sensor")
 
     def _endpoints(self, kind: str) -> list[Any]:
-        found = []
-        for part in self.parts.roots:
-            given = [part] if part.kind == kind else part.nested(kind)
-            found += [one.made for one in given]
-            if not given and part.plugin == "photo_reflector" and part.made is not None:  # a part has its own
-                found.append(part.made.emitter() if kind == "emitter" else part.made.sensor())
-        return found
+        endpoints = []
+        for obj in self.objects.roots:
+            nested = [obj] if obj.kind == kind else obj.nested(kind)
+            endpoints += [endpoint.instance for endpoint in nested]
+            if not nested and obj.plugin == "photo_reflector" and obj.instance is not None:  # it creates its own
+                endpoints.append(obj.instance.emitter() if kind == "emitter" else obj.instance.sensor())
+        return endpoints
 
 
-def _walls(shape: ScenePart) -> Iterator[Finding]:
-    """Shapes with a default BSDF, and regions that a shape does not have."""
+def _walls(shape: SceneObject) -> Iterator[Finding]:
+    """Warn of shapes with Mitsuba's default BSDF, and of regions that a shape does not have."""
     covers = shape.nested("bsdf")
-    ours = shape.plugin in (PAD, "photo_reflector")
-    if not covers and not ours and shape.made.bsdf() is not None:
-        carries = bool(shape.nested("emitter") or shape.nested("sensor"))
+    has_regions = shape.plugin in (PAD, "photo_reflector")
+    if not covers and not has_regions and shape.instance.bsdf() is not None:
+        has_endpoint = bool(shape.nested("emitter") or shape.nested("sensor"))
         yield shape.finding(
-            "note" if carries else "warning",
+            "note" if has_endpoint else "warning",
             f"{shape.plugin} has no bsdf, and Mitsuba makes it a grey that returns half of the light: give it a wall.",
         )
     for cover in covers:
-        if not is_region(cover.made):
+        if not is_region(cover.instance):
             continue
-        if not ours and not (shape.made.is_mesh() and shape.made.has_attribute("face_region")):
+        if not has_regions and not (shape.instance.is_mesh() and shape.instance.has_attribute("face_region")):
             yield cover.finding(
                 "warning", f"{shape.plugin} has no regions, and all of it absorbs: give it a wall instead of a region."
             )
             continue
-        if ours:
+        if has_regions:
             names = REGIONS if shape.plugin == PAD else BODY_REGIONS
-            for name in set(cover.made.walls) - set(names):
+            for name in set(cover.instance.walls) - set(names):
                 yield cover.children.get(name, cover).finding(
                     "warning", f"{name} is no region of {shape.plugin}, and covers nothing: {', '.join(names)} are."
                 )
 
 
-def _nothing_comes_back(parts: Parts) -> Iterator[Finding]:
-    """Absorbing roofs, and scenes in which everything absorbs."""
-    if not parts.sound:
+def _nothing_comes_back(objects: SceneObjects) -> Iterator[Finding]:
+    """Warn of absorbing roofs, and of scenes in which everything absorbs."""
+    if not objects.valid:
         return
-    pads = [part for part in parts.shapes() if part.plugin == PAD]
+    pads = [obj for obj in objects.shapes() if obj.plugin == PAD]
     for pad in pads:
-        dark = [name for name in ("roof", "side") if absorbs(_cover(pad, name))]
-        if "roof" in dark:
-            rest = "and so do its sides" if "side" in dark else "and only its sides return light"
-            message = f"the roof of {PAD} absorbs, {rest}: give the roof of its region a wall that reflects."
+        absorbing = [name for name in ("roof", "side") if absorbs(_cover(pad, name))]
+        if "roof" in absorbing:
+            sides = "and so do its sides" if "side" in absorbing else "and only its sides return light"
+            message = f"the roof of {PAD} absorbs, {sides}: give the roof of its region a wall that reflects."
             yield pad.finding("warning", message)
-    carriers = [part for part in parts.shapes() if part.nested("emitter") or part.nested("sensor")]
-    if pads or not carriers or any(part.plugin != "photo_reflector" for part in carriers):
+    # Without pads, photo-reflectors need something that reflects. Other carriers of LEDs are not judged.
+    carriers = [obj for obj in objects.shapes() if obj.nested("emitter") or obj.nested("sensor")]
+    if pads or not carriers or any(obj.plugin != "photo_reflector" for obj in carriers):
         return
-    others = [part for part in parts.shapes() if part not in carriers]
-    if others and all(absorbs(_cover(part, "")) for part in others):
-        yield others[0].finding("warning", "nothing that an LED shines at reflects: all readings are 0.")
+    reflectors = [obj for obj in objects.shapes() if obj not in carriers]
+    if reflectors and all(absorbs(_cover(obj, "")) for obj in reflectors):
+        yield reflectors[0].finding("warning", "nothing that an LED shines at reflects: all readings are 0.")
 
 
-def _cover(shape: ScenePart, region: str) -> Any:
-    """The BSDF of a region; None for the default of a ``wall``, or Mitsuba's default for the shape."""
+def _cover(shape: SceneObject, region: str) -> Any:
+    """The BSDF of a region of a shape, or of the whole shape for an empty name; None for the default of a pad."""
     covers = shape.nested("bsdf")
     if not covers:
-        return None if shape.plugin == PAD else shape.made.bsdf()
-    made = covers[0].made
-    return wall_at(made, region) if region else made
+        return None if shape.plugin == PAD else shape.instance.bsdf()
+    bsdf = covers[0].instance
+    return wall_at(bsdf, region) if region else bsdf
 
 
-def _integrator(integrator: ScenePart, parts: Parts) -> Iterator[Finding]:
-    """Mitsuba's integrators that start at the phototransistor, if weights from there are unbounded."""
-    made, plugin = integrator.made, integrator.plugin
-    if plugin in _FROM_THE_LIGHT or traces_taxels(made):
+def _integrator(integrator: SceneObject, objects: SceneObjects) -> Iterator[Finding]:
+    """Warn of integrators that start paths at the phototransistor, if the weights of such paths are unbounded."""
+    instance, plugin = integrator.instance, integrator.plugin
+    if plugin in _FROM_THE_LIGHT or traces_taxels(instance):
         return
-    from_there = f"{plugin} starts at the phototransistor, from where"
-    unbounded = [part for part in parts.of("wall") if not is_bounded_from_detector(part.made)]
+    cause = f"{plugin} starts at the phototransistor, from where"
+    unbounded = [obj for obj in objects.of("wall") if not is_bounded_from_detector(obj.instance)]
     if unbounded:
         wall = f"the isotropic wall of line {unbounded[0].element.line}"
-        yield integrator.finding("warning", f"{from_there} {wall} has no bounded variance: use taxel_tracer.")
-    for led in parts.of("annular_led"):
-        if isinstance(led.made.law, UniformPolarAngle):
+        yield integrator.finding("warning", f"{cause} {wall} has no bounded variance: use taxel_tracer.")
+    for led in objects.of("annular_led"):
+        if isinstance(led.instance.law, UniformPolarAngle):
             law = f"the law uniform_polar_angle of line {led.element.line}"
-            yield integrator.finding("warning", f"{from_there} {law} has no bounded variance: use taxel_tracer.")
+            yield integrator.finding("warning", f"{cause} {law} has no bounded variance: use taxel_tracer.")
 
 
-def _tables(parts: Parts) -> Iterator[Finding]:
-    """Tables of reflectance that do not cover the wavelength of an LED."""
-    wavelengths = sorted({led.made.wavelength for led in parts.of("annular_led")})
-    for wall in parts.of("wall"):
-        for nm in wavelengths if wall.made.needs_wavelength else ():
+def _tables(objects: SceneObjects) -> Iterator[Finding]:
+    """Find tables of reflectance that do not cover the wavelength of an LED."""
+    wavelengths = sorted({led.instance.wavelength for led in objects.of("annular_led")})
+    for wall in objects.of("wall"):
+        for nm in wavelengths if wall.instance.needs_wavelength else ():
             try:
-                wall.made.table.at(nm)
+                wall.instance.table.at(nm)
             except InputError as error:
                 yield wall.finding("error", str(error), "reflectance_table")

@@ -1,4 +1,4 @@
-"""Pads that cannot be meshed, or only with more elements or triangles than fit into memory."""
+"""Checks of pads before the solve: the cells of a pad from a file, and finishes."""
 
 from __future__ import annotations
 
@@ -14,9 +14,23 @@ if TYPE_CHECKING:
 
 
 def extents_in_file(pad: PadFile, mesh_size: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """Extents of the pad in a file, (2, 3), and of its cells, (K, 2, 3); see `extents_of`.
+    """Extents of the pad in a file, and of its cells.
 
     A surface is read, repaired and divided into regions; only a STEP file has to be meshed for that.
+
+    Parameters
+    ----------
+    pad : PadFile
+        The pad.
+    mesh_size : float or None
+        Mesh size in mm, None for the default of the pad.
+
+    Returns
+    -------
+    pad : (2, 3) ndarray
+        Lowest and highest coordinates of the pad, in mm.
+    cells : (K, 2, 3) ndarray
+        Those of each cell, in mm.
 
     Raises
     ------
@@ -42,9 +56,25 @@ def extents_in_file(pad: PadFile, mesh_size: float | None) -> tuple[np.ndarray, 
 
 
 def refuse_finish(pad: Pad, mesh_size: float | None, finish: Finish, subdivision: int) -> None:
-    """Raise an InputError for a finish that a pad cannot have; its number of triangles is known only from the mesh.
+    """Refuse a finish that a pad cannot have; the number of triangles follows from the mesh.
 
     Failures of meshing itself are not reported here.
+
+    Parameters
+    ----------
+    pad : Pad
+        The pad.
+    mesh_size : float or None
+        Mesh size in mm, None for the default of the pad.
+    finish : Finish
+        Roughness or texture of its surface.
+    subdivision : int
+        Subdivision of the surface triangles.
+
+    Raises
+    ------
+    InputError
+        as `check_finish`.
     """
     from mitsuba_taxel.mechanics import check_finish
 

@@ -1,4 +1,4 @@
-"""Unknown names, and values in the wrong element, found in the file as written."""
+"""Unknown names and values in the wrong element, from the XML file alone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,15 @@ _TAGS = (*KINDS, *_VALUES, *_TRANSFORMATIONS, "scene", "default", "include", "pa
 
 
 def check_names(root: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
-    """Elements, plugins, parameters and ``$name``s that do not exist, and elements of the wrong type."""
+    """Find elements, plugins, parameters and ``$name`` references that do not exist, and elements of the wrong type.
+
+    Parameters
+    ----------
+    root : Element
+        Root of the file.
+    parameters : Mapping[str, str]
+        Values of the ``$name`` references, by name.
+    """
     for element in root.walk():
         yield from _references(element, parameters)
         if element.tag not in _TAGS:
@@ -36,7 +44,7 @@ def check_names(root: Element, parameters: Mapping[str, str]) -> Iterator[Findin
 
 
 def _references(element: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
-    """References without a value."""
+    """Find ``$name`` references without a value."""
     for name in sorted(used_by(element.attributes)):
         if name not in parameters:
             yield element.finding(
@@ -45,13 +53,13 @@ def _references(element: Element, parameters: Mapping[str, str]) -> Iterator[Fin
 
 
 def defaults_given_twice(root: Element) -> Iterator[Finding]:
-    """Defaults given twice in one file; an including file may override those of an included one."""
+    """Find duplicate ``<default>``s in one file; an including file may override those of an included one."""
     seen = set()
     for element in root.walk():
-        place = (element.file, element.attributes.get("name", ""))
-        if element.tag == "default" and place in seen:
-            yield element.finding("error", f"the <default> {place[1]} is given twice: take one of them out.")
-        seen |= {place} if element.tag == "default" else set()
+        key = (element.file, element.attributes.get("name", ""))
+        if element.tag == "default" and key in seen:
+            yield element.finding("error", f"the <default> {key[1]} is given twice: take one of them out.")
+        seen |= {key} if element.tag == "default" else set()
 
 
 def _unused_defaults(root: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
@@ -66,7 +74,7 @@ def _unused_defaults(root: Element, parameters: Mapping[str, str]) -> Iterator[F
 
 
 def _given_twice(element: Element) -> Iterator[Finding]:
-    """Duplicate parameters of one object, which Mitsuba refuses, and duplicate nested objects, of which it uses one."""
+    """Find duplicate names in one object: Mitsuba refuses duplicate parameters, and uses one of duplicate objects."""
     seen: set[str] = set()
     for child in element.children:
         name = child.attributes.get("name", "") if child.tag != "default" else ""
@@ -78,15 +86,23 @@ def _given_twice(element: Element) -> Iterator[Finding]:
 
 def _of_object(element: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
     message = error_in_plugin(element, parameters)
-    words = specifications().get(filled_in(element.attributes["type"], parameters))
+    specification = specifications().get(filled_in(element.attributes["type"], parameters))
     if message:
         yield element.finding("error", message)
-    elif words is not None:
-        yield from _of_plugin(element, words, parameters)
+    elif specification is not None:
+        yield from _of_plugin(element, specification, parameters)
 
 
 def error_in_plugin(element: Element, parameters: Mapping[str, str]) -> str:
-    """Error in the type of an object; empty if it is a plugin of the right kind for its element."""
+    """Describe the error in the plugin type of an object; empty if the plugin exists and fits the element.
+
+    Parameters
+    ----------
+    element : Element
+        XML element of the object.
+    parameters : Mapping[str, str]
+        Values of the ``$name`` references, by name.
+    """
     plugin = filled_in(element.attributes.get("type", ""), parameters)
     if plugin and "$" not in plugin:
         try:
@@ -102,39 +118,48 @@ def error_in_plugin(element: Element, parameters: Mapping[str, str]) -> str:
     return f"{plugin!r} is not a plugin{did_you_mean(plugin, (*ours, *_mitsuba_plugins()))}."
 
 
-def _of_plugin(element: Element, words: type[Specification], parameters: Mapping[str, str]) -> Iterator[Finding]:
+def _of_plugin(
+    element: Element, specification: type[Specification], parameters: Mapping[str, str]
+) -> Iterator[Finding]:
     for child in element.children:
-        message = error_in(child, words, parameters)
+        message = error_in(child, specification, parameters)
         if message:
             yield child.finding("error", message)
 
 
-def error_in(child: Element, words: type[Specification], parameters: Mapping[str, str]) -> str:
-    """Error in the name or the element of a parameter of one of our plugins; empty if there is none.
+def error_in(child: Element, specification: type[Specification], parameters: Mapping[str, str]) -> str:
+    """Describe the error in the name or the element of a parameter; empty if there is none.
 
-    Nested objects are not checked.
+    Parameters
+    ----------
+    child : Element
+        XML element of the parameter; nested objects are not checked.
+    specification : type[Specification]
+        Parameters of the plugin, which is one of this package.
+    parameters : Mapping[str, str]
+        Values of the ``$name`` references, by name.
     """
     name = filled_in(child.attributes.get("name", ""), parameters)
     if child.tag not in _VALUES or not name:
         return ""
-    known = words.values()
-    if name not in known:
-        return words.unknown_value(name)
-    allowed = ELEMENTS[known[name].type]
+    values = specification.values()
+    if name not in values:
+        return specification.unknown_value(name)
+    allowed = ELEMENTS[values[name].type]
     if child.tag not in allowed:
-        return f"{name} of {words.plugin} stands in a <{child.tag}>: a <{allowed[0]}> is needed."
+        return f"{name} of {specification.plugin} stands in a <{child.tag}>: a <{allowed[0]}> is needed."
     return ""
 
 
 def _kind_of(plugin: str) -> str:
-    """The element of a plugin of Mitsuba's own; empty if unknown."""
+    """The tag of the elements of one of Mitsuba's own plugins; empty if the plugin is unknown."""
     kind = mi.PluginManager.instance().plugin_type(plugin).name if plugin else "Unknown"
     name = {"PhaseFunction": "phase", "ReconstructionFilter": "rfilter"}.get(kind, kind.lower())
     return name if name in KINDS else ""
 
 
 def _exists(plugin: str) -> bool:
-    """Whether Mitsuba has a plugin of that name, or one has been registered from Python."""
+    """Whether Mitsuba has a plugin of that name, compiled or registered from Python."""
     if not plugin or _kind_of(plugin):
         return bool(plugin)
     try:

@@ -1,4 +1,4 @@
-"""The parts of a scene, created one by one to collect the errors of each; pads are read, but not deformed."""
+"""The objects of a scene, created one by one to collect the errors of each; pads are read, but not deformed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PAD = "deformable_pad"
 
 
 class UndeformedPad:
-    """A pad as described by a scene.
+    """A pad as a scene describes it, without its deformation.
 
     Attributes
     ----------
@@ -53,12 +53,14 @@ class UndeformedPad:
     cell_boxes: np.ndarray | None = None
 
     def __init__(self, props: Any) -> None:
-        self.specification = stated = DeformablePad.read(props)
-        self.pad = stated.build_pad(found)
-        self.material = stated.build_material()
-        self.load = stated.build_load(found)
-        self.read_cells = stated.cell_numbers()
-        self.to_world = np.eye(4) if stated.to_world is None else np.array(stated.to_world.matrix, dtype=float)
+        self.specification = specification = DeformablePad.read(props)
+        self.pad = specification.build_pad(found)
+        self.material = specification.build_material()
+        self.load = specification.build_load(found)
+        self.read_cells = specification.cell_numbers()
+        self.to_world = (
+            np.eye(4) if specification.to_world is None else np.array(specification.to_world.matrix, dtype=float)
+        )
         self.objects = dict(props.objects())
 
     # Interface of shapes for `refuse_unmodelled`
@@ -66,7 +68,7 @@ class UndeformedPad:
     state = None
 
     def bsdf(self) -> Any:
-        return next((made for made in self.objects.values() if isinstance(made, mi.BSDF)), None)
+        return next((obj for obj in self.objects.values() if isinstance(obj, mi.BSDF)), None)
 
     def interior_medium(self) -> Any:
         return self.objects.get("interior")
@@ -76,218 +78,276 @@ class UndeformedPad:
 
 
 @dataclass
-class ScenePart:
+class SceneObject:
     """One object of a scene.
 
     Attributes
     ----------
     plugin, kind : str
-        Its plugin's name, and the name of the element.
+        Name of the plugin, and tag of the XML element.
     element : Element
-        Its element in the file.
+        XML element of the object.
     props : Any
         Parameters of the plugin, without nested objects.
-    children : dict[str, ScenePart]
-        Objects nested in it, by name.
-    made : Any
-        The object, an `UndeformedPad` for a pad; None if it cannot be made.
-    sound : bool
-        Whether it was made exactly as described.
+    children : dict[str, SceneObject]
+        Nested objects, by name.
+    instance : Any
+        The plugin object, or an `UndeformedPad` for a pad; None if it cannot be created.
+    valid : bool
+        Whether the instance was created exactly as described.
     """
 
     plugin: str
     kind: str
     element: Element
     props: Any
-    children: dict[str, ScenePart]
-    made: Any = None
-    sound: bool = False
+    children: dict[str, SceneObject]
+    instance: Any = None
+    valid: bool = False
 
     def finding(self, severity: str, message: str, name: str = "") -> Finding:
-        """A finding at a parameter, or at the object itself."""
+        """A finding at the line of the parameter ``name``, or at the line of the object.
+
+        Parameters
+        ----------
+        severity : str
+            One of `mitsuba_taxel.check.finding.SEVERITIES`.
+        message : str
+            What is wrong, and what to do.
+        name : str, optional
+            Parameter of the object.
+
+        Returns
+        -------
+        Finding
+            At the parameter if the object has one of that name.
+        """
         for child in self.element.children:
             if name and child.attributes.get("name") == name:
                 return child.finding(severity, message)
         return self.element.finding(severity, message)
 
-    def nested(self, kind: str) -> list[ScenePart]:
+    def nested(self, kind: str) -> list[SceneObject]:
         """The objects of one kind nested in it."""
         return [child for child in self.children.values() if child.kind == kind]
 
 
 @dataclass
-class Parts:
-    """All objects of a scene file: those at top level, and all including nested ones."""
+class SceneObjects:
+    """All objects of a scene file.
+
+    Attributes
+    ----------
+    file : str
+        Name of the scene file.
+    roots : list[SceneObject]
+        Objects at the top level.
+    all : list[SceneObject]
+        All objects, including nested ones.
+    findings : list[Finding]
+        Errors of the plugins.
+    """
 
     file: str
-    roots: list[ScenePart]
-    all: list[ScenePart]
+    roots: list[SceneObject]
+    all: list[SceneObject]
     findings: list[Finding]
 
     @property
-    def sound(self) -> bool:
-        """Whether all objects were made as the scene describes them."""
-        return all(part.sound for part in self.all)
+    def valid(self) -> bool:
+        """Whether all objects were created as the scene describes them."""
+        return all(obj.valid for obj in self.all)
 
-    def of(self, *plugins: str) -> list[ScenePart]:
-        """Sound objects of some plugins."""
-        return [part for part in self.all if part.sound and part.plugin in plugins]
+    def of(self, *plugins: str) -> list[SceneObject]:
+        """Valid objects of the named plugins."""
+        return [obj for obj in self.all if obj.valid and obj.plugin in plugins]
 
-    def shapes(self) -> list[ScenePart]:
-        """Sound shapes at the top level of the scene."""
-        return [part for part in self.roots if part.sound and part.kind == "shape"]
+    def shapes(self) -> list[SceneObject]:
+        """Valid shapes at the top level of the scene."""
+        return [obj for obj in self.roots if obj.valid and obj.kind == "shape"]
 
 
-def make_parts(state: Any, root: Element, parameters: Mapping[str, str]) -> Parts:
-    """Make the objects of a scene that Mitsuba has parsed, and collect the errors of their plugins."""
+def make_objects(state: Any, root: Element, parameters: Mapping[str, str]) -> SceneObjects:
+    """Create the objects of a parsed scene, and collect the errors of their plugins.
+
+    Parameters
+    ----------
+    state : mitsuba.parser.ParserState
+        The scene as Mitsuba's parser returns it.
+    root : Element
+        Root of the scene's XML file, for the lines of findings.
+    parameters : Mapping[str, str]
+        Values of the ``$name`` references, by name.
+
+    Returns
+    -------
+    SceneObjects
+        The objects, and the findings on them.
+    """
     maker = _Maker(state, root, parameters)
-    scene = maker.part(0)
-    everything = [part for part in maker.parts.values() if part is not scene]
-    return Parts(root.file.name, list(scene.children.values()), everything, maker.findings)
+    scene = maker.object_of(0)
+    everything = [obj for obj in maker.objects.values() if obj is not scene]
+    return SceneObjects(root.file.name, list(scene.children.values()), everything, maker.findings)
 
 
 class _Maker:
-    """Makes each object once, nested ones first."""
+    """Creates each object once, nested objects first."""
 
     def __init__(self, state: Any, root: Element, parameters: Mapping[str, str]) -> None:
         self.state, self.root, self.parameters = state, root, parameters
-        self.places = {(element.file.resolve(), element.offset): element for element in root.walk()}
+        self.elements = {(element.file.resolve(), element.offset): element for element in root.walk()}
         self.findings: list[Finding] = []
-        self.parts: dict[int, ScenePart] = {}
+        self.objects: dict[int, SceneObject] = {}
 
-    def part(self, index: int) -> ScenePart:
-        """The part of a node of Mitsuba's parser."""
-        if index in self.parts:
-            return self.parts[index]
+    def object_of(self, index: int) -> SceneObject:
+        """The object of one node of Mitsuba's parser, created with its nested objects; ``index`` numbers the nodes."""
+        if index in self.objects:
+            return self.objects[index]
         node = self.state.nodes[index]
         props = node.props
+        # Nested objects come first: an object is created from its children.
         nested = [name for name in props.keys() if props.type(name) == mi.Properties.Type.ResolvedReference]
-        children = {name: self.part(props[name].index()) for name in nested}
+        children = {name: self.object_of(props[name].index()) for name in nested}
+        # The XML element lies in the node's file, one byte before the offset that Mitsuba records.
         element = self.root
         if node.file_index < len(self.state.files):
             file = Path(str(self.state.files[node.file_index])).resolve()
-            element = self.places.get((file, node.offset - 1), self.root)
-        part = self.parts[index] = ScenePart(props.plugin_name(), element.tag, element, mi.Properties(props), children)
+            element = self.elements.get((file, node.offset - 1), self.root)
+        obj = self.objects[index] = SceneObject(
+            props.plugin_name(), element.tag, element, mi.Properties(props), children
+        )
+        # Create the instance, and record whether errors were found on the way.
         for name, message in unused_parts(self.state.nodes, node).items():
-            if children[name].plugin != PAD:  # see below
+            if children[name].plugin != PAD:  # `_create` reports nested pads
                 self.findings.append(children[name].finding("error", message))
         if node.type == mi.ObjectType.Scene and index > 0:
-            self.findings.append(part.finding("error", NESTED_SCENE))
+            self.findings.append(obj.finding("error", NESTED_SCENE))
         elif node.type != mi.ObjectType.Scene:
-            before = len(self.findings)
-            dropped = self._make(part)
-            whole = part.made is not None and not dropped and len(self.findings) == before
-            part.sound = whole and all(child.sound for child in children.values())
-        return part
+            error_count = len(self.findings)
+            incomplete = self._create(obj)
+            created = obj.instance is not None and not incomplete and len(self.findings) == error_count
+            obj.valid = created and all(child.valid for child in children.values())
+        return obj
 
-    def _make(self, part: ScenePart) -> bool:
-        """Make the object of a part, if possible; returns whether parameters already refused were left out."""
-        for child in part.children.values():
+    def _create(self, obj: SceneObject) -> bool:
+        """Create the instance of an object if possible; returns whether refused parameters were removed for that."""
+        # Objects with nested pads, with failed children or of unknown plugins cannot be created.
+        for child in obj.children.values():
             if child.plugin == PAD:
-                message = f"{PAD} stands in a {part.plugin}: take it out, into the scene itself."
+                message = f"{PAD} stands in a {obj.plugin}: take it out, into the scene itself."
                 self.findings.append(child.finding("error", message))
                 return False
-        if any(child.made is None for child in part.children.values()):
+        if any(child.instance is None for child in obj.children.values()):
             return False
-        if part.element.tag in KINDS and error_in_plugin(part.element, self.parameters):
+        if obj.element.tag in KINDS and error_in_plugin(obj.element, self.parameters):
             return False
-        props = mi.Properties(part.props)
-        for name, child in part.children.items():
-            props[name] = child.made
-        dropped = self._drop_what_is_refused_already(part, props)
-        before = len(self.findings)
-        if part.plugin == PAD:
-            part.made = self._read_pad(part, props)
+        # Create it without the parameters that have an error already, so that the remaining ones are checked as well.
+        props = mi.Properties(obj.props)
+        for name, child in obj.children.items():
+            props[name] = child.instance
+        incomplete = self._drop_refused(obj, props)
+        error_count = len(self.findings)
+        if obj.plugin == PAD:
+            obj.instance = self._read_pad(obj, props)
         else:
-            part.made = self._retry(part, props, mi.PluginManager.instance().create_object)
-        if part.made is not None and len(self.findings) == before:
-            self._refuse_unread(part, props)
-        return dropped
+            obj.instance = self._retry(obj, props, mi.PluginManager.instance().create_object)
+        if obj.instance is not None and len(self.findings) == error_count:
+            self._refuse_unread(obj, props)
+        return incomplete
 
-    def _drop_what_is_refused_already(self, part: ScenePart, props: Any) -> bool:
-        """Remove parameters that `check_names` refuses, nested objects that a plugin does not know, and invalid
-        transformations."""
-        words = specifications().get(part.plugin)
+    def _drop_refused(self, obj: SceneObject, props: Any) -> bool:
+        """Remove parameters that `check_names` refuses, unknown nested objects, and invalid transformations.
+
+        Returns whether parameters were removed.
+        """
+        specification = specifications().get(obj.plugin)
         refused = []
-        if words is not None:
-            flawed = [child for child in part.element.children if error_in(child, words, self.parameters)]
-            refused = [filled_in(child.attributes["name"], self.parameters) for child in flawed]
-            for name, message in words.unknown(props).items():
-                if name in part.children:
-                    self.findings.append(part.children[name].finding("error", message))
+        if specification is not None:
+            refused_elements = [
+                child for child in obj.element.children if error_in(child, specification, self.parameters)
+            ]
+            refused = [filled_in(child.attributes["name"], self.parameters) for child in refused_elements]
+            for name, message in specification.unknown(props).items():
+                if name in obj.children:
+                    self.findings.append(obj.children[name].finding("error", message))
                     del props[name]
-        for name, message in far_transforms(part.props).items():
-            said = f"{message}{guilty_parameters(self.parameters)}."
-            self.findings.append(part.finding("error", said, name))
+        for name, message in far_transforms(obj.props).items():
+            explanation = f"{message}{guilty_parameters(self.parameters)}."
+            self.findings.append(obj.finding("error", explanation, name))
             refused.append(name)
-        for name in set(refused) & set(props.keys()) - set(part.children):
+        for name in set(refused) & set(props.keys()) - set(obj.children):
             del props[name]
         return bool(refused)
 
-    def _retry(self, part: ScenePart, props: Any, make: Callable[[Any], Any]) -> Any:
-        """The result of ``make`` on the properties, without those that it refuses; None if it fails."""
+    def _retry(self, obj: SceneObject, props: Any, make: Callable[[Any], Any]) -> Any:
+        """The result of ``make`` on the properties, after removal of those that it refuses; None if it fails."""
         dropped: set[str] = set()
         while True:
             try:
                 return make(props)
             except (InputError, RuntimeError, TypeError, ValueError) as error:
-                message = _one_sentence(error, part.plugin)
+                message = _one_sentence(error, obj.plugin)
             if dropped & set(re.findall(r"\w+", message)):  # it may be a consequence of parameters left out
                 return None
             culprit = _culprit(message, props)
-            self.findings.append(part.finding("error", message, culprit))
-            if not culprit or culprit in part.children:
+            self.findings.append(obj.finding("error", message, culprit))
+            if not culprit or culprit in obj.children:
                 return None
             del props[culprit]
             dropped.add(culprit)
 
-    def _read_pad(self, part: ScenePart, props: Any) -> UndeformedPad | None:
+    def _read_pad(self, obj: SceneObject, props: Any) -> UndeformedPad | None:
         """Read a pad as its plugin does before solving for the deformation."""
-        pad = self._retry(part, props, UndeformedPad)
+        pad = self._retry(obj, props, UndeformedPad)
         if pad is not None:
-            self._check_cells(part, pad)
+            self._check_cells(obj, pad)
         return pad
 
-    def _check_cells(self, part: ScenePart, pad: UndeformedPad) -> None:
-        """Errors otherwise found only when solving: a mesh that is too large, or missing cells."""
-        numbers, stated = pad.read_cells or (), pad.specification
-        finish = stated.build_finish()
+    def _check_cells(self, obj: SceneObject, pad: UndeformedPad) -> None:
+        """Report errors that otherwise appear only in the solver: a mesh that is too large, or missing cells."""
+        numbers, specification = pad.read_cells or (), pad.specification
+        finish = specification.build_finish()
         if numbers and finish is not None:
             message = "read_cells is not allowed with a finish: it is laid on all cells."
-            self.findings.append(part.finding("error", message, "read_cells"))
+            self.findings.append(obj.finding("error", message, "read_cells"))
+        # Sizes are judged by lower bounds, without a mesh; only a pad from a file is read for its cells.
         wall = pad.bsdf()
         try:
-            check_mirrors(pad.pad, mirrors(wall) if wall is not None else [], stated.subdivision)
+            check_mirrors(pad.pad, mirrors(wall) if wall is not None else [], specification.subdivision)
             if isinstance(pad.pad, PadFile):
-                pad.extent, pad.cell_boxes = extents_in_file(pad.pad, stated.mesh_size)
+                pad.extent, pad.cell_boxes = extents_in_file(pad.pad, specification.mesh_size)
                 cells = len(pad.cell_boxes)
             else:
-                check_triangles(stated.subdivision, LEAST_FACES * (len(numbers) or pad.pad.rows * pad.pad.columns))
-                check_room(pad.pad, stated.mesh_size or pad.pad.default_mesh_size)
+                check_triangles(
+                    specification.subdivision, LEAST_FACES * (len(numbers) or pad.pad.rows * pad.pad.columns)
+                )
+                check_room(pad.pad, specification.mesh_size or pad.pad.default_mesh_size)
                 cells = pad.pad.rows * pad.pad.columns
             if finish is not None:
-                refuse_finish(pad.pad, stated.mesh_size, finish, stated.subdivision)
+                refuse_finish(pad.pad, specification.mesh_size, finish, specification.subdivision)
         except InputError as error:
-            self.findings.append(part.finding("error", str(error), _culprit(str(error), part.props)))
+            self.findings.append(obj.finding("error", str(error), _culprit(str(error), obj.props)))
             return
+        # Cells that are read must exist.
         for number in numbers:
             if number > cells:
                 message = f"read_cells = {number} is not allowed: the cells of the pad have numbers from 1 to {cells}."
-                self.findings.append(part.finding("error", message, "read_cells"))
+                self.findings.append(obj.finding("error", message, "read_cells"))
 
-    def _refuse_unread(self, part: ScenePart, props: Any) -> None:
+    def _refuse_unread(self, obj: SceneObject, props: Any) -> None:
+        """Report nested objects and parameters that the plugin has not read."""
         for name in props.unqueried():
-            if name in part.children:
-                child = part.children[name]
-                message = f"{part.plugin} has no use for the <{child.kind}> nested in it: take it out."
+            if name in obj.children:
+                child = obj.children[name]
+                message = f"{obj.plugin} has no use for the <{child.kind}> nested in it: take it out."
                 self.findings.append(child.finding("error", message))
             else:
-                message = f"{name} is no parameter of {part.plugin}: take it out."
-                self.findings.append(part.finding("error", message, name))
+                message = f"{name} is no parameter of {obj.plugin}: take it out."
+                self.findings.append(obj.finding("error", message, name))
 
 
 def _one_sentence(error: Exception, plugin: str) -> str:
-    """The error message of a plugin, without traceback or place in the source."""
+    """The error message of a plugin, without traceback or position in the source code."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
     if lines[-1].startswith("KeyboardInterrupt"):
         raise KeyboardInterrupt
@@ -298,6 +358,6 @@ def _one_sentence(error: Exception, plugin: str) -> str:
 
 
 def _culprit(message: str, props: Any) -> str:
-    """The parameter with which a message begins, if it is among the properties."""
+    """The property named by the first or second word of a message; empty if there is none."""
     names = set(props.keys())
     return next((word for word in re.findall(r"\w+", message)[:2] if word in names), "")

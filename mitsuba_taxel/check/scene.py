@@ -16,7 +16,7 @@ from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.geometry import check_geometry
 from mitsuba_taxel.check.light import check_light, check_modelled, check_prepared
 from mitsuba_taxel.check.parameters import check_names, defaults_given_twice
-from mitsuba_taxel.check.parts import make_parts
+from mitsuba_taxel.check.parts import make_objects
 from mitsuba_taxel.check.units import check_units
 from mitsuba_taxel.check.values import refused_values
 from mitsuba_taxel.sensing.scene.description import Scene, find_scene, parser_config
@@ -27,8 +27,8 @@ from mitsuba_taxel.sensing.scene.left_out import left_out, parse_scene
 def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
     """Check a scene, up to what `measure` traces.
 
-    A scene without errors so far is prepared as `measure` does: pads are deformed, which is then kept on disk, and a
-    few rays tell whether light ends, and whether `taxel_path` finds it.
+    If there are no errors until then, the scene is prepared as in `measure`: pads are deformed, their states are cached
+    on disk, and a few rays show whether light paths end, and whether `taxel_path` finds light.
 
     Parameters
     ----------
@@ -47,6 +47,7 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
     InputError
         if there is no such file, or a parameter is not one of the scene's.
     """
+    # Read the file. Findings on its structure end the check.
     path = find_scene(source)
     if path.suffix == ".toml":
         raise InputError(f"{path.name} is a study: a scene is needed; `taxel sweep` checks a study as it starts.")
@@ -54,31 +55,33 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
         root = read_document(path)
     except Unreadable as error:
         return [error.finding]
-    twice = list(defaults_given_twice(root))
-    if twice:
-        return twice
+    duplicates = list(defaults_given_twice(root))
+    if duplicates:
+        return duplicates
+    # Insert the parameters, and check names and values in the file.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnusedDefault)  # `check_names` reports them, with their lines
         scene = Scene(path, parameters)
     leave_out(root, left_out(scene.parameters))
     activate_variant()
     findings = list(check_names(root, scene.parameters))
+    # Create the objects, check units, positions and light, and prepare the scene if it has no errors.
     with scene.files_beside_it():
         state = _parse(scene, path, root, findings)
         if state is not None:
-            parts = make_parts(state, root, scene.parameters)
-            findings += parts.findings
+            objects = make_objects(state, root, scene.parameters)
+            findings += objects.findings
             for check in (check_units, check_geometry, check_light):
-                findings += check(parts)
+                findings += check(objects)
             if not any(finding.severity == "error" for finding in findings):
-                findings += check_modelled(parts)
-            sound = parts.sound and not any(finding.severity == "error" for finding in findings)
-            findings += check_prepared(scene, parts) if sound else []
+                findings += check_modelled(objects)
+            valid = objects.valid and not any(finding.severity == "error" for finding in findings)
+            findings += check_prepared(scene, objects) if valid else []
     return sorted(dict.fromkeys(findings), key=lambda f: (f.file != path.name, f.file, f.line, f.severity != "error"))
 
 
 def _parse(scene: Scene, path: Path, root: Element, findings: list[Finding]) -> Any:
-    """The scene parsed by Mitsuba; None, and findings, if that fails."""
+    """The scene as parsed by Mitsuba; None if that fails, and ``findings`` is extended by the errors."""
     config = parser_config(mi.variant())
     try:
         state = parse_scene(config, path, scene.parameters)
@@ -89,17 +92,17 @@ def _parse(scene: Scene, path: Path, root: Element, findings: list[Finding]) -> 
             findings.append(Finding("error", str(error), path.name, 0))
         return None
     except RuntimeError as error:
-        said = str(error)
-    for found in (*refused_values(root, scene.parameters), _of_parser(said, path)):
-        if not any((f.file, f.line, f.severity) == (found.file, found.line, "error") for f in findings):
-            findings.append(found)
+        message = str(error)
+    for finding in (*refused_values(root, scene.parameters), _of_parser(message, path)):
+        if not any((f.file, f.line, f.severity) == (finding.file, finding.line, "error") for f in findings):
+            findings.append(finding)
     return None
 
 
-def _of_parser(said: str, path: Path) -> Finding:
-    """The message of Mitsuba's parser, at the place that it names."""
-    text = re.sub(r"^\[[^\]]*\] ", "", " ".join(said.split()))
-    place = re.search(r"(?:^|\s)\"?([^\s\"]*)\"? \(line (\d+), col \d+\): (.*)", text)
-    if place is None:
+def _of_parser(message: str, path: Path) -> Finding:
+    """A finding with the message of Mitsuba's parser, at the file and line that the message names."""
+    text = re.sub(r"^\[[^\]]*\] ", "", " ".join(message.split()))
+    match = re.search(r"(?:^|\s)\"?([^\s\"]*)\"? \(line (\d+), col \d+\): (.*)", text)
+    if match is None:
         return Finding("error", f"{text.removesuffix('.')}.", path.name, 0)
-    return Finding("error", f"{place[3].removesuffix('.')}.", Path(place[1]).name, int(place[2]))
+    return Finding("error", f"{match[3].removesuffix('.')}.", Path(match[1]).name, int(match[2]))

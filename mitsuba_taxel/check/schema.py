@@ -122,7 +122,7 @@ def _define_texts(grammar: Element) -> None:
 
 
 def _define_declarations(grammar: Element) -> None:
-    """Declarations that are not objects."""
+    """Define declarations, elements that are neither objects nor values, and references to objects."""
     contents = {"default": ("name", "value"), "include": ("filename",), "path": ("value",), "alias": ("id", "as")}
     choice = SubElement(_define(grammar, "declaration"), "choice")
     for tag, attributes in contents.items():
@@ -135,7 +135,7 @@ def _define_declarations(grammar: Element) -> None:
 
 
 def _define_values(grammar: Element) -> None:
-    """Parameters of Mitsuba's own plugins: any."""
+    """Define values with any attributes, which Mitsuba's own plugins accept, and transformations."""
     choice = SubElement(_define(grammar, "value"), "choice")
     for tag in _VALUE_ELEMENTS:
         _ref(SubElement(choice, "element", name=tag), "any_attributes")
@@ -155,12 +155,13 @@ def _transform(parent: Element, name: str | None = None, text: str = "") -> None
 
 
 def _define_kind(grammar: Element, kind: str) -> None:
-    """An object of one kind, of a plugin of this package or of Mitsuba's own."""
+    """Define the element of one kind of object, of a plugin of this package or of Mitsuba."""
     ours = [name for name in plugin_names() if plugin_kind(name) == kind]
     element = SubElement(_define(grammar, kind), "element", name=kind)
     _optional_attributes(element, ("name", "id"))
     _ref(element, f"any_{kind}")
     choice = _choice(_define(grammar, f"any_{kind}"), (f"{kind}_{name}" for name in ours))
+    # Any other name is a plugin of Mitsuba, with any contents.
     group = SubElement(choice, "group")
     data = SubElement(SubElement(group, "attribute", name="type"), "data", type="string")
     exceptions = SubElement(SubElement(data, "except"), "choice")
@@ -170,6 +171,7 @@ def _define_kind(grammar: Element, kind: str) -> None:
 
 
 def _define_plugin(grammar: Element, name: str) -> None:
+    """Define the contents of one plugin of this package: its parameters and nested objects."""
     specification = specification_of(name)
     define = _define(grammar, f"{plugin_kind(name)}_{name}")
     kind = SubElement(define, "attribute", name="type")
@@ -189,6 +191,7 @@ def _define_plugin(grammar: Element, name: str) -> None:
 
 
 def _parameter(parent: Element, parameter: Parameter) -> None:
+    """Add the elements that may give one parameter, with its description and allowed values."""
     if parameter.type == "transform":
         _transform(parent, parameter.name, parameter.description_with_unit)
         return
@@ -208,7 +211,7 @@ def _parameter(parent: Element, parameter: Parameter) -> None:
 
 
 def _components(element: Element) -> None:
-    """Three numbers in one attribute, or in three."""
+    """Add three numbers, in one attribute or in three."""
     choice = SubElement(element, "choice")
     _choice(SubElement(choice, "attribute", name="value"), ("vector_text", "reference"))
     group = SubElement(choice, "group")

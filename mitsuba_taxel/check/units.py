@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.check.parts import PAD, Parts, ScenePart, UndeformedPad
+from mitsuba_taxel.check.parts import PAD, SceneObject, SceneObjects, UndeformedPad
 from mitsuba_taxel.kernels.tables import RIGHT_ANGLE
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.pads import Pad
@@ -21,70 +21,83 @@ _OTHERS = {
     "MPa": {"Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3},
     "nm": {"µm": 1e3, "m": 1e9, "Å": 0.1},
 }
-"""Other units in terms of that of a parameter."""
+"""Units that may be mistaken for the unit of a parameter, with their factors to it."""
 LARGEST_STRAIN = 3.0
-"""Largest stress of a load on the top of a pad, relative to Young's modulus, that a pad can bear."""
-PLACES_LOOKED_AT = 41
+"""Largest stress on the top of a pad, relative to Young's modulus, that a pad can bear."""
+CONTACT_POINTS = 41
 """Points along each side of a pad's top at which contact with an indenter is tested."""
 SMALLEST_STRAIN = 2e-5
-"""Least relative stress that shows in a reading."""
+"""Smallest stress relative to Young's modulus that changes a reading visibly."""
 
 
-def doubt(parameter: Parameter, value: float) -> str:
-    """Why a number is unusual; empty if it is not."""
-    least, most = getattr(parameter, "common", None) or (0.0, math.inf)
-    if value == 0 or not math.isfinite(value) or least <= abs(value) <= most:
+def unusual(parameter: Parameter, value: float) -> str:
+    """Explain why a value is outside the common range of its parameter; empty if it is inside.
+
+    Parameters
+    ----------
+    parameter : Parameter
+        The parameter, with its unit and common range.
+    value : float
+        In the unit of the parameter.
+
+    Returns
+    -------
+    str
+        The common range, and the value converted from another unit if that lies in the range.
+    """
+    lowest, highest = getattr(parameter, "common", None) or (0.0, math.inf)
+    if value == 0 or not math.isfinite(value) or lowest <= abs(value) <= highest:
         return ""
-    others = _OTHERS.get(parameter.unit, {})
-    meant = next((unit for unit, factor in others.items() if least <= abs(value) * factor <= most), "")
-    hint = f"; if it is in {meant}, write {value * others[meant]:.4g}" if meant else ""
-    return f"{f'{least:g} to {most:g} {parameter.unit}'.strip()} is common{hint}"
+    factors = _OTHERS.get(parameter.unit, {})
+    likely_unit = next((unit for unit, factor in factors.items() if lowest <= abs(value) * factor <= highest), "")
+    hint = f"; if it is in {likely_unit}, write {value * factors[likely_unit]:.4g}" if likely_unit else ""
+    return f"{f'{lowest:g} to {highest:g} {parameter.unit}'.strip()} is common{hint}"
 
 
-def check_units(parts: Parts) -> Iterator[Finding]:
-    """Numbers so unusual that another unit must be meant, and loads that pull."""
-    for part in parts.all:
-        stated = specifications()[part.plugin].values() if part.plugin in specifications() else {}
-        for name, parameter in stated.items():
-            if name in part.props.keys():
-                yield from _doubts(part, parameter)
-        if part.plugin == "annular_led" and "cone_angle" in part.props.keys():
-            yield from _radians(part)
-        if part.plugin == PAD and part.made is not None:
-            yield from _of_load(part)
+def check_units(objects: SceneObjects) -> Iterator[Finding]:
+    """Find numbers that are probably in another unit, loads that pull, and loads that miss the pad."""
+    for obj in objects.all:
+        specification = specifications()[obj.plugin].values() if obj.plugin in specifications() else {}
+        for name, parameter in specification.items():
+            if name in obj.props.keys():
+                yield from _unusual_values(obj, parameter)
+        if obj.plugin == "annular_led" and "cone_angle" in obj.props.keys():
+            yield from _angle_in_radians(obj)
+        if obj.plugin == PAD and obj.instance is not None:
+            yield from _unusual_load(obj)
 
 
-def _doubts(part: ScenePart, parameter: Parameter) -> Iterator[Finding]:
-    value = part.props[parameter.name]
+def _unusual_values(obj: SceneObject, parameter: Parameter) -> Iterator[Finding]:
+    value = obj.props[parameter.name]
     if not isinstance(parameter, Number | Vector) or isinstance(value, str | bool):
         return
     for component in np.atleast_1d(np.array(value, dtype=float)).tolist():
-        odd = doubt(parameter, component)
-        if odd:
+        reason = unusual(parameter, component)
+        if reason:
             number = f"{component:g} {parameter.unit}".strip()
-            said = f"{parameter.name} = {number} of {part.plugin} is odd: {odd}."
-            yield part.finding("warning", said, parameter.name)
+            message = f"{parameter.name} = {number} of {obj.plugin} is odd: {reason}."
+            yield obj.finding("warning", message, parameter.name)
             return
 
 
-def _radians(part: ScenePart) -> Iterator[Finding]:
-    angle = part.props["cone_angle"]
+def _angle_in_radians(obj: SceneObject) -> Iterator[Finding]:
+    angle = obj.props["cone_angle"]
     if isinstance(angle, int | float) and 0 < angle <= RIGHT_ANGLE:
         beam = f"cone_angle = {angle:g} degrees of annular_led is a narrow beam"
-        meant = f"if it is in radians, write {np.degrees(angle):.4g}"
-        yield part.finding("warning", f"{beam}; {meant}.", "cone_angle")
+        hint = f"if it is in radians, write {np.degrees(angle):.4g}"
+        yield obj.finding("warning", f"{beam}; {hint}.", "cone_angle")
 
 
-def _of_load(part: ScenePart) -> Iterator[Finding]:
-    """Loads that pull, and loads far too large or too small for a pad."""
-    pad = part.made
+def _unusual_load(obj: SceneObject) -> Iterator[Finding]:
+    """Warn of loads that pull, that are far too large or too small for the pad, or that miss it."""
+    pad = obj.instance
     if not np.any(pad.load[1]):
         return
-    load, given = pad.load[0], np.array(pad.load[1])
-    said = f"{load.quantity} = {', '.join(f'{component:g}' for component in given)} {load.unit} of {PAD}"
-    for odd in (_pull(load.quantity, given), _size(load.quantity, given, pad), _miss(load, given, pad)):
-        if odd:
-            yield part.finding("warning", f"{said} {odd}.", load.quantity)
+    load, value = pad.load[0], np.array(pad.load[1])
+    quantity = f"{load.quantity} = {', '.join(f'{component:g}' for component in value)} {load.unit} of {PAD}"
+    for reason in (_pull(load.quantity, value), _size(load.quantity, value, pad), _miss(load, value, pad)):
+        if reason:
+            yield obj.finding("warning", f"{quantity} {reason}.", load.quantity)
 
 
 def _pull(quantity: str, value: np.ndarray) -> str:
@@ -94,17 +107,22 @@ def _pull(quantity: str, value: np.ndarray) -> str:
 
 
 def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
-    """A message if an indenter never touches a pad's top on its way."""
+    """A message if an indenter does not touch the top of a pad anywhere on its path; empty otherwise."""
     if load.moved_indenter is None or not isinstance(pad.pad, Pad) or value[2] > 0:
         return ""
+    # Sample the path: down at its start, and down at its end. Depths halve, as a ball that is pushed in completely lies
+    # below the top and seems not to touch it.
     half = np.array(pad.pad.extent[:2]) / 2
-    at, top = np.array(load.moved_indenter.at), np.linspace(-1, 1, PLACES_LOOKED_AT)
-    depths = value[2] * 0.5 ** np.arange(12)  # on its way: a ball that has been pushed in whole is below the top
-    for share, depth in product((0.0, 1.0), depths):  # pushed down, and moved sideways
-        tip = [*(at + share * value[:2]), depth]
-        places = np.stack(np.meshgrid(*(np.append(top, near) for near in np.clip(tip[:2] / half, -1, 1))), axis=-1)
-        places = np.concatenate([places.reshape(-1, 2) * half, np.zeros((places[..., 0].size, 1))], axis=1)
-        if load.moved_indenter.body.gap(places - tip).size.min() < 0:
+    start, top = np.array(load.moved_indenter.at), np.linspace(-1, 1, CONTACT_POINTS)
+    depths = value[2] * 0.5 ** np.arange(12)
+    for fraction, depth in product((0.0, 1.0), depths):
+        # Test the gap to a grid on the top, which includes the point closest to the tip.
+        tip = [*(start + fraction * value[:2]), depth]
+        points = np.stack(
+            np.meshgrid(*(np.append(top, closest) for closest in np.clip(tip[:2] / half, -1, 1))), axis=-1
+        )
+        points = np.concatenate([points.reshape(-1, 2) * half, np.zeros((points[..., 0].size, 1))], axis=1)
+        if load.moved_indenter.body.gap(points - tip).size.min() < 0:
             return ""
     return "leaves the pad at rest: the indenter does not touch it"
 
@@ -117,14 +135,14 @@ def _size(quantity: str, value: np.ndarray, pad: UndeformedPad) -> str:
     if quantity == "displacement":
         return f"is more than the height of the pad, {z:g} mm; if it is in µm, write it in mm" if size >= z else ""
     modulus = pad.material.youngs_modulus
-    if doubt(specifications()[PAD].values()["youngs_modulus"], modulus):  # then the load cannot be judged
+    if unusual(specifications()[PAD].values()["youngs_modulus"], modulus):  # then the load cannot be judged
         return ""
     strain = size / (1 if quantity == "pressure" else x * y) / modulus
     smaller, larger, unit = ("mN", "kN", "N") if quantity == "force" else ("Pa or kPa", "GPa", "MPa")
     if strain > LARGEST_STRAIN:
-        share = f"{strain:.2g} times Young's modulus on its top, which no pad stands"
-        return f"is {share}; if it is in {smaller}, write it in {unit}"
+        cause = f"{strain:.2g} times Young's modulus on its top, which no pad stands"
+        return f"is {cause}; if it is in {smaller}, write it in {unit}"
     if strain < SMALLEST_STRAIN:
-        share = f"{strain:.1g} of Young's modulus on its top, which no reading shows"
-        return f"is {share}; if it is in {larger}, write it in {unit}"
+        cause = f"{strain:.1g} of Young's modulus on its top, which no reading shows"
+        return f"is {cause}; if it is in {larger}, write it in {unit}"
     return ""

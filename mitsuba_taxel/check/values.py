@@ -1,4 +1,4 @@
-"""Values that Mitsuba's parser refuses, each tested alone since the parser stops at the first."""
+"""Values that Mitsuba's parser refuses; each is parsed alone, as the parser stops at the first error."""
 
 from __future__ import annotations
 
@@ -15,7 +15,15 @@ _TAGS = ("integer", "float", "boolean", "string", "vector", "point")
 
 
 def refused_values(root: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
-    """Errors in the numbers, words and vectors of a file."""
+    """Find errors in the numbers, words and vectors of a file.
+
+    Parameters
+    ----------
+    root : Element
+        Root of the file.
+    parameters : Mapping[str, str]
+        Values of the ``$name`` references, by name.
+    """
     for element in root.walk():
         if element.tag not in _TAGS:
             continue
@@ -27,9 +35,9 @@ def refused_values(root: Element, parameters: Mapping[str, str]) -> Iterator[Fin
 
 
 def _refusal(tag: str, attributes: Mapping[str, str]) -> str:
-    """Mitsuba's message for one value; empty if it accepts it."""
-    words = " ".join(f"{name}={quoteattr(value)}" for name, value in attributes.items())
-    scene = f'<scene version="{mi.__version__}"><shape type="rectangle"><{tag} {words}/></shape></scene>'
+    """Mitsuba's error message for one value; empty if the value is accepted."""
+    attribute_text = " ".join(f"{name}={quoteattr(value)}" for name, value in attributes.items())
+    scene = f'<scene version="{mi.__version__}"><shape type="rectangle"><{tag} {attribute_text}/></shape></scene>'
     try:
         mi.parser.parse_string(mi.parser.ParserConfig(mi.variant()), scene)
     except RuntimeError as error:
