@@ -1,9 +1,9 @@
 """Forces from readings: a polynomial with prediction intervals, cross-validated on whole paths.
 
-Intervals are those of paths that a fit has not seen, in which every path has the same weight: the quantile of their
-errors at the wanted coverage (R. Barber et al., Predictive inference with the jackknife+, Annals of Statistics 49,
-2021), and at least that of a Student distribution with as many degrees of freedom as there are paths. Errors that are
-common to a path, such as those of a stiffer pad, are seen once per path, however many rows it has.
+Intervals are computed from errors on paths that a fit has not seen, with the same weight for every path. The half width
+is the quantile of these errors at the required coverage (R. Barber et al., Predictive inference with the jackknife+,
+Annals of Statistics 49, 2021), and at least that of a Student distribution with as many degrees of freedom as there are
+paths. An error that is common to a path, such as that of a stiffer pad, counts once, however many rows the path has.
 """
 
 from __future__ import annotations
@@ -74,6 +74,8 @@ class Calibration(NamedTuple):
 
 
 class _Rows(NamedTuple):
+    """Data of a fit: readings (rows, taxels) in W or V, forces (rows, forces) in N, and path numbers (rows,)."""
+
     readings: np.ndarray
     forces: np.ndarray
     path: np.ndarray
@@ -112,6 +114,7 @@ def calibrate(
     """
     if find_spec("sklearn") is None:
         raise InputError("calibrations need scikit-learn: install mitsuba_taxel[calibrate].")
+    # Rows of readings and forces, with noise for those of a study.
     if isinstance(source, Measurement):
         noise, (names, unit, rows) = math.nan, _measured(source)
     else:
@@ -122,53 +125,59 @@ def calibrate(
     paths = len(np.unique(rows.path))
     if paths < 3:
         raise InputError("a calibration is tested on whole paths: at least three curves, or runs, are needed.")
+    # Forces are fitted relative to their range, so that all have the same weight. Errors are those on unseen paths.
     size = np.ptp(rows.forces, axis=0)
     rows = rows._replace(forces=rows.forces / size)
-    missed, fold = _left_out(rows)
+    missed, fold = _cross_validate(rows)
     half_width = size * interval_of_paths(missed, rows.path, coverage)
     tested = f"{paths} paths, left out a part of them at a time"
     model = _polynomial(_fit(rows), size, unit, missed, tested)
     return Calibration(
-        model, names, half_width, coverage, _covered(missed, fold, rows.path, coverage), unit, noise, tested
+        model, names, half_width, coverage, _contained_fraction(missed, fold, rows.path, coverage), unit, noise, tested
     )
 
 
-def _left_out(rows: _Rows) -> tuple[np.ndarray, np.ndarray]:
-    """Errors (rows, forces) of fits and model selections without a row's paths, and the fold of each row."""
+def _cross_validate(rows: _Rows) -> tuple[np.ndarray, np.ndarray]:
+    """Errors (rows, forces) of predictions by fits without the row's path, and fold number (rows,).
+
+    Each fold selects its own degree and penalty.
+    """
     from sklearn.model_selection import GroupKFold
 
     missed, fold = np.empty_like(rows.forces), np.empty(len(rows.path), dtype=int)
-    parts = GroupKFold(min(FOLDS, len(np.unique(rows.path)))).split(rows.readings, groups=rows.path)
-    for number, (inside, out) in enumerate(parts):
+    splits = GroupKFold(min(FOLDS, len(np.unique(rows.path)))).split(rows.readings, groups=rows.path)
+    for number, (inside, outside) in enumerate(splits):
         fitted = _fit(_Rows(*(column[inside] for column in rows)))
-        wanted = rows.forces[out]
-        missed[out], fold[out] = fitted.predict(rows.readings[out]).reshape(wanted.shape) - wanted, number
+        forces = rows.forces[outside]
+        missed[outside], fold[outside] = fitted.predict(rows.readings[outside]).reshape(forces.shape) - forces, number
     return missed, fold
 
 
 def _fit(rows: _Rows) -> Pipeline:
-    """The polynomial of the degree and the penalty that best predict left-out paths of these rows."""
+    """Fit a polynomial, with the degree and the penalty that predict left-out paths best."""
     from sklearn.linear_model import Ridge
     from sklearn.model_selection import GroupKFold
 
     count, inputs = rows.readings.shape
-    most = min(MOST_TERMS, count // 4)
-    degrees = [degree for degree in DEGREES if degree == 1 or math.comb(inputs + degree, degree) <= most]
+    term_limit = min(MOST_TERMS, count // 4)
+    degrees = [degree for degree in DEGREES if degree == 1 or math.comb(inputs + degree, degree) <= term_limit]
+    # Cross-validate all degrees and penalties. The terms take longer than a fit, and are shared by all penalties.
     folds = list(GroupKFold(min(FOLDS, len(np.unique(rows.path)))).split(rows.readings, groups=rows.path))
-    missed = dict.fromkeys(product(degrees, STRENGTHS), 0.0)
-    for degree, (inside, out) in product(degrees, folds):
-        terms = _terms(degree)  # once for all penalties, as they take longer than the fits
-        seen, unseen = terms.fit_transform(rows.readings[inside]), terms.transform(rows.readings[out])
+    squared_errors = dict.fromkeys(product(degrees, STRENGTHS), 0.0)
+    for degree, (inside, outside) in product(degrees, folds):
+        terms = _terms(degree)
+        train_terms, test_terms = terms.fit_transform(rows.readings[inside]), terms.transform(rows.readings[outside])
         for strength in STRENGTHS:
-            fitted = Ridge(count * strength).fit(seen, rows.forces[inside])
-            off = fitted.predict(unseen).reshape(-1, rows.forces.shape[1]) - rows.forces[out]
-            missed[degree, strength] += np.square(off).mean()
-    degree, strength = min(missed, key=lambda choice: missed[choice])
+            fitted = Ridge(count * strength).fit(train_terms, rows.forces[inside])
+            residual = fitted.predict(test_terms).reshape(-1, rows.forces.shape[1]) - rows.forces[outside]
+            squared_errors[degree, strength] += np.square(residual).mean()
+    # Fit all rows with the best of them.
+    degree, strength = min(squared_errors, key=lambda choice: squared_errors[choice])
     return _terms(degree, Ridge(count * strength)).fit(rows.readings, rows.forces)
 
 
 def _terms(degree: int, *fit: BaseEstimator) -> Pipeline:
-    """Products of readings, each between -1 and 1, up to a degree, and what is fitted to them."""
+    """Pipeline of readings scaled to -1 ... 1, their products up to a degree, and a fit if one is given."""
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures
 
@@ -176,7 +185,7 @@ def _terms(degree: int, *fit: BaseEstimator) -> Pipeline:
 
 
 def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarray, tested: str) -> Polynomial:
-    """From readings in their unit to forces in N, given a fit of forces relative to their range."""
+    """The polynomial from readings to forces in N; ``size`` is the range of the forces to which the fit is relative."""
     scaler, features, ridge = (step for _, step in fitted.steps)
     inputs = len(scaler.data_min_)
     labels = tuple(f"reading_{number}" for number in range(1, inputs + 1))
@@ -188,22 +197,32 @@ def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarra
 
 
 def interval_of_paths(missed: np.ndarray, path: np.ndarray, coverage: float) -> np.ndarray:
-    """(forces,) half width that contains a share ``coverage`` of the errors on a further path.
+    """Half width of a prediction interval for forces on a new path.
 
-    Of errors that are normal and common to a path, the quotient of a further one and the root mean square of ``n``
-    paths has Student's distribution with ``n`` degrees of freedom; of those that change within a path it is narrower.
+    If errors are normal and common to a path, the error on a new path over the root mean square of ``n`` paths has
+    Student's distribution with ``n`` degrees of freedom. It is narrower if errors vary within a path.
 
     Parameters
     ----------
     missed : (rows, forces) ndarray
         Errors of predictions of paths that the fit has not seen.
     path : (rows,) ndarray
+        Path of each row.
     coverage : float
+        Fraction of the errors that the interval should contain.
+
+    Returns
+    -------
+    (forces,) ndarray
+        Half widths, in the unit of the errors.
     """
     from scipy.stats import t
 
+    # Each path has the same weight, distributed over its rows.
+
     _, number, count = np.unique(path, return_inverse=True, return_counts=True)
     weight = 1 / (len(count) * count[number])
+    # The larger of Student's interval and the weighted quantile of the absolute errors.
     by_scatter = t.isf((1 - coverage) / 2, len(count)) * np.sqrt(weight @ missed**2)
     order = np.argsort(np.abs(missed), axis=0)
     below = np.cumsum(weight[order], axis=0)
@@ -212,17 +231,18 @@ def interval_of_paths(missed: np.ndarray, path: np.ndarray, coverage: float) -> 
     return np.maximum(by_scatter, quantile)
 
 
-def _covered(missed: np.ndarray, folds: np.ndarray, path: np.ndarray, coverage: float) -> float:
-    """Share of the forces on each fold's paths contained in intervals from the other folds."""
+def _contained_fraction(missed: np.ndarray, folds: np.ndarray, path: np.ndarray, coverage: float) -> float:
+    """Fraction of the forces on each fold's paths that lie in intervals from the other folds."""
     inside = []
     for fold in np.unique(folds):
-        others = folds != fold
-        width = interval_of_paths(missed[others], path[others], coverage)
-        inside.append(np.abs(missed[~others]) <= width)
+        outside = folds != fold
+        width = interval_of_paths(missed[outside], path[outside], coverage)
+        inside.append(np.abs(missed[~outside]) <= width)
     return float(np.concatenate(inside).mean())
 
 
 def _measured(measurement: Measurement) -> tuple[tuple[str, ...], str, _Rows]:
+    """Names of the forces, unit of the readings, and rows of a measurement, in which each run is a path."""
     name, _, force, runs = runs_of(measurement)
     path = np.concatenate([np.full(run.stop - run.start, number) for number, run in enumerate(runs)])
     readings = np.concatenate([measurement.voltage[run] for run in runs])
@@ -230,6 +250,11 @@ def _measured(measurement: Measurement) -> tuple[tuple[str, ...], str, _Rows]:
 
 
 def _simulated(study: xr.Dataset, noise: float, random: np.random.Generator) -> tuple[tuple[str, ...], str, _Rows]:
+    """Names of the forces, unit of the readings, and rows of a study, in which each curve is a path.
+
+    Readings get noise of the light, and that of the circuit if there is one.
+    """
+    # One row per load, without loads that have no reading.
     study = with_forces_named(study)
     dims = [dim for dim in study.power.dims if dim != "taxel"]
     stacked = study.power.stack(row=dims).transpose("row", "taxel")
@@ -237,13 +262,17 @@ def _simulated(study: xr.Dataset, noise: float, random: np.random.Generator) -> 
     names = tuple(name for name in FORCES if name in stacked.coords and np.ptp(stacked[name].values) > 0)
     if not names:
         raise InputError("no force is varied: a study of several values of fx, fy or fz is needed.")
-    others = [np.unique(stacked[dim].values, return_inverse=True)[1] for dim in dims if dim != study.attrs["curve"]]
-    count = stacked.sizes["row"]
-    path = np.unique(np.stack([np.zeros(count, dtype=int), *others], axis=1), axis=0, return_inverse=True)[1].ravel()
+    path_indices = [
+        np.unique(stacked[dim].values, return_inverse=True)[1] for dim in dims if dim != study.attrs["curve"]
+    ]
+    # The path of a row is its combination of indices along all dimensions except the curve.
+    indices = np.stack([np.zeros(stacked.sizes["row"], dtype=int), *path_indices], axis=1)
+    path = np.unique(indices, axis=0, return_inverse=True)[1].ravel()
     forces = np.stack([stacked[name].values for name in names], axis=1)
-    many = np.tile(stacked.values, (COPIES, 1))
-    many = many * (1 + noise * random.normal(size=many.shape))
+    # Noisy copies of the readings, in W or in V.
+    copies = np.tile(stacked.values, (COPIES, 1))
+    copies = copies * (1 + noise * random.normal(size=copies.shape))
     unit, circuit = "W", circuit_of_study(study)
     if circuit is not None:
-        unit, many = "V", circuit.step * sampled(circuit, many, random)[1]
-    return names, unit, _Rows(many, np.tile(forces, (COPIES, 1)), np.tile(path, COPIES))
+        unit, copies = "V", circuit.step * sampled(circuit, copies, random)[1]
+    return names, unit, _Rows(copies, np.tile(forces, (COPIES, 1)), np.tile(path, COPIES))

@@ -31,13 +31,14 @@ _Step = tuple[str, list[str], str, dict[str, Any]]
 OPSET, IR = 18, 8
 """Versions of ONNX supported by runtimes since 2023."""
 TARGET = 0.01
-"""Relative to full scale: a larger error gives a note."""
+"""Error relative to full scale above which a note is given."""
 ROUNDING = 1e-9
-"""Relative to the box: inputs this little outside are inside, such as an unloaded pad of 1e-12 N."""
+"""Distance relative to the box at which inputs still count as inside, such as 1e-12 N on an unloaded pad."""
 PRINTED = "printed"
 """Key of the metadata with what the command prints."""
 BEYOND = 2.0
-"""Largest power of a circuit's pieces, relative to the largest of the study; the last piece goes on."""
+"""Power up to which the circuit's response is tabulated, relative to the largest of the study; beyond, the last
+straight piece continues."""
 
 
 def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomial, list[str]]:
@@ -68,55 +69,74 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
     InputError
         if onnx is not installed, or the study has several scenes, varied words or too few values.
     """
+    # The polynomial, and metadata of its inputs and of its error on unseen readings.
     check_onnx()
     study = single(study)
-    found = polynomial_of(study)
-    about = {
-        "inputs": json.dumps(list(found.names)),
-        "units": json.dumps(list(found.units)),
-        "low": json.dumps(found.low.tolist()),
-        "high": json.dumps(found.high.tolist()),
+    model = polynomial_of(study)
+    metadata = {
+        "inputs": json.dumps(list(model.names)),
+        "units": json.dumps(list(model.units)),
+        "low": json.dumps(model.low.tolist()),
+        "high": json.dumps(model.high.tolist()),
         "readings": "optical power in W per taxel, row by row from (-x, +y)",
-        "error": json.dumps({"rms": found.rms, "worst": found.worst, "of": "full scale", "tested": found.tested}),
+        "error": json.dumps({"rms": model.rms, "worst": model.worst, "of": "full scale", "tested": model.tested}),
         "errors_leave_out": LEFT_OUT["model"],
         **{name: str(study.attrs[name]) for name in ("scene", "parameters", "seed", "points", "versions")},
     }
-    own = study_error(study)
-    about["study_error"] = json.dumps({"rms": known(own.rms), "worst": known(own.worst), "of": "full scale"})
-    total = float(np.hypot(found.rms, own.rms))
-    about["total_error"] = json.dumps({"rms": known(total), "of": "full scale"})
+    # Error of the study itself, and total error.
+    own_error = study_error(study)
+    metadata["study_error"] = json.dumps(
+        {"rms": json_number(own_error.rms), "worst": json_number(own_error.worst), "of": "full scale"}
+    )
+    total = float(np.hypot(model.rms, own_error.rms))
+    metadata["total_error"] = json.dumps({"rms": json_number(total), "of": "full scale"})
     notes = [
-        f"error of the study's own readings (light, finite elements, surfaces): {in_percent(own.rms)} of full scale "
-        f"(at worst {in_percent(own.worst)}); total: {in_percent(total)}"
+        f"error of the study's own readings (light, finite elements, surfaces): {in_percent(own_error.rms)} of full "
+        f"scale (at worst {in_percent(own_error.worst)}); total: {in_percent(total)}"
     ]
-    if found.rms > TARGET:
-        notes.append(f"error {found.rms:.2%} of full scale: more values, or more points, make it less")
+    if model.rms > TARGET:
+        notes.append(f"error {model.rms:.2%} of full scale: more values, or more points, make it less")
+    # With a circuit: error in V, from the same test readings.
     circuit = circuit_of_study(study)
     if circuit is not None:
-        assert found.unseen is not None
-        rms, worst = _missed_volts(circuit, found.unseen)
+        assert model.unseen is not None
+        rms, worst = _voltage_error(circuit, model.unseen)
         readings = np.sqrt(np.square(study.voltage_error).mean([dim for dim in study.power.dims if dim != "taxel"]))
-        in_all = float(np.hypot(rms, readings.max()))
+        total_voltage_error = float(np.hypot(rms, readings.max()))
         notes.append(
             f"voltage: error {rms:.2g} V (at worst {worst:.2g} V), on the same; with that of the study's readings "
-            f"{in_all:.2g} V; one count: {circuit.step:.4g} V"
+            f"{total_voltage_error:.2g} V; one count: {circuit.step:.4g} V"
         )
         notes += filter(None, [saturated_words(circuit, study.power.values)])
-        about["voltage"] = "voltage in V as the converter reads it, without noise; counts of the converter"
-        volts = {"rms": rms, "worst": worst, "total": known(in_all), "of": "V", "tested": found.tested}
-        about["voltage_error"] = json.dumps(volts)
-        about["circuit"] = study.attrs["circuit"]
+        metadata["voltage"] = "voltage in V as the converter reads it, without noise; counts of the converter"
+        volts = {
+            "rms": rms,
+            "worst": worst,
+            "total": json_number(total_voltage_error),
+            "of": "V",
+            "tested": model.tested,
+        }
+        metadata["voltage_error"] = json.dumps(volts)
+        metadata["circuit"] = study.attrs["circuit"]
+    # Write the graph with its metadata.
     notes.append(LEFT_OUT["model"])
-    about[PRINTED] = as_json(printed_model(found, notes))
-    content = _model(found, about, volts=None if circuit is None else _volts(circuit, float(study.power.max())))
+    metadata[PRINTED] = as_json(printed_model(model, notes))
+    content = _model(model, metadata, volts=None if circuit is None else _volts(circuit, float(study.power.max())))
     with replacing(Path(file)) as temporary:
         temporary.write_bytes(content)
-    return found, notes
+    return model, notes
 
 
 class StudyError(NamedTuple):
-    """Total error of a study's readings, relative to the full scale of their taxel: root mean square of the worst
-    taxel, and largest of all; NaN where an error is unknown."""
+    """Total error of a study's readings relative to the full scale of their taxel, NaN if an error is unknown.
+
+    Attributes
+    ----------
+    rms : float
+        Root mean square over the readings of the worst taxel.
+    worst : float
+        Largest error of all readings.
+    """
 
     rms: float
     worst: float
@@ -140,19 +160,19 @@ def study_error(study: xr.Dataset) -> StudyError:
     error = (study.total_error / scale.where(scale > 0)).where(study.power.notnull())
     unknown = bool((study.total_error.isnull() & study.power.notnull()).any())
     rms, worst = np.sqrt((error**2).mean(dims)).max(), error.max()
-    return StudyError(*(float("nan") if unknown else float(each) for each in (rms, worst)))
+    return StudyError(*(float("nan") if unknown else float(number) for number in (rms, worst)))
 
 
-def known(number: float) -> float | None:
-    """A number as JSON has it."""
+def json_number(number: float) -> float | None:
+    """The number for JSON, which has no NaN: None if it is not finite."""
     return number if np.isfinite(number) else None
 
 
-def _missed_volts(circuit: Circuit, unseen: Unseen) -> tuple[float, float]:
+def _voltage_error(circuit: Circuit, unseen: Unseen) -> tuple[float, float]:
     """Error in V of readings unseen by the fit: root mean square of the worst taxel, and largest of all."""
-    wanted, predicted = (respond(circuit, lit(power)).voltage for power in unseen)
-    missed = predicted - wanted
-    return float(np.sqrt(np.square(missed).mean(axis=0)).max()), float(np.abs(missed).max())
+    expected, predicted = (respond(circuit, lit(power)).voltage for power in unseen)
+    residual = predicted - expected
+    return float(np.sqrt(np.square(residual).mean(axis=0)).max()), float(np.abs(residual).max())
 
 
 def write_calibration(found: Calibration, file: str | Path) -> None:
@@ -175,25 +195,25 @@ def write_calibration(found: Calibration, file: str | Path) -> None:
         if onnx is not installed.
     """
     check_onnx()
-    model = found.polynomial
-    about = {
-        "inputs": json.dumps(list(model.names)),
-        "units": json.dumps(list(model.units)),
-        "low": json.dumps(model.low.tolist()),
-        "high": json.dumps(model.high.tolist()),
+    polynomial = found.polynomial
+    metadata = {
+        "inputs": json.dumps(list(polynomial.names)),
+        "units": json.dumps(list(polynomial.units)),
+        "low": json.dumps(polynomial.low.tolist()),
+        "high": json.dumps(polynomial.high.tolist()),
         "forces": json.dumps(list(found.forces)),
         "half_width": json.dumps(found.half_width.tolist()),
         "coverage": json.dumps({"wanted": found.coverage, "found": found.covered, "tested": found.tested}),
         "errors_leave_out": LEFT_OUT["calibration"],
         PRINTED: as_json(printed_calibration(found)),
     }
-    content = _model(model, about, "force", found.half_width)
+    content = _model(polynomial, metadata, "force", found.half_width)
     with replacing(Path(file)) as temporary:
         temporary.write_bytes(content)
 
 
 def read_printed(file: Path) -> Printed | None:
-    """What was printed of a model or a calibration in a file; None if it is neither.
+    """The printed summary of a model or a calibration in an ONNX file; None if the file holds neither.
 
     Raises
     ------
@@ -205,8 +225,8 @@ def read_printed(file: Path) -> Printed | None:
     from google.protobuf.message import DecodeError
 
     try:
-        about = {entry.key: entry.value for entry in onnx.load(file, load_external_data=False).metadata_props}
-        return from_json(about[PRINTED])
+        metadata = {entry.key: entry.value for entry in onnx.load(file, load_external_data=False).metadata_props}
+        return from_json(metadata[PRINTED])
     except (OSError, DecodeError, KeyError, ValueError, TypeError):
         return None
 
@@ -227,17 +247,19 @@ def read_polynomial(file: Path) -> Polynomial | None:
     from onnx import TensorProto, numpy_helper
 
     try:
+        # Read constants that are in the file itself.
         model = onnx.load(file, load_external_data=False)
-        about = {entry.key: entry.value for entry in model.metadata_props}
-        held = {
+        metadata = {entry.key: entry.value for entry in model.metadata_props}
+        constants = {
             tensor.name: numpy_helper.to_array(tensor)
             for tensor in model.graph.initializer
             if tensor.data_location != TensorProto.EXTERNAL
         }
         low, high, weights, exponents = (
-            np.asarray(held[name], dtype=float) for name in ("low", "high", "weights", "exponents")
+            np.asarray(constants[name], dtype=float) for name in ("low", "high", "weights", "exponents")
         )
-        names, units = (json.loads(about[key]) for key in ("inputs", "units"))
+        names, units = (json.loads(metadata[key]) for key in ("inputs", "units"))
+        # Shapes, ranges and names must be those of a polynomial.
         shapes = low.shape, high.shape, exponents.shape, weights.shape
         count, terms = len(names), len(weights)
         finite = all(np.isfinite(array).all() for array in (low, high, weights))
@@ -259,17 +281,20 @@ def check_onnx() -> None:
         raise InputError("models need onnx: install mitsuba_taxel[export].")
 
 
-class _Part(NamedTuple):
-    """Part of a graph: constants by name, steps as (operation, inputs, output, attributes), and names of its outputs
-    (rows, taxels) in double precision."""
+class _Subgraph(NamedTuple):
+    """Nodes that extend a graph: constants by name, steps as (operation, inputs, output, attributes), and names of the
+    outputs (rows, taxels) in double precision."""
 
     constants: dict[str, np.ndarray]
     steps: list[_Step]
     outputs: list[str]
 
 
-def _volts(circuit: Circuit, largest: float) -> _Part:
-    """``voltage`` and ``counts`` of ``readings`` up to about a power in W: a sum of what lies beyond each corner."""
+def _volts(circuit: Circuit, largest: float) -> _Subgraph:
+    """Nodes that compute ``voltage`` and ``counts`` from ``readings``, for powers up to about ``largest`` in W.
+
+    The response is piecewise linear: a sum of ramps that begin at the corners, weighted by the changes of slope.
+    """
     power, voltage = straight_pieces(circuit, BEYOND * largest)
     slope = np.diff(voltage) / np.diff(power)
     constants = {
@@ -290,21 +315,37 @@ def _volts(circuit: Circuit, largest: float) -> _Part:
         ("Floor", ["in_steps"], "whole", {}),
         ("Min", ["whole", "most"], "counts", {}),
     ]
-    return _Part(constants, steps, ["voltage", "counts"])
+    return _Subgraph(constants, steps, ["voltage", "counts"])
 
 
 def _model(
     polynomial: Polynomial,
-    about: Mapping[str, str],
+    metadata: Mapping[str, str],
     output: str = "readings",
     width: np.ndarray | None = None,
-    volts: _Part | None = None,
+    volts: _Subgraph | None = None,
 ) -> bytes:
+    """A serialised ONNX model of a polynomial.
+
+    Parameters
+    ----------
+    polynomial : Polynomial
+        The model.
+    metadata : Mapping[str, str]
+        Entries of the file.
+    output : str
+        Name of the polynomial's values (rows, taxels).
+    width : (taxels,) ndarray, optional
+        Constant output ``half_width``.
+    volts : _Subgraph, optional
+        Nodes from readings to voltages and counts.
+    """
     from onnx import TensorProto, checker, helper, numpy_helper
 
     def constant(name: str, value: Any, kind: Any = float) -> Any:
         return numpy_helper.from_array(np.array(value, dtype=kind), name)
 
+    # The polynomial: clip the inputs to the box, scale them to -1 ... 1, and sum the products of their powers.
     span = polynomial.high - polynomial.low
     span = np.where(span > 0, span, 1.0)
     constants = [
@@ -338,6 +379,7 @@ def _model(
         helper.make_tensor_value_info(output, TensorProto.DOUBLE, ["rows", polynomial.weights.shape[1]]),
         helper.make_tensor_value_info("inside", TensorProto.BOOL, ["rows"]),
     ]
+    # Further outputs: half widths, voltages and counts.
     if width is not None:
         constants.append(constant("width", width))
         steps.append(("Identity", ["width"], "half_width", {}))
@@ -347,9 +389,10 @@ def _model(
         steps += volts.steps
         shape = ["rows", polynomial.weights.shape[1]]
         results += [helper.make_tensor_value_info(name, TensorProto.DOUBLE, shape) for name in volts.outputs]
+    # Assemble, check and serialise the model.
     count = len(polynomial.names)
     graph = helper.make_graph(
-        [helper.make_node(kind, inputs, [output], **how) for kind, inputs, output, how in steps],
+        [helper.make_node(kind, inputs, [output], **attributes) for kind, inputs, output, attributes in steps],
         output,
         [helper.make_tensor_value_info("inputs", TensorProto.DOUBLE, ["rows", count])],
         results,
@@ -357,6 +400,6 @@ def _model(
     )
     opsets = [helper.make_opsetid("", OPSET)]
     model = helper.make_model(graph, producer_name="mitsuba_taxel", opset_imports=opsets, ir_version=IR)
-    helper.set_model_props(model, dict(about))
+    helper.set_model_props(model, dict(metadata))
     checker.check_model(model)
     return model.SerializeToString()

@@ -17,7 +17,7 @@ MOST_TESTS = 24
 
 
 class Unseen(NamedTuple):
-    """Readings (rows, taxels) that a fit has not seen, and its predictions, in the unit of the readings."""
+    """Test data: readings (rows, taxels) that a fit has not seen, and its predictions, in the unit of the readings."""
 
     wanted: np.ndarray
     predicted: np.ndarray
@@ -91,33 +91,36 @@ def polynomial_of(study: xr.Dataset) -> Polynomial:
     InputError
         if words are varied, or no number has three values.
     """
+    # Inputs are scaled to -1 ... 1. The degree in each input is limited by its number of values.
     names, inputs, readings, path = _rows(study)
     low, high = inputs.min(axis=0), inputs.max(axis=0)
     scaled = 2 * (inputs - low) / (high - low) - 1
-    most = [min(len(np.unique(column)) - 1, MOST_DEGREE) for column in scaled.T]
-    if max(most) < 2:
+    max_degrees = [min(len(np.unique(column)) - 1, MOST_DEGREE) for column in scaled.T]
+    if max(max_degrees) < 2:
         raise InputError("a polynomial takes at least three values of what is varied: the study has two.")
-    groups, tested = _left_out(scaled, path)
+    # Cross-validate each total degree that has fewer terms than rows.
+    groups, tested = _test_groups(scaled, path)
     scale = np.ptp(readings, axis=0)
     scale = np.where(scale > 0, scale, np.inf)
-    found = []
-    for degree in range(1, max(most) + 1):
-        exponents = np.array([e for e in product(*(range(m + 1) for m in most)) if sum(e) <= degree])
+    candidates = []
+    for degree in range(1, max(max_degrees) + 1):
+        exponents = np.array([e for e in product(*(range(m + 1) for m in max_degrees)) if sum(e) <= degree])
         if len(exponents) > len(scaled) - max(map(np.count_nonzero, groups)):
             break
-        found.append((exponents, _unseen(scaled, readings, exponents, groups)))
-    missed = [(unseen.predicted - unseen.wanted) / scale for _, unseen in found]
-    rms = [float(np.sqrt(np.square(each).mean(axis=0)).max()) for each in missed]
+        candidates.append((exponents, _test_readings(scaled, readings, exponents, groups)))
+    # Fit all rows with the degree of the smallest error, relative to the range of each taxel.
+    residuals = [(unseen.predicted - unseen.wanted) / scale for _, unseen in candidates]
+    rms = [float(np.sqrt(np.square(residual).mean(axis=0)).max()) for residual in residuals]
     best = int(np.argmin(rms))
-    exponents, unseen = found[best]
+    exponents, unseen = candidates[best]
     weights = np.linalg.lstsq(terms(scaled, exponents), readings, rcond=None)[0]
     units = tuple(study[name].attrs.get("units", "") for name in names)
-    worst = float(np.abs(missed[best]).max())
+    worst = float(np.abs(residuals[best]).max())
     return Polynomial(names, units, low, high, exponents, weights, rms[best], worst, tested, unseen)
 
 
 def _rows(study: xr.Dataset) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray]:
-    """Names and values (rows, inputs) of the varied numbers, readings (rows, taxels) and the path of each row."""
+    """Names and values (rows, inputs) of the varied numbers, readings (rows, taxels), and path number (rows,)."""
     curve = study.attrs["curve"]
     power = study.smooth_power if "smooth_power" in study else study.power
     stacked = power.stack(row=[dim for dim in power.dims if dim != "taxel"]).transpose("row", "taxel")
@@ -126,38 +129,48 @@ def _rows(study: xr.Dataset) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, n
         if coordinate.dims != ("row",) or name in ("row", "step"):
             continue
         if coordinate.dtype.kind not in "fi":
-            words = ", ".join(map(str, dict.fromkeys(coordinate.values.tolist())))
-            raise InputError(f"{name} is varied in words ({words}): a study of one of them is needed.")
+            values = ", ".join(map(str, dict.fromkeys(coordinate.values.tolist())))
+            raise InputError(f"{name} is varied in words ({values}): a study of one of them is needed.")
         if len(np.unique(coordinate.values)) > 1:
             columns[str(name)] = coordinate.values.astype(float)
     if not columns:
         raise InputError("nothing is varied but one value: a study of several values is needed.")
-    known = np.isfinite(stacked.values).all(axis=1)
-    others = [values for name, values in columns.items() if study[name].dims != (curve,)]
-    path = np.unique(np.stack(others, axis=1), axis=0, return_inverse=True)[1].ravel() if others else 0 * known
-    return tuple(columns), np.stack(list(columns.values()), axis=1)[known], stacked.values[known], path[known]
+    finite = np.isfinite(stacked.values).all(axis=1)
+    other_columns = [values for name, values in columns.items() if study[name].dims != (curve,)]
+    path = (
+        np.unique(np.stack(other_columns, axis=1), axis=0, return_inverse=True)[1].ravel()
+        if other_columns
+        else 0 * finite
+    )
+    return tuple(columns), np.stack(list(columns.values()), axis=1)[finite], stacked.values[finite], path[finite]
 
 
-def _left_out(scaled: np.ndarray, path: np.ndarray) -> tuple[list[np.ndarray], str]:
-    """Rows (rows,) of each test, and a description: paths without which the box is unchanged."""
+def _test_groups(scaled: np.ndarray, path: np.ndarray) -> tuple[list[np.ndarray], str]:
+    """Masks (rows,) of the rows that each test leaves out, and a description of the tests.
+
+    A test leaves out a path, or a point if there are no such paths, without which the rest spans the same box.
+    """
     paths = [path == number for number in np.unique(path)]
     inside = [rows for rows in paths if not rows.all() and _spans(scaled[~rows])]
-    words = "path"
+    unit = "path"
     if not inside:
-        each = np.eye(len(scaled), dtype=bool)
-        inside = [rows for rows in each if _spans(scaled[~rows])]
-        words = "point"
+        single_rows = np.eye(len(scaled), dtype=bool)
+        inside = [rows for rows in single_rows if _spans(scaled[~rows])]
+        unit = "point"
     chosen = np.unique(np.linspace(0, len(inside) - 1, min(len(inside), MOST_TESTS)).round().astype(int))
-    words = f"{len(chosen)} {words}{'s' if len(chosen) > 1 else ''} left out one by one"
-    return [inside[number] for number in chosen], words
+    unit = f"{len(chosen)} {unit}{'s' if len(chosen) > 1 else ''} left out one by one"
+    return [inside[number] for number in chosen], unit
 
 
 def _spans(scaled: np.ndarray) -> bool:
+    """Whether inputs (rows, inputs) reach -1 and 1 in every column."""
     return bool(len(scaled) and (scaled.min(axis=0) == -1).all() and (scaled.max(axis=0) == 1).all())
 
 
-def _unseen(scaled: np.ndarray, readings: np.ndarray, exponents: np.ndarray, groups: Sequence[np.ndarray]) -> Unseen:
-    """Each group of rows, and what fits without it predict."""
+def _test_readings(
+    scaled: np.ndarray, readings: np.ndarray, exponents: np.ndarray, groups: Sequence[np.ndarray]
+) -> Unseen:
+    """The readings of each group of rows, and their predictions by fits without that group."""
     columns, predicted = terms(scaled, exponents), []
     for rows in groups:
         weights = np.linalg.lstsq(columns[~rows], readings[~rows], rcond=None)[0]
@@ -166,5 +179,17 @@ def _unseen(scaled: np.ndarray, readings: np.ndarray, exponents: np.ndarray, gro
 
 
 def terms(scaled: np.ndarray, exponents: np.ndarray) -> np.ndarray:
-    """(rows, terms) products of powers of inputs (rows, inputs) with exponents (terms, inputs)."""
+    """Products of powers of inputs.
+
+    Parameters
+    ----------
+    scaled : (rows, inputs) ndarray
+        Inputs, scaled to -1 ... 1.
+    exponents : (terms, inputs) ndarray of int
+        Exponent of each input in each term.
+
+    Returns
+    -------
+    (rows, terms) ndarray
+    """
     return np.prod(scaled[:, None] ** exponents[None], axis=2)

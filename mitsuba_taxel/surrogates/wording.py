@@ -1,4 +1,4 @@
-"""Models and calibrations as they are printed."""
+"""Printed summaries of models and calibrations."""
 
 from __future__ import annotations
 
@@ -11,47 +11,31 @@ from mitsuba_taxel.surrogates.calibration import Calibration
 from mitsuba_taxel.surrogates.polynomial import Polynomial
 
 
-def printed_model(found: Polynomial, notes: Sequence[str]) -> Printed:
-    """A model of readings: ranges of its inputs, its error, and notes.
+def printed_model(model: Polynomial, notes: Sequence[str]) -> Printed:
+    """Summary of a model of readings: ranges of its inputs, its error, and notes.
 
     Parameters
     ----------
-    found : Polynomial
-        As :func:`export` returns it.
-    notes : sequence of str
-        As :func:`export` returns them.
-
-    Returns
-    -------
-    Printed
-        Lines.
+    model : Polynomial
+        The model.
+    notes : Sequence[str]
+        Notes of `export`.
     """
-    ranges = zip(found.names, found.low, found.high, found.units, strict=True)
+    ranges = zip(model.names, model.low, model.high, model.units, strict=True)
     return [
         *(f"{name}: {low:g} to {high:g} {unit}".removesuffix(" 1").rstrip() for name, low, high, unit in ranges),
-        f"Error of the fit: {found.rms:.2%} of full scale (at worst {found.worst:.2%}), on {found.tested}.",
+        f"Error of the fit: {model.rms:.2%} of full scale (at worst {model.worst:.2%}), on {model.tested}.",
         *notes,
     ]
 
 
-def printed_calibration(found: Calibration) -> Printed:
-    """A calibration: its intervals, how they were tested, and what they leave out.
-
-    Parameters
-    ----------
-    found : Calibration
-        As :func:`calibrate` returns it.
-
-    Returns
-    -------
-    Printed
-        Lines.
-    """
-    widths = zip(found.forces, found.half_width, strict=True)
-    printed: Printed = [f"{name}: +- {width:.3g} N holds {found.coverage:.0%}" for name, width in widths]
-    printed.append(f"Tested on {found.tested}: intervals by the others hold {found.covered:.1%}.")
-    if not math.isnan(found.noise):
-        both = " of the light and that of the circuit" if found.unit == "V" else ""
-        noise = f"{found.noise:.2g} relative noise{both}"
-        printed.append(f"Readings in {found.unit} with {noise}; the study's own errors are not in it.")
+def printed_calibration(calibration: Calibration) -> Printed:
+    """Summary of a calibration: its intervals, their test, and what they do not include."""
+    widths = zip(calibration.forces, calibration.half_width, strict=True)
+    printed: Printed = [f"{name}: +- {width:.3g} N holds {calibration.coverage:.0%}" for name, width in widths]
+    printed.append(f"Tested on {calibration.tested}: intervals by the others hold {calibration.covered:.1%}.")
+    if not math.isnan(calibration.noise):
+        circuit_noise = " of the light and that of the circuit" if calibration.unit == "V" else ""
+        noise = f"{calibration.noise:.2g} relative noise{circuit_noise}"
+        printed.append(f"Readings in {calibration.unit} with {noise}; the study's own errors are not in it.")
     return [*printed, LEFT_OUT["calibration"]]
