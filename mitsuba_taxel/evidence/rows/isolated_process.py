@@ -25,28 +25,43 @@ class Measurable(Protocol):
 
 MOST_SECONDS = 600.0
 MOST_MEMORY = 16 * 2**30
-"""Memory limit of a process in bytes, which counts what solvers reserve and never use: several times as much."""
+"""Memory limit of a process in bytes. It counts what solvers reserve, which is several times what they use."""
 
 
 def measure_isolated(case: Measurable, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Any:
-    """The row of a case, measured in another process with an empty cache, within limits of time and memory [bytes]."""
+    """Measure a case in another process with an empty cache of solutions.
+
+    Parameters
+    ----------
+    case : Measurable
+        The case, which is pickled.
+    seconds : float
+        Limit of the wall time.
+    memory : int
+        Limit of the memory in bytes.
+
+    Returns
+    -------
+    Any
+        The row of the case; if the process ends without a row, that of ``case.failed`` with the reason.
+    """
     limit = str(memory_limit(memory, resource.RLIMIT_DATA))
     command = [sys.executable, "-m", "mitsuba_taxel.evidence.rows.worker", limit]
     with tempfile.TemporaryDirectory() as cache:
         environment = {**os.environ, "MITSUBA_TAXEL_CACHE": cache}
         try:
             row = json.loads(answer_of(command, pickle.dumps(case), seconds, environment))
-        except NoAnswer as failed:
-            return case.failed(_words(failed, seconds))
+        except NoAnswer as failure:
+            return case.failed(_end_of_process(failure, seconds))
     return type(case.failed(""))(**row)
 
 
-def _words(failed: NoAnswer, seconds: float) -> str:
-    """How a process without a row ended."""
-    if failed.end == "time":
+def _end_of_process(failure: NoAnswer, seconds: float) -> str:
+    """Describe the end of a process that returned no row."""
+    if failure.end == "time":
         return f"out of time after {seconds:g} s"
-    if failed.end == "memory":
+    if failure.end == "memory":
         return "out of memory"
-    if failed.end == "error":
-        return f"died: {failed.last[:200]}"
-    return f"died: signal {signal.Signals[failed.end].value} ({failed.end})"
+    if failure.end == "error":
+        return f"died: {failure.last[:200]}"
+    return f"died: signal {signal.Signals[failure.end].value} ({failure.end})"

@@ -10,13 +10,13 @@ CONVERGED = "converged"
 
 
 class TableRow(Protocol):
-    """A row, and the heading and format of its columns by the name of an attribute."""
+    """A row of a table; ``COLUMNS`` has heading and number format of each column, by name of the row's attribute."""
 
     COLUMNS: ClassVar[dict[str, tuple[str, str]]]
 
 
 def headings(kind: type[TableRow]) -> list[str]:
-    """Headings of the columns of a kind of rows."""
+    """Headings of the columns of a class of rows."""
     return [heading for heading, _ in kind.COLUMNS.values()]
 
 
@@ -58,9 +58,9 @@ class MechanicsRow:
     residual : float
         Largest out-of-balance force of any accepted step, relative to the load.
     imbalance : float
-        Of the load and the board's reaction at the last state, relative.
+        Difference of the load and the board's reaction at the last state, relative to the load.
     stability : str
-        Whether each step was found stable: ``stable`` or ``not checked``.
+        ``stable`` if every step was checked and is stable, else ``not checked``.
     roof : float
         Length of the mean displacement of the roofs at the last state, in mm.
     stated_error : float

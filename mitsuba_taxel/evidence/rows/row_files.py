@@ -28,11 +28,29 @@ AnyCase = TypeVar("AnyCase", bound=NamedCase)
 
 
 def chosen(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
-    """The cases with a part of the name that matches the pattern ``only``; raises `InputError` if there are none."""
-    wanted = [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
-    if not wanted:
+    """Select cases by name.
+
+    Parameters
+    ----------
+    cases : sequence of NamedCase
+        All cases of a table.
+    only : str or None
+        Pattern for a part of the name, with the wildcards * and ?; None selects all.
+
+    Returns
+    -------
+    list
+        The selected cases, in the order of the table.
+
+    Raises
+    ------
+    InputError
+        if no case matches.
+    """
+    matching = [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
+    if not matching:
         raise InputError(f"only = {only!r} is not allowed: a part of the name of a case is needed.")
-    return wanted
+    return matching
 
 
 class ResumedTable(Generic[Row]):
@@ -41,17 +59,17 @@ class ResumedTable(Generic[Row]):
     Parameters
     ----------
     name : str
-        Of the subcommand of ``taxel bench`` that makes it.
+        Subcommand of ``taxel bench`` that writes the table.
     cases : sequence
         All cases, each with a ``name``, in the order of the table.
     row : type
-        Dataclass of the rows, whose ``case`` is the name of theirs.
+        Dataclass of the rows, whose field ``case`` is the name of the case.
     measure : Callable
-        Makes the row of a case.
+        Measures a case; returns its row.
     write_page : Callable[[Sequence[Row], Path, str], None]
-        Writes rows as a page, with the command that makes it.
+        Writes rows as a page, which names the command.
     repeats : Callable[[Row], bool]
-        Whether a row of the file is measured again, as one that failed may be.
+        Whether a row of the file is measured again, for example because it failed.
     """
 
     def __init__(
@@ -73,7 +91,7 @@ class ResumedTable(Generic[Row]):
         markdown: Path | None,
         starting: Callable[[int, int, str], None] | None,
     ) -> Iterator[Row]:
-        """The chosen rows as they are measured or read from the file.
+        """Yield the selected rows as they are measured or read from the file.
 
         Parameters
         ----------
@@ -91,44 +109,80 @@ class ResumedTable(Generic[Row]):
         InputError
             if no case matches, a file cannot be written, or an existing one holds other rows.
         """
+        # Refuse bad arguments before any case is measured.
         cases = chosen(self._cases, only)
         for file, suffix in ((csv_file, ".csv"), (markdown, ".md")):
             if file:
                 check_new_file(file, suffix)
-        known = read_rows(csv_file, self._row) if csv_file and csv_file.exists() else {}
+        measured = read_rows(csv_file, self._row) if csv_file and csv_file.exists() else {}
         command = command_of(self._name, csv_file, markdown)
+        # Measure missing rows, and write the files after each, so that an interrupted run loses nothing.
         for number, case in enumerate(cases, start=1):
             if starting:
                 starting(number, len(cases), case.name)
-            if case.name not in known or self._repeats(known[case.name]):
-                known[case.name] = self._measure(case)
-            ordered = [known[each.name] for each in self._cases if each.name in known]
+            if case.name not in measured or self._repeats(measured[case.name]):
+                measured[case.name] = self._measure(case)
+            ordered = [measured[listed.name] for listed in self._cases if listed.name in measured]
             if csv_file:
-                others = [row for name, row in known.items() if name not in {case.name for case in self._cases}]
-                write_rows([*ordered, *others], csv_file)  # rows of an earlier list stay
+                unlisted = [row for name, row in measured.items() if name not in {case.name for case in self._cases}]
+                write_rows([*ordered, *unlisted], csv_file)  # rows of an earlier list stay
             if markdown:
                 self._write_page(ordered, markdown, command)
-            yield known[case.name]
+            yield measured[case.name]
 
 
 def command_of(name: str, csv_file: Path | None, markdown: Path | None) -> str:
-    """The command that makes the files of a table."""
+    """The command line that writes the files of a table.
+
+    Parameters
+    ----------
+    name : str
+        Subcommand of ``taxel bench``.
+    csv_file, markdown : Path or None
+        Output files.
+    """
     return f"taxel bench {name} --csv {csv_file or 'FILE.csv'} --markdown {markdown}"
 
 
 def read_rows(file: Path, kind: type[Row]) -> dict[str, Row]:
-    """Rows of a file from :func:`write_rows`, by the name of their case; raises `InputError`."""
+    """Read a file of :func:`write_rows`.
+
+    Parameters
+    ----------
+    file : Path
+        CSV file.
+    kind : type
+        Dataclass of its rows.
+
+    Returns
+    -------
+    dict[str, Row]
+        Rows by name of their case.
+
+    Raises
+    ------
+    InputError
+        if the file cannot be read, or does not contain such rows.
+    """
     types: dict[str, type] = {field.name: str if field.type == "str" else float for field in fields(kind)}
     try:
         with file.open(newline="", encoding="utf-8") as stream:
-            read = csv.DictReader(stream)
-            return {row["case"]: kind(**{name: types[name](text) for name, text in row.items()}) for row in read}
+            reader = csv.DictReader(stream)
+            return {row["case"]: kind(**{name: types[name](text) for name, text in row.items()}) for row in reader}
     except (KeyError, OSError, TypeError, ValueError) as error:
         raise InputError(f"{file} is not allowed: a file of rows that this command wrote is needed.") from error
 
 
 def write_rows(rows: Iterable[Any], file: Path) -> None:
-    """Write rows of one kind with a heading, in full precision; missing numbers are ``nan``."""
+    """Write a CSV file with a heading and numbers in full precision; missing numbers are ``nan``.
+
+    Parameters
+    ----------
+    rows : iterable of dataclass instances
+        At least one row, all of one class.
+    file : Path
+        CSV file, which is replaced.
+    """
     rows = list(rows)
     with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, [field.name for field in fields(rows[0])])

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 now = time.process_time
-"""CPU seconds of all processors, which depend little on other load of the machine."""
+"""CPU seconds of the process, summed over threads, which depend little on other load of the machine."""
 WARM = 2.5
 """Multiple of the seconds of the shortest run from which the launch no longer dominates."""
 ABOVE_FLOOR = 1.5
@@ -32,7 +32,7 @@ class Point:
     setting : str
         Varied quantity, in words.
     seconds : float
-        Of one run.
+        Time of one run.
     error : float
         Relative, against the reference; root mean square over taxels and runs.
     stated : float
@@ -104,25 +104,35 @@ def slope(curve: ErrorCurve) -> Slope:
     by the uncertainty of a root mean square of so many readings; the standard error is that of these weights, or larger
     if the points scatter more.
     """
+    # Points after warm-up with significant errors.
     launch = min((point.seconds for point in curve.points), default=0.0) if curve.launched else 0.0
-    used = [point for point in curve.points if point.error > ABOVE_FLOOR * point.floor]
-    used = [point for point in used if point.seconds > WARM * launch]
-    if len(used) < FEWEST_POINTS or used[-1].seconds < LEAST_SPAN * used[0].seconds:
+    points = [point for point in curve.points if point.error > ABOVE_FLOOR * point.floor]
+    points = [point for point in points if point.seconds > WARM * launch]
+    if len(points) < FEWEST_POINTS or points[-1].seconds < LEAST_SPAN * points[0].seconds:
         return Slope(math.nan, math.nan)
-    x = np.log([point.seconds - launch for point in used])
-    y = np.log([point.error for point in used])
-    weight = np.array([2.0 * point.readings for point in used])  # 1 / variance of the logarithm of a root mean square
+    # Weighted linear regression of the logarithms.
+    x = np.log([point.seconds - launch for point in points])
+    y = np.log([point.error for point in points])
+    weight = np.array([2.0 * point.readings for point in points])  # 1 / variance of the logarithm of a root mean square
     x = x - np.average(x, weights=weight)
     spread = weight @ x**2
     value = weight @ (x * y) / spread
-    left = y - np.average(y, weights=weight) - value * x
-    scatter = math.sqrt(weight @ left**2 / (len(used) - 2))
+    residual = y - np.average(y, weights=weight) - value * x
+    scatter = math.sqrt(weight @ residual**2 / (len(points) - 2))
     return Slope(float(value), float(max(scatter, 1.0) / math.sqrt(spread)))
 
 
 @dataclass(frozen=True)
 class Truth:
-    """(T,) reference power in W, its standard error, and its source."""
+    """Reference for readings.
+
+    Attributes
+    ----------
+    power, error : (T,) ndarray
+        Power of each taxel and its standard error, in W.
+    name : str
+        Source of the reference.
+    """
 
     power: np.ndarray
     error: np.ndarray
@@ -135,6 +145,14 @@ class Truth:
 
 
 def relative_rms(error: np.ndarray, power: np.ndarray) -> float:
-    """Root mean square of errors (..., T) relative to a power (T,), over the taxels that receive light."""
+    """Root mean square of relative errors, over the taxels that receive light; NaN if there are none.
+
+    Parameters
+    ----------
+    error : (..., T) ndarray
+        Errors in W.
+    power : (T,) ndarray
+        Power of each taxel in W.
+    """
     lit = power > 0
     return float(np.sqrt(np.mean((error[..., lit] / power[lit]) ** 2))) if lit.any() else math.nan
