@@ -80,10 +80,12 @@ class Case(TableCase):
 
         Cached solutions are used: only with an empty cache are the seconds meaningful.
         """
-        began = time.process_time()
+        start = time.process_time()
         outcome = _in_one_step(self) if self.in_one_step else _along_path(self)
-        figures = outcome.figures | _looked_at(outcome.state)  # including the state's error, which is computed lazily
-        seconds, megabytes = time.process_time() - began, peak_memory()
+        figures = outcome.figures | _state_figures(
+            outcome.state
+        )  # including the state's error, which is computed lazily
+        seconds, megabytes = time.process_time() - start, peak_memory()
         if outcome.verdict == CONVERGED and self.with_finer_mesh and not self.in_one_step:
             figures["finer_change"] = _finer_change(self, outcome.state)
         row = MechanicsRow(self.name, outcome.verdict, seconds=seconds, megabytes=megabytes, **figures)  # type: ignore[arg-type]
@@ -92,7 +94,7 @@ class Case(TableCase):
 
 @dataclass(frozen=True, eq=False)
 class _Outcome:
-    """The verdict on a case, figures of its steps, and its last state, if there is one."""
+    """Result of a case: verdict, figures of its steps by name of the row's attribute, and its last state if any."""
 
     verdict: str
     figures: dict[str, float | str]
@@ -100,12 +102,33 @@ class _Outcome:
 
 
 def with_flaw(row: MechanicsRow, refused: bool) -> MechanicsRow:
-    """A finished row that says what is wrong with it, if anything; its case must be ``refused``, or must not."""
+    """Add the failure of a row, if there is one.
+
+    Parameters
+    ----------
+    row : MechanicsRow
+        A finished row.
+    refused : bool
+        Whether its case must be refused.
+    """
     return replace(row, wrong=failure_of(row, refused))
 
 
 def failure_of(row: MechanicsRow, refused: bool = False) -> str:
-    """What is wrong with a finished row of a case that must be ``refused``, or must not; empty if nothing."""
+    """Judge a finished row.
+
+    Parameters
+    ----------
+    row : MechanicsRow
+        The row.
+    refused : bool
+        Whether its case must be refused.
+
+    Returns
+    -------
+    str
+        The failure; empty if there is none.
+    """
     if row.verdict.startswith("refused") != refused:
         return "it should be refused" if refused else "it should not be refused"
     numbers = (row.min_jacobian, row.residual, row.imbalance, row.roof)
@@ -121,30 +144,33 @@ def failure_of(row: MechanicsRow, refused: bool = False) -> str:
 
 
 def _along_path(case: Case) -> _Outcome:
+    """Solve a case along its load path, up to the load or to the end of the path."""
     path = pad_path(case.pad, case.material, case.load, case.mesh_size)
     if case.load.driven is not None:
         path = path.driven  # on which the body is moved
     try:
         (state,) = load_path(case.pad, case.material, [case.value], load=case.load, mesh_size=case.mesh_size)
-        return _Outcome(CONVERGED, _figures(case, path) or _own_figures(state), state)
+        return _Outcome(CONVERGED, _figures(case, path) or _solve_figures(state), state)
     except InputError as error:
         return _Outcome(f"refused: {error}", {}, None)
     except ComputationError as error:
         segments = list(path.segments.known.values())
         if not segments or math.isinf(segments[-1].limit):
             return _Outcome(f"refused: {error}", {}, None)
+        # The path ends before the load: report its end, and the state just before it.
         last = path.segments.branches.get(segments[-1], segments[-1])
         value = last.value(last.limit)
-        where = f" near {_listed(last.place)} mm" if np.isfinite(last.place).all() else ""
-        verdict = f"ends at {_listed(value)} {path.load.unit}: {last.reason}{where}"
+        position = f" near {_listed(last.place)} mm" if np.isfinite(last.place).all() else ""
+        verdict = f"ends at {_listed(value)} {path.load.unit}: {last.reason}{position}"
         if last.limit > segments[-1].limit:
             verdict += f"; buckled at {_listed(segments[-1].value(segments[-1].limit))} {path.load.unit}"
-        before = last.value(JUST_BEFORE * last.limit)[None]
-        (state,) = load_path(case.pad, case.material, before, load=path.load, mesh_size=case.mesh_size)
+        last_value = last.value(JUST_BEFORE * last.limit)[None]
+        (state,) = load_path(case.pad, case.material, last_value, load=path.load, mesh_size=case.mesh_size)
         return _Outcome(verdict, _figures(case, path), state)
 
 
 def _in_one_step(case: Case) -> _Outcome:
+    """Solve a case by one Newton solve from rest."""
     value = np.array(case.value)
     path = pad_path(case.pad, case.material, case.load, case.mesh_size)
     pad = path.segments.pad_for(np.zeros_like(value), value)
@@ -165,11 +191,11 @@ def _in_one_step(case: Case) -> _Outcome:
         newton_iterations=solution.iterations,
         stability_checked=solution.stability_checked,
     )
-    return _Outcome(CONVERGED, {"steps": 1, "cutbacks": 0} | _own_figures(state), state)
+    return _Outcome(CONVERGED, {"steps": 1, "cutbacks": 0} | _solve_figures(state), state)
 
 
-def _own_figures(state: State) -> dict[str, float | str]:
-    """Figures of a state alone: that of one step, or with friction, whose steps are not kept."""
+def _solve_figures(state: State) -> dict[str, float | str]:
+    """Figures of the solve of one state, for cases whose steps are not recorded: one step, or friction."""
     return {
         "iterations": state.newton_iterations,
         "min_jacobian": state.min_jacobian,
@@ -182,7 +208,7 @@ def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
     """Figures of the steps of a path, and the first load at which an element is inverted at a node."""
     segments = list(path.segments.known.values())
     branches = path.segments.branches.values()
-    curves = [part for branch in branches for part in (branch.curve, branch.onwards) if part]
+    curves = [segment for branch in branches for segment in (branch.curve, branch.onwards) if segment]
     nodes = [node for segment in segments + curves for node in segment.nodes]
     if not nodes:
         return {}
@@ -198,21 +224,22 @@ def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
 
 
 def _first_inverted(case: Case, path: PadPath, segment: LoadSegment) -> str:
-    """The load of the first accepted step of a segment within the case that inverts an element at a node."""
+    """The load of the first accepted step that inverts an element at a node, up to the load of the case; or empty."""
     pad = path.segments.pad_for(segment.origin, segment.direction)
     driven, linear = case.load.driven is not None, where_linear(path.mesh, path.load)
     reached = segment.limit if driven else float((np.array(case.value) - segment.origin) @ segment.direction)
     for node in segment.nodes:
-        moved = pad.split(node.unknowns)[0]
-        if node.s <= min(segment.limit, reached) and node_jacobian(path.mesh, moved, linear) <= 0:
+        displacement = pad.split(node.unknowns)[0]
+        if node.s <= min(segment.limit, reached) and node_jacobian(path.mesh, displacement, linear) <= 0:
             return f"{_listed(segment.value(node.s))} {path.load.unit}"
     return ""
 
 
 def cutbacks(segment: LoadSegment) -> int:
-    """Number of halved or abandoned steps of a segment, from its nodes, relative to the longest that may begin there.
+    """Number of halved or abandoned steps of a load segment.
 
-    Halves that the segment foresees count as those that it finds to be needed.
+    It follows from the lengths of the accepted steps relative to the longest that may begin at their nodes. Steps that
+    the segment halves in advance count as well.
     """
     nodes = segment.nodes[:-1] if segment.mode.size else segment.nodes  # the last is where the pad buckles
     positions = [round(node.s / segment.tick) for node in nodes]
@@ -232,27 +259,36 @@ def _stability(checked: bool) -> str:
     return "stable" if checked else "not checked"
 
 
-def _looked_at(state: State | None) -> dict[str, float | str]:
-    """Figures of a state computed independently of the solver; its error, unless its path goes on beyond touches, where
-    that may take ten minutes."""
+def _state_figures(state: State | None) -> dict[str, float | str]:
+    """Figures of a state, computed independently of the solver.
+
+    The error of a state with self-contact is not computed, as it may take ten minutes.
+    """
     if state is None:
         return {}
     linear = where_linear(state.mesh, state.load)
     roof = float(np.linalg.norm(mean_roof(state.mesh, state.displacement)))
     error = None if state.load.self_contact else state.error
-    stated = error.displacement / roof if error and roof else math.nan
+    stated_error = error.displacement / roof if error and roof else math.nan
     return {
         "node_jacobian": node_jacobian(state.mesh, state.displacement, linear),
         "imbalance": reactions(state).imbalance,
         "roof": roof,
-        "stated_error": stated,
+        "stated_error": stated_error,
     }
 
 
 def node_jacobian(mesh: VolumeMesh, displacement: np.ndarray, linear: np.ndarray | None = None) -> float:
-    """Smallest volume ratio J of any element at a judged node or a corner, at a displacement (N, 3) in mm.
+    """Smallest volume ratio J of any element, at its judged nodes and its corners.
 
-    Those corners are left out that are quadrature points (m, q) where the law is ``linear``.
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        The undeformed mesh.
+    displacement : (N, 3) ndarray
+        Of its nodes, in mm.
+    linear : (m, q) ndarray of bool, optional
+        Quadrature points at which the law is linear; corners among them are left out.
     """
     before, after = (map_determinants(points, mesh.tets) for points in (mesh.points, mesh.points + displacement))
     judged = judged_nodes(mesh)[mesh.tets]
@@ -261,12 +297,25 @@ def node_jacobian(mesh: VolumeMesh, displacement: np.ndarray, linear: np.ndarray
 
 
 def mean_roof(mesh: VolumeMesh, displacement: np.ndarray) -> np.ndarray:
-    """(3,) mm: mean over the undeformed roofs' area of a displacement (N, 3)."""
+    """Mean displacement of the roofs, over their undeformed area.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        The undeformed mesh.
+    displacement : (N, 3) ndarray
+        Of its nodes, in mm.
+
+    Returns
+    -------
+    (3,) ndarray
+        In mm.
+    """
     faces = mesh.faces[mesh.face_region == REGIONS["roof"]]
-    along = [np.einsum("qa,fai->fqi", slopes, mesh.points[faces]) for slopes in shape_slopes(_MIDPOINTS)]
-    area = np.linalg.norm(np.cross(*along), axis=2)
-    moved = np.einsum("qa,fai->fqi", shape_functions(_MIDPOINTS), displacement[faces])
-    return np.einsum("fq,fqi->i", area, moved) / area.sum()
+    tangents = [np.einsum("qa,fai->fqi", slopes, mesh.points[faces]) for slopes in shape_slopes(_MIDPOINTS)]
+    area = np.linalg.norm(np.cross(*tangents), axis=2)
+    displacements = np.einsum("qa,fai->fqi", shape_functions(_MIDPOINTS), displacement[faces])
+    return np.einsum("fq,fqi->i", area, displacements) / area.sum()
 
 
 def _finer_change(case: Case, state: State | None) -> float:
@@ -277,11 +326,11 @@ def _finer_change(case: Case, state: State | None) -> float:
         (finer,) = load_path(case.pad, case.material, [case.value], load=case.load, mesh_size=size)
     except ComputationError:
         return math.nan
-    here, there = (mean_roof(s.mesh, s.displacement) for s in (state, finer))
-    return float(np.linalg.norm(there - here) / np.linalg.norm(here))
+    coarse_roof, finer_roof = (mean_roof(s.mesh, s.displacement) for s in (state, finer))
+    return float(np.linalg.norm(finer_roof - coarse_roof) / np.linalg.norm(coarse_roof))
 
 
 def _listed(value: np.ndarray) -> str:
-    """Up to three numbers of four digits."""
+    """A load or position as text: one number, or several in parentheses, with four digits."""
     numbers = ", ".join(f"{number:.4g}" for number in value + 0.0)
     return f"({numbers})" if len(value) > 1 else numbers

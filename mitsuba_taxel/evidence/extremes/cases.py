@@ -24,7 +24,7 @@ from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, DEFAULT_MESH_SIZE, Pa
 
 _PAD = Pad()
 CELL = replace(_PAD, rows=1, columns=1)
-"""On which bodies press."""
+"""The pad of one cell into which bodies are pressed."""
 _E = NeoHookean().youngs_modulus
 _TANGENTIAL = (20.0, 0.0, -8.0)
 
@@ -84,12 +84,13 @@ def _loads() -> Iterator[Case]:
 
 
 def _indenters() -> Iterator[Case]:
-    """Bodies at the extremes, on a cell that is 4.55 mm wide and high, with walls of 1 mm."""
-    side, deep = CELL.extent[0] / 2, 0.9 * CELL.height
+    """Bodies of extreme size, position and depth on one cell, 4.55 mm wide and high, with walls of 1 mm."""
+    # Prescribed displacements.
+    side, full_depth = CELL.extent[0] / 2, 0.9 * CELL.height
     ball, edge = Indenter("sphere", radius=2.5), CELL.cell_size / 2
     bodies = {
         "a ball of 2.5 mm, off the centre": (replace(ball, at=(0.8, 0.4)), (0, 0, -0.5)),
-        "a ball of 2.5 mm, 90 % of the height": (ball, (0, 0, -deep)),
+        "a ball of 2.5 mm, 90 % of the height": (ball, (0, 0, -full_depth)),
         "a ball of 2.5 mm on the edge": (replace(ball, at=(side, 0.3)), (0, 0, -0.5)),
         "a ball of 2.5 mm on the corner": (replace(ball, at=(side, side)), (0, 0, -0.5)),
         "a ball of 2.5 mm beside the pad": (replace(ball, at=(side + 2.0, 0.0)), (0, 0, -2.0)),
@@ -101,17 +102,17 @@ def _indenters() -> Iterator[Case]:
         "a punch of 1.5 mm": (Indenter("punch", radius=1.5), (0, 0, -0.3)),
         "a punch of 1.5 mm on the edge": (Indenter("punch", radius=1.5, at=(side, 0.0)), (0, 0, -0.3)),
         "a punch of 1.5 mm that misses the pad": (Indenter("punch", radius=1.5, at=(50.0, 0.0)), (0, 0, -0.3)),
-        "a punch of 1.5 mm, 90 % of the height": (Indenter("punch", radius=1.5), (0, 0, -deep)),
+        "a punch of 1.5 mm, 90 % of the height": (Indenter("punch", radius=1.5), (0, 0, -full_depth)),
         "a punch of 1.5 mm, tilted by 30 degrees": (Indenter("punch", radius=1.5, tilt=30.0), (0, 0, -0.5)),
         "a punch of 1.5 mm, tilted by 80 degrees": (Indenter("punch", radius=1.5, tilt=80.0), (0, 0, -0.5)),
         "a punch of 0.05 mm": (Indenter("punch", radius=0.05), (0, 0, -0.03)),
         "a sharp punch of 1 mm, edge of 0.001 mm": (Indenter("punch", radius=1.0, edge_radius=1e-3), (0, 0, -0.1)),
         "a rod of 1 mm, at 30 degrees": (Indenter("cylinder", radius=1.0, angle=30.0), (0, 0, -0.3)),
         "a rod of 1 mm along the edge": (Indenter("cylinder", radius=1.0, angle=90.0, at=(side, 0.0)), (0, 0, -0.3)),
-        "a rod of 1 mm, 90 % of the height": (Indenter("cylinder", radius=1.0), (0, 0, -deep)),
+        "a rod of 1 mm, 90 % of the height": (Indenter("cylinder", radius=1.0), (0, 0, -full_depth)),
         "a rod of 1 mm that misses the pad": (Indenter("cylinder", radius=1.0, at=(0.0, 50.0)), (0, 0, -0.3)),
         "a rod of 0.05 mm": (Indenter("cylinder", radius=0.05), (0, 0, -0.05)),
-        "a plate, 90 % of the height": (Indenter("plane"), (0, 0, -deep)),
+        "a plate, 90 % of the height": (Indenter("plane"), (0, 0, -full_depth)),
         "a plate, tilted by 10 degrees": (Indenter("plane", tilt=10.0), (0, 0, -0.5)),
         "a plate, tilted by 80 degrees": (Indenter("plane", tilt=80.0), (0, 0, -0.5)),
     }
@@ -130,14 +131,15 @@ def _indenters() -> Iterator[Case]:
     ):
         load = IndenterDisplacement(body, self_contact=True)
         yield Case(f"pressed by {name}, with self_contact", CELL, load=load, value=value)
+    # Prescribed forces.
     for force in (1e-9, 2.0, 2000.0):
         yield Case(f"pressed by {force:g} N on a ball", CELL, load=IndenterForce(ball), value=(0, 0, -force))
-    rubbing = IndenterForce(replace(ball, friction=0.3), self_contact=True)
-    yield Case("pressed by 20 N on a ball, friction of 0.3, with self_contact", CELL, load=rubbing)
-    held = IndenterForce(replace(ball, friction=2.0))
-    yield Case("pressed by 2 N on a ball, dragged by 1 N with a friction of 2", CELL, load=held, value=(1.0, 0, -2.0))
-    missing = IndenterForce(replace(ball, at=(50.0, 0.0)))
-    yield Case("pressed by 2 N on a ball that misses the pad", CELL, load=missing, value=(0, 0, -2.0), refused=True)
+    sliding = IndenterForce(replace(ball, friction=0.3), self_contact=True)
+    yield Case("pressed by 20 N on a ball, friction of 0.3, with self_contact", CELL, load=sliding)
+    stuck = IndenterForce(replace(ball, friction=2.0))
+    yield Case("pressed by 2 N on a ball, dragged by 1 N with a friction of 2", CELL, load=stuck, value=(1.0, 0, -2.0))
+    missed = IndenterForce(replace(ball, at=(50.0, 0.0)))
+    yield Case("pressed by 2 N on a ball that misses the pad", CELL, load=missed, value=(0, 0, -2.0), refused=True)
 
 
 def _large_forces() -> Iterator[Case]:
@@ -149,7 +151,7 @@ def _large_forces() -> Iterator[Case]:
 
 
 def _self_contacts() -> Iterator[Case]:
-    """Beyond the first touch, where neither the end of a path nor its reason may depend on the mesh."""
+    """Loads beyond the first self-contact; neither the end of a path nor its reason may depend on the mesh."""
     spread, plate = SpreadForce(self_contact=True), PlateForce(self_contact=True)
     for words, value, load, shapes in (
         ("-200 N", (0.0, 0.0, -200.0), spread, CELL_SHAPES),

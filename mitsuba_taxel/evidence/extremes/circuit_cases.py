@@ -18,11 +18,11 @@ from mitsuba_taxel.evidence.extremes.reading_row import RIGHT
 from mitsuba_taxel.evidence.extremes.table_case import TimedCase
 
 DIGITS, BISECTIONS = 60, 150
-"""Of the reference."""
+"""Decimal digits of the reference, and number of bisections."""
 MOST_DIFFERENCE = 1e-9
 """Allowed relative difference from it."""
 LEAST = 1e-200
-"""In V; anything less is as good as nothing."""
+"""Allowed absolute difference in V."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class CircuitCase(TimedCase):
     Attributes
     ----------
     power : float
-        On the phototransistor, in W.
+        Optical power on the phototransistor, in W.
     settings : dict[str, Any]
-        Of the circuit, where it differs from one of 3.3 V, 10 kOhm and 8 mA/W.
+        Parameters of the circuit that differ from 3.3 V, 10 kOhm and 8 mA/W.
     """
 
     ROW = CircuitRow
@@ -45,18 +45,18 @@ class CircuitCase(TimedCase):
     def _row(self) -> CircuitRow:
         try:
             circuit = Circuit(**{"supply": 3.3, "load_resistance": 1e4, "transfer": 8e-3, **self.settings})
-            found, noise = respond(circuit, self.power), float(total_noise(circuit, self.power))
+            response, noise = respond(circuit, self.power), float(total_noise(circuit, self.power))
         except InputError as error:
             return CircuitRow(self.name, f"refused: {error}", wrong="it should be read")
         exact = emitter_voltage(circuit, self.power)
-        wanted = min(circuit.buffer_gain * float(exact), circuit.supply, circuit.full_scale)
-        voltage, counts = float(found.voltage), int(found.counts)
+        reference = min(circuit.buffer_gain * float(exact), circuit.supply, circuit.full_scale)
+        voltage, counts = float(response.voltage), int(response.counts)
         return CircuitRow(
             case=self.name,
             verdict=RIGHT,
-            wrong=_flaw(circuit, voltage, wanted, counts, noise),
+            wrong=_flaw(circuit, voltage, reference, counts, noise),
             voltage=voltage,
-            reference=wanted,
+            reference=reference,
             counts=counts,
             noise=noise,
         )
@@ -68,12 +68,25 @@ def circuit_cases() -> list[CircuitCase]:
 
 
 def emitter_voltage(circuit: Circuit, power: float) -> Decimal:
-    """Where the current of the phototransistor is that of the load, in V, by bisection."""
+    """Voltage at which the current of the phototransistor equals that of the load, by bisection in decimal arithmetic.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The circuit.
+    power : float
+        Optical power in W.
+
+    Returns
+    -------
+    Decimal
+        Voltage of the emitter in V.
+    """
     with localcontext() as context:
         context.prec = DIGITS
         if circuit.load_resistance == 0:
             return Decimal(0)
-        supply, half, thermal = (
+        supply, saturation, thermal = (
             Decimal(number) for number in (circuit.supply, circuit.saturation_voltage, circuit.thermal_voltage)
         )
         light = Decimal(circuit.current_per_power) * Decimal(power) + Decimal(circuit.leakage)
@@ -82,9 +95,12 @@ def emitter_voltage(circuit: Circuit, power: float) -> Decimal:
         conductance = 0 if math.isinf(circuit.load_resistance) else 1 / Decimal(circuit.load_resistance)
 
         def surplus(voltage: Decimal) -> Decimal:
-            """Current into the emitter's node; after Ebers and Moll, the first part is that of the phototransistor."""
-            rest = (-(supply - voltage) / thermal).exp()
-            return light * (1 - rest) / (1 - 2 * rest + (half / thermal).exp() * rest) - conductance * voltage
+            """Current into the emitter node: that of the phototransistor (Ebers and Moll) minus that of the load."""
+            reverse = (-(supply - voltage) / thermal).exp()
+            return (
+                light * (1 - reverse) / (1 - 2 * reverse + (saturation / thermal).exp() * reverse)
+                - conductance * voltage
+            )
 
         low, high = Decimal(0), supply
         for _ in range(BISECTIONS):
@@ -93,14 +109,14 @@ def emitter_voltage(circuit: Circuit, power: float) -> Decimal:
         return (low + high) / 2
 
 
-def _flaw(circuit: Circuit, voltage: float, wanted: float, counts: int, noise: float) -> str:
-    """What is wrong with a response; empty if nothing."""
-    allowed = MOST_DIFFERENCE * wanted + LEAST
-    if not abs(voltage - wanted) <= allowed:
+def _flaw(circuit: Circuit, voltage: float, reference: float, counts: int, noise: float) -> str:
+    """The failure of a response; empty if there is none."""
+    allowed = MOST_DIFFERENCE * reference + LEAST
+    if not abs(voltage - reference) <= allowed:
         return "another voltage"
-    least, most = ((wanted + off) / circuit.step for off in (-allowed, allowed))
+    lowest, highest = ((reference + offset) / circuit.step for offset in (-allowed, allowed))
     largest = 2**circuit.adc_bits - 1
-    if not min(max(math.floor(least), 0), largest) <= counts <= min(math.floor(most), largest):
+    if not min(max(math.floor(lowest), 0), largest) <= counts <= min(math.floor(highest), largest):
         return "other counts"
     return "" if math.isfinite(noise) and noise >= circuit.step / math.sqrt(12) else "not a noise"
 

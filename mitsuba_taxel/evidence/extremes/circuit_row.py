@@ -18,9 +18,9 @@ class CircuitRow:
     wrong : str
         Failure, empty if there is none.
     voltage, reference : float
-        At the converter, in V, and expected.
+        Voltage at the converter and its expected value, in V.
     counts : float
-        Of the converter.
+        Output of the converter.
     noise : float
         One standard deviation, in V.
     seconds : float

@@ -32,7 +32,7 @@ LOW_CELL = Pad("cylindrical", rows=1, columns=1, height=3.0, cell_height=0.85)
 ROUNDING = 1e-6
 """Relative rounding error of single precision, to which scaling laws hold."""
 OF_TIME_STEPS = 1e-4
-"""Relative error of readings by that of steps in time, and by what relaxes during a short rise."""
+"""Relative error of readings due to time steps, and to relaxation during a short rise of the load."""
 OF_QUADRATURE = 2e-3
 """Relative error of the power under a mirror by quadrature."""
 VCNT2020 = Path(parts.__file__).parent / "catalogue" / "vcnt2020.toml"
@@ -49,12 +49,24 @@ MIRROR = """<scene version="3.9.0">
 POINTS_OF_A_BILLION = 1 << 20
 
 read = partial(measure, mechanics_error=False)
-"""No row tells the error of the mechanics, for which a second mesh is solved."""
+"""Readings without the error of the mechanics, which no row shows and which needs a second mesh."""
 
 
 @dataclass(frozen=True)
 class ComparedReading:
-    """A reading of the worst taxel and its reference, with their errors in W, and a remark."""
+    """The reading of the worst taxel and its reference.
+
+    Attributes
+    ----------
+    power, error : float
+        Reading and its standard error, in W.
+    reference, reference_error : float
+        Reference and its standard error, in W.
+    by : str
+        Source of the reference.
+    remark : str
+        Note for the reader.
+    """
 
     power: float
     error: float
@@ -83,22 +95,22 @@ class ReadingCase(TimedCase):
 
     def _row(self) -> ReadingRow:
         try:
-            found = self.look()
+            compared = self.look()
         except (InputError, ComputationError) as error:
             return ReadingRow(self.name, f"refused: {error}", wrong="" if self.refused else "it should be read")
-        spread = np.hypot(found.error, found.reference_error)
-        change = found.power - found.reference
+        spread = np.hypot(compared.error, compared.reference_error)
+        change = compared.power - compared.reference
         deviations = 0.0 if change == 0 else float(np.divide(change, spread))
-        right = np.isfinite(found.power) and abs(deviations) < MOST_DEVIATIONS
+        right = np.isfinite(compared.power) and abs(deviations) < MOST_DEVIATIONS
         return ReadingRow(
             case=self.name,
-            verdict=f"{RIGHT}{found.remark and '; '}{found.remark}",
+            verdict=f"{RIGHT}{compared.remark and '; '}{compared.remark}",
             wrong="it should be refused" if self.refused else "" if right else "not what it should be",
-            power=found.power,
-            error=found.error / found.power if found.power > 0 else 0.0,
-            reference=found.reference,
+            power=compared.power,
+            error=compared.error / compared.power if compared.power > 0 else 0.0,
+            reference=compared.reference,
             deviations=deviations,
-            by=found.by,
+            by=compared.by,
         )
 
 
@@ -110,8 +122,8 @@ def reading_cases() -> list[ReadingCase]:
 def _gaps() -> Iterator[ReadingCase]:
     for z in (0.1, 0.02):
         for scattering in ("lambertian", "isotropic"):
-            look = partial(_against_counted, _plate(z=z, scattering=scattering), points=1 << 16)
-            yield ReadingCase(f"plate {z:g} mm above the LED, {scattering}", look)
+            compare = partial(_against_counted, _plate(z=z, scattering=scattering), points=1 << 16)
+            yield ReadingCase(f"plate {z:g} mm above the LED, {scattering}", compare)
     yield ReadingCase("plate 1e-5 mm above the LED, lambertian", _all_but_closed)
     yield ReadingCase("plate on the LED", _closed)
 
@@ -123,12 +135,12 @@ def _windows() -> Iterator[ReadingCase]:
         yield ReadingCase(
             f"VCNT2020 in resin of index {index:g}, 1 mm below a mirror", partial(_below_a_mirror, 1.0, index)
         )
-    deep, aside = (0.0, 0.0, -0.65), (0.0, 1.05, -0.4)
-    for words, shift in (("0.75 mm deep", deep), ("0.5 mm deep and cut by their windows", aside)):
-        look = partial(_below_a_mirror, 1.0, shift=shift)
-        yield ReadingCase(f"VCNT2020 with dies {words}, 1 mm below a mirror", look)
-    look = partial(_below_a_mirror, 1.0, shift=(0.0, 0.0, -0.75))
-    yield ReadingCase("VCNT2020 with dies as deep as its body", look, refused=True)
+    deep_shift, sideways_shift = (0.0, 0.0, -0.65), (0.0, 1.05, -0.4)
+    for words, shift in (("0.75 mm deep", deep_shift), ("0.5 mm deep and cut by their windows", sideways_shift)):
+        compare = partial(_below_a_mirror, 1.0, shift=shift)
+        yield ReadingCase(f"VCNT2020 with dies {words}, 1 mm below a mirror", compare)
+    compare = partial(_below_a_mirror, 1.0, shift=(0.0, 0.0, -0.75))
+    yield ReadingCase("VCNT2020 with dies as deep as its body", compare, refused=True)
 
 
 def _walls() -> Iterator[ReadingCase]:
@@ -149,8 +161,8 @@ def _little() -> Iterator[ReadingCase]:
 def _loads() -> Iterator[ReadingCase]:
     soft = PadSensor(pad=LOW_CELL, material=NeoHookean(0.416), roof=Wall("lambertian", 0.9))
     for force in (-1.0, -1.3):
-        look = partial(_against_counted, replace(soft, force=(0.0, 0.0, force)).scene)
-        yield ReadingCase(f"cell that {force:g} N all but closes", look)
+        compare = partial(_against_counted, replace(soft, force=(0.0, 0.0, force)).scene)
+        yield ReadingCase(f"cell that {force:g} N all but closes", compare)
     yield ReadingCase("roof pressed onto the LED", partial(_read, replace(soft, force=(0.0, 0.0, -3.0)).scene), True)
     pad = PadSensor(pad=Pad(), material=NeoHookean(0.05), force=(0.0, 0.0, -20.0))
     yield ReadingCase("pad of 0.05 MPa under -20 N", partial(_read, pad.scene), True)
@@ -162,16 +174,16 @@ def _loads() -> Iterator[ReadingCase]:
 
 def _times() -> Iterator[ReadingCase]:
     far_apart, all_but_all = ((0.3, 1e-6), (0.3, 1e6)), ((1 - 1e-6, 1.0),)
-    words, soon = "relaxation times of 1e-6 and 1e6 s", 1e-9
-    for held, left in ((0.0, 1.0), (1.0, 0.7), (1e9, 0.4)):
+    words, rise = "relaxation times of 1e-6 and 1e6 s", 1e-9
+    for hold, remaining in ((0.0, 1.0), (1.0, 0.7), (1e9, 0.4)):
         yield ReadingCase(
-            f"{words}, {soon:g} s and {held:g} s more", partial(_relaxed, far_apart, -1.0, soon, held, left)
+            f"{words}, {rise:g} s and {hold:g} s more", partial(_relaxed, far_apart, -1.0, rise, hold, remaining)
         )
     yield ReadingCase(f"{words}, loaded for 1e+09 s", partial(_relaxed, far_apart, -1.0, 1e9, 0.0, 0.4))
     words = "a silicone of which 1e-6 remains"
-    yield ReadingCase(f"{words}, loaded for {soon:g} s", partial(_relaxed, all_but_all, -1.0, soon, 0.0, 1.0))
-    yield ReadingCase(f"{words}, 1e-6 N for 1e+09 s", partial(_relaxed, all_but_all, -1e-6, soon, 1e9, 1e-6))
-    yield ReadingCase(f"{words}, 1 N for 1e+09 s", partial(_relaxed, all_but_all, -1.0, soon, 1e9, 1e-6), True)
+    yield ReadingCase(f"{words}, loaded for {rise:g} s", partial(_relaxed, all_but_all, -1.0, rise, 0.0, 1.0))
+    yield ReadingCase(f"{words}, 1e-6 N for 1e+09 s", partial(_relaxed, all_but_all, -1e-6, rise, 1e9, 1e-6))
+    yield ReadingCase(f"{words}, 1 N for 1e+09 s", partial(_relaxed, all_but_all, -1.0, rise, 1e9, 1e-6), True)
 
 
 def _sizes() -> Iterator[ReadingCase]:
@@ -189,72 +201,82 @@ def _plate(**parameters: object) -> Callable[[], Scene]:
 
 
 def _read(scene: Callable[[], Scene]) -> ComparedReading:
-    found = read(scene(), points=256)
-    return _compared(found, found, "nothing")
+    readings = read(scene(), points=256)
+    return _compared(readings, readings, "nothing")
 
 
 def _against_counted(scene: Callable[[], Scene], points: int = 1 << 15) -> ComparedReading:
-    """A reading compared with counted rays."""
+    """Compare a reading with counted rays."""
     import mitsuba as mi
 
-    ready = prepare(scene())
-    counting = ready._replace(integrator=mi.load_dict({"type": "analog_tracer"}))
-    return _compared(read(ready, points=4096, seed=1), read(counting, points=points, seed=2), "counted rays")
+    prepared = prepare(scene())
+    counted = prepared._replace(integrator=mi.load_dict({"type": "analog_tracer"}))
+    return _compared(read(prepared, points=4096, seed=1), read(counted, points=points, seed=2), "counted rays")
 
 
 def _below_a_mirror(
     height: float, index: float = 1.5, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> ComparedReading:
-    """A VCNT2020 in another resin, with both dies shifted, compared with the quadrature of refraction."""
+    """Compare a VCNT2020 below a mirror, with another resin or shifted dies, with a quadrature of refraction."""
     with TemporaryDirectory() as folder:
         file, scene = Path(folder) / "part.toml", Path(folder) / "scene.xml"
         file.write_text(VCNT2020.read_text().replace("resin_index = 1.5", f"resin_index = {index}"))
         part = read_part(file)
         scene.write_text(MIRROR.format(shift=", ".join(map(str, shift)), z=part.body[2] + height))
-        found = read(Scene(scene), points=1 << 13)
+        readings = read(Scene(scene), points=1 << 13)
     emitter, detector = (side.moved(shift) for side in (part.emitter, part.detector))
-    (right,) = mirror_curve(replace(part, emitter=emitter, detector=detector), height).tolist()
-    power, error = float(found.power[0]), float(found.standard_error[0])
-    return ComparedReading(power, error, right, OF_QUADRATURE * right, "quadrature of refraction")
+    (expected,) = mirror_curve(replace(part, emitter=emitter, detector=detector), height).tolist()
+    power, error = float(readings.power[0]), float(readings.standard_error[0])
+    return ComparedReading(power, error, expected, OF_QUADRATURE * expected, "quadrature of refraction")
 
 
-def _compared(ours: Readings, theirs: Readings, by: str, remark: str = "", rounding: float = 0.0) -> ComparedReading:
-    """The taxel that differs most; both have the same error of the mechanics."""
-    spread = np.hypot(ours.standard_error, theirs.standard_error) + rounding * theirs.power
-    change = np.abs(ours.power - theirs.power)
+def _compared(
+    readings: Readings, reference: Readings, by: str, remark: str = "", rounding: float = 0.0
+) -> ComparedReading:
+    """Compare readings at the taxel that differs most in combined errors; ``rounding`` is relative to the reference."""
+    spread = np.hypot(readings.standard_error, reference.standard_error) + rounding * reference.power
+    change = np.abs(readings.power - reference.power)
     worst = int(np.argmax(np.divide(change, spread, out=np.zeros_like(change), where=spread > 0)))
-    errors = (float(part[worst]) for part in (ours.standard_error, theirs.standard_error + rounding * theirs.power))
+    errors = (
+        float(column[worst])
+        for column in (readings.standard_error, reference.standard_error + rounding * reference.power)
+    )
     error, reference_error = errors
-    return ComparedReading(float(ours.power[worst]), error, float(theirs.power[worst]), reference_error, by, remark)
+    return ComparedReading(
+        float(readings.power[worst]), error, float(reference.power[worst]), reference_error, by, remark
+    )
 
 
 def _all_but_closed() -> ComparedReading:
-    """Light in a narrow gap is proportional to the square of its height."""
-    near, nearer = (read(_plate(z=z, scattering="lambertian")(), points=1 << 14) for z in (1e-4, 1e-5))
-    theirs = replace(near, replicates=near.replicates * 1e-2)
-    return _compared(nearer, theirs, "law of scale", rounding=1e-2)
+    """Compare readings in two narrow gaps: light is proportional to the square of the height."""
+    wide, narrow = (read(_plate(z=z, scattering="lambertian")(), points=1 << 14) for z in (1e-4, 1e-5))
+    scaled = replace(wide, replicates=wide.replicates * 1e-2)
+    return _compared(narrow, scaled, "law of scale", rounding=1e-2)
 
 
 def _closed() -> ComparedReading:
-    found = read(_plate(z=0, scattering="lambertian")(), points=1 << 12)
-    said = any("no light found" in note for note in found.notes)
-    return replace(_compared(found, found, "nothing passes"), reference=0.0, remark="said so" if said else "NOT SAID")
+    """A plate on the LED: no light may be found, and a note must say so."""
+    readings = read(_plate(z=0, scattering="lambertian")(), points=1 << 12)
+    noted = any("no light found" in note for note in readings.notes)
+    return replace(
+        _compared(readings, readings, "nothing passes"), reference=0.0, remark="said so" if noted else "NOT SAID"
+    )
 
 
 def _little_light(watts: float) -> ComparedReading:
-    """Readings are proportional to the power of the LED."""
+    """Compare readings of two LEDs: they are proportional to the power."""
 
     def at(power: float) -> Readings:
         led = AnnularLed(power=power)
         sensor = PadSensor(pad=Pad(rows=1, columns=1), photo_reflector=PhotoReflector(led=led))
         return read(sensor.scene(), points=4096)
 
-    one = at(1.0)
-    return _compared(at(watts), replace(one, replicates=one.replicates * watts), "law of scale", rounding=ROUNDING)
+    full = at(1.0)
+    return _compared(at(watts), replace(full, replicates=full.replicates * watts), "law of scale", rounding=ROUNDING)
 
 
 def _next_to_nothing(force: float) -> ComparedReading:
-    """A force that moves nothing changes nothing."""
+    """Compare readings under a tiny force with those without a force."""
     loaded, unloaded = (
         read(PadSensor(pad=Pad("spherical", 1, 1), force=(0.0, 0.0, z)).scene(), points=4096) for z in (force, 0.0)
     )
@@ -262,17 +284,22 @@ def _next_to_nothing(force: float) -> ComparedReading:
 
 
 def _relaxed(
-    prony: tuple[tuple[float, float], ...], force: float, rise: float, held: float, left: float
+    prony: tuple[tuple[float, float], ...], force: float, rise: float, hold: float, remaining: float
 ) -> ComparedReading:
-    """An incompressible pad, loaded within a time and held for another, of whose stiffness a share is left: that of an
-    elastic one."""
+    """Compare a relaxed viscoelastic pad with an elastic pad of the remaining stiffness.
+
+    The pad is incompressible, so that relaxation scales its stiffness. Its load rises for ``rise`` and is constant for
+    ``hold``, in s; ``remaining`` is the fraction of the stiffness after that.
+    """
     law, load = NeoHookean(poisson_ratio=0.5), (0.0, 0.0, force)
-    elastic = PadSensor(pad=Pad(rows=1, columns=1), material=NeoHookean(left * law.youngs_modulus, 0.5), force=load)
-    silicone = replace(
-        elastic, material=Viscoelastic(law, prony), time=rise + held, history=((rise, load),) if held else ()
+    elastic = PadSensor(
+        pad=Pad(rows=1, columns=1), material=NeoHookean(remaining * law.youngs_modulus, 0.5), force=load
     )
-    ours, theirs = (read(sensor.scene(), points=4096) for sensor in (silicone, elastic))
-    return _compared(ours, theirs, "an elastic pad", rounding=OF_TIME_STEPS)
+    silicone = replace(
+        elastic, material=Viscoelastic(law, prony), time=rise + hold, history=((rise, load),) if hold else ()
+    )
+    relaxed, expected = (read(sensor.scene(), points=4096) for sensor in (silicone, elastic))
+    return _compared(relaxed, expected, "an elastic pad", rounding=OF_TIME_STEPS)
 
 
 def _million_scenes() -> ComparedReading:
@@ -290,46 +317,50 @@ def _million_states() -> ComparedReading:
 
 
 def _scaled(scale: float) -> ComparedReading:
-    """A pad with its contents in another unit of length."""
+    """Compare a pad with the same pad in another unit of length."""
     import mitsuba as mi
 
     sensor = PadSensor(pad=Pad("cylindrical", 1, 1), force=(0.0, 0.0, -1.0), roof=Wall("lambertian", 0.9))
     source = sensor.scene().source
     assert isinstance(source, dict)
     scaling = mi.ScalarTransform4f().scale(scale)
-    moved = {
-        name: {**part, "to_world": scaling @ part.get("to_world", mi.ScalarTransform4f())}
-        if isinstance(part, dict) and name in ("pad", "photo_reflector", "board")
-        else part
-        for name, part in source.items()
+    scaled = {
+        name: {**entry, "to_world": scaling @ entry.get("to_world", mi.ScalarTransform4f())}
+        if isinstance(entry, dict) and name in ("pad", "photo_reflector", "board")
+        else entry
+        for name, entry in source.items()
     }
     return _compared(
-        read(Scene(moved), points=4096), read(Scene(source), points=4096), "the pad in millimetres", rounding=1e-4
+        read(Scene(scaled), points=4096), read(Scene(source), points=4096), "the pad in millimetres", rounding=1e-4
     )
 
 
 def _many_taxels() -> ComparedReading:
-    """Under a wide plate, all taxels read the same."""
+    """Compare the taxels of a large array under a wide plate with a single taxel."""
 
     def at(rows: int, points: int, seed: int) -> Readings:
         return read(_array(rows, rows), points=points, seed=seed)
 
-    many, one = at(30, 256, 1), at(1, 1 << 13, 2)
-    like = replace(one, replicates=np.tile(one.replicates, (1, 900)))
-    found = _compared(many, like, "one alone")
-    share = 1 / 900  # Bonferroni's bound for the worst of 900
-    return replace(found, error=found.error * _wider(share))
+    array, single = at(30, 256, 1), at(1, 1 << 13, 2)
+    repeated = replace(single, replicates=np.tile(single.replicates, (1, 900)))
+    compared = _compared(array, repeated, "one alone")
+    probability = 1 / 900  # Bonferroni's bound for the worst of 900
+    return replace(compared, error=compared.error * _wider(probability))
 
 
-def _wider(share: float) -> float:
-    """Factor of the limit of deviations for the worst of many, at the same rate of false alarms."""
+def _wider(probability: float) -> float:
+    """Factor of the allowed deviation for the worst of many taxels, at the same rate of false alarms.
+
+    ``probability`` is the false-alarm rate of one taxel relative to that of all.
+    """
     from scipy.stats import norm
 
     limit = norm.sf(MOST_DEVIATIONS)
-    return float(norm.isf(limit * share) / MOST_DEVIATIONS)
+    return float(norm.isf(limit * probability) / MOST_DEVIATIONS)
 
 
 def _array(rows: int, columns: int) -> Scene:
+    """An array of photo-reflectors under a wide white plate."""
     import mitsuba as mi
 
     from mitsuba_taxel.backend import activate_variant
@@ -342,11 +373,11 @@ def _array(rows: int, columns: int) -> Scene:
 
 
 def _billion() -> ComparedReading:
-    """2^30 paths at once, and for comparison a running sum of as many numbers in single precision."""
-    many = read(_array(8, 4), points=POINTS_OF_A_BILLION, seed=1)
-    few = read(_array(8, 4), points=1 << 16, seed=2)
+    """Compare a reading of 2^30 paths with one of fewer; the remark has the error of a naive single-precision sum."""
+    long = read(_array(8, 4), points=POINTS_OF_A_BILLION, seed=1)
+    short = read(_array(8, 4), points=1 << 16, seed=2)
     remark = f"a running single-precision sum of as many is off by {running_sum_error(1 << 30):.0%}"
-    return _compared(many, few, "65536 points", remark, rounding=ROUNDING)
+    return _compared(long, short, "65536 points", remark, rounding=ROUNDING)
 
 
 def running_sum_error(count: int) -> float:

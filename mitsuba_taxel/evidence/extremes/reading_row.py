@@ -22,11 +22,11 @@ class ReadingRow:
     wrong : str
         Failure, empty if there is none.
     power : float
-        In W, of the worst taxel.
+        Reading of the worst taxel, in W.
     error : float
-        Relative, of light and mechanics.
+        Relative standard error of light and mechanics.
     reference : float
-        In W, expected reading.
+        Expected reading, in W.
     deviations : float
         Deviation of the reading from it, in combined errors.
     by : str

@@ -33,35 +33,38 @@ class SliverPad(Pad):
 
 
 def with_slivers(mesh: VolumeMesh) -> VolumeMesh:
-    """The mesh with inner corners moved until an element is flat; no two of them share an element.
+    """Flatten elements of a mesh by moving inner corners; no two moved corners share an element.
 
     The edges at a moved corner become straight. A corner does not move if an element would be inverted.
     """
+    # Elements by corner: those of corner i are order[begin[i] : begin[i + 1]] // 4.
     points, tets = mesh.points.copy(), mesh.tets
     order = np.argsort(tets[:, :4].ravel(), kind="stable")
     begin = np.searchsorted(tets[:, :4].ravel()[order], np.arange(mesh.corner_count + 1))
     fixed = np.zeros(len(points), dtype=bool)
     fixed[mesh.faces] = True
     for corner in range(mesh.corner_count):
-        around = tets[order[begin[corner] : begin[corner + 1]] // 4]
-        if not fixed[corner] and _flatten(points, corner, around):
-            fixed[around[:, :4]] = True
+        adjacent = tets[order[begin[corner] : begin[corner + 1]] // 4]
+        if not fixed[corner] and _flatten(points, corner, adjacent):
+            fixed[adjacent[:, :4]] = True
     return replace(mesh, points=points)
 
 
-def _flatten(points: np.ndarray, corner: int, around: np.ndarray) -> bool:
-    """Move a corner into one of the elements ``around`` it; returns whether this was possible with all of them
-    valid."""
-    before = points[around]
-    for own in around[:, :4]:
-        base = points[own[own != corner]].mean(axis=0)
+def _flatten(points: np.ndarray, corner: int, tets: np.ndarray) -> bool:
+    """Move a corner almost into the opposite face of one of the elements ``tets`` (K, 10) that share it.
+
+    Returns whether all of them stay valid; otherwise the points are unchanged.
+    """
+    before = points[tets]
+    for tet in tets[:, :4]:
+        base = points[tet[tet != corner]].mean(axis=0)
         points[corner] = base + FLATNESS * (points[corner] - base)
         for node, ends in enumerate(TET_EDGES, start=4):
-            at_corner = (around[:, list(ends)] == corner).any(axis=1)
-            points[around[at_corner, node]] = points[around[at_corner][:, list(ends)]].mean(axis=1)
-        if _valid(points, around):
+            at_corner = (tets[:, list(ends)] == corner).any(axis=1)
+            points[tets[at_corner, node]] = points[tets[at_corner][:, list(ends)]].mean(axis=1)
+        if _valid(points, tets):
             return True
-        points[around] = before
+        points[tets] = before
     return False
 
 

@@ -1,4 +1,4 @@
-"""Extreme cases of bodies from files, which are written where they are measured."""
+"""Extreme cases of bodies from STL files, which the measuring process writes itself."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 SIDE = 2.0
-"""Of the bodies in mm."""
+"""Edge length of the bodies, in mm."""
 DEPTH = 0.3
-"""To which they are pressed, in mm."""
+"""Depth to which they are pressed, in mm."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class SolidCase(TableCase):
     solid : Callable[[], Trimesh]
         The body, in mm.
     tilt : float
-        By which it leans, in degrees.
+        Angle of its axis to the normal, in degrees.
     refused : bool
         Whether it must be refused.
     """
@@ -55,8 +55,8 @@ class SolidCase(TableCase):
             try:
                 load = IndenterDisplacement(Indenter(file=str(file), tilt=self.tilt))
             except InputError as error:
-                said = str(error).replace(str(file), file.name)
-                return with_flaw(MechanicsRow(self.name, f"refused: {said}"), self.refused)
+                message = str(error).replace(str(file), file.name)
+                return with_flaw(MechanicsRow(self.name, f"refused: {message}"), self.refused)
             return Case(self.name, CELL, load=load, value=(0.0, 0.0, -DEPTH), refused=self.refused).measured()
 
 

@@ -22,7 +22,7 @@ def stability(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[AnyRow]:
-    """Rows of the tables as they are measured, each in a process of its own; files hold those measured so far.
+    """Yield rows of the tables as they are measured, each in a process of its own; files are rewritten after each.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ def stability(
     InputError
         if no case matches, or a file cannot be written.
     """
-    every: list[NamedCase] = [*stability_cases(), *solid_cases(), *reading_cases(), *circuit_cases()]
-    cases = chosen(every, only)
+    all_cases: list[NamedCase] = [*stability_cases(), *solid_cases(), *reading_cases(), *circuit_cases()]
+    cases = chosen(all_cases, only)
     for file, suffix in ((csv, ".csv"), (markdown, ".md")):
         if file:
             check_new_file(file, suffix)

@@ -1,4 +1,4 @@
-"""What the cases of the tables of extreme cases share."""
+"""Base classes of the cases in the tables of extreme cases."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class TableCase:
 
 
 class TimedCase(TableCase):
-    """A case of which all is timed."""
+    """A case whose whole measurement is timed."""
 
     def measured(self) -> Any:
         """The row, measured in this process."""
-        began = time.process_time()
+        start = time.process_time()
         row = self._row()
-        return replace(row, seconds=time.process_time() - began, megabytes=peak_memory())
+        return replace(row, seconds=time.process_time() - start, megabytes=peak_memory())
 
     @abstractmethod
     def _row(self) -> Any:

@@ -88,7 +88,15 @@ current law at the emitter, in 60 decimal digits.
 
 
 def write_csv(rows: Sequence[AnyRow], file: Path) -> None:
-    """Write the rows with a heading, in full precision; columns that a row lacks are empty, missing numbers ``nan``."""
+    """Write rows as CSV with a heading and numbers in full precision.
+
+    Parameters
+    ----------
+    rows : sequence of rows
+        Columns that a row does not have are empty; missing numbers are ``nan``.
+    file : Path
+        CSV file, which is replaced.
+    """
     names = dict.fromkeys(field.name for kind in (MechanicsRow, ReadingRow, CircuitRow) for field in fields(kind))
     with replacing(file) as temporary, temporary.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(names))
@@ -97,7 +105,17 @@ def write_csv(rows: Sequence[AnyRow], file: Path) -> None:
 
 
 def write_markdown(rows: Sequence[AnyRow], file: Path, command: str) -> None:
-    """Write the rows as a page that names its ``command`` and explains its columns."""
+    """Write rows as a Markdown page that explains its columns.
+
+    Parameters
+    ----------
+    rows : sequence of rows
+        Of any of the three tables.
+    file : Path
+        Page, which is replaced.
+    command : str
+        Command that the page names as its origin.
+    """
     mechanics = [row for row in rows if isinstance(row, MechanicsRow)]
     readings = [row for row in rows if isinstance(row, ReadingRow)]
     text = _PAGE.format(command=command, seconds=MOST_SECONDS, memory=MOST_MEMORY / 2**30)
