@@ -1,5 +1,4 @@
-"""Intervals of figures that need no pad, counted on made-up truth.
+"""Coverage of intervals and probabilities on synthetic data with known truth, without a pad.
 
-Synthetic records, fits, tolerances and comparisons enter; how often stated intervals and probabilities came true
-leaves.
+Synthetic records, fits, tolerances and comparisons enter; the fractions of intervals and probabilities that hold leave.
 """

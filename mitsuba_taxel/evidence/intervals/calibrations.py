@@ -1,4 +1,4 @@
-"""Made-up benches of which new paths show how many forces the intervals of a calibration contain."""
+"""Synthetic benches: fraction of the forces on new paths that lie in the intervals of a calibration."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from mitsuba_taxel.surrogates import calibrate
 NOISES = ("common to a path", "of single rows", "of both kinds")
 PATHS = (4, 12)
 LARGEST, ROWS = 10.0, 21
-"""Force in N; rows of a path."""
+"""Largest force in N, and number of rows of a path."""
 NEW_PATHS, NEW_ROWS = 20, 3
 STIFFNESS, ROW_NOISE = 0.03, 0.003
-"""Standard deviations, relative: of the stiffness from path to path, of each reading."""
+"""Relative standard deviations of the stiffness from path to path, and of each reading."""
 
 
 def calibration_cases() -> dict[str, Callable[[int], dict[str, np.ndarray]]]:
-    """By name: for a seed, errors of forces on new paths over half of the stated half width."""
+    """Cases by name. A case returns, for a seed, errors of forces on new paths over half of the stated half width."""
     return {
         f"calibrate: {paths} paths, errors {noise}": partial(_deviations, paths, noise)
         for paths in PATHS
@@ -30,23 +30,25 @@ def calibration_cases() -> dict[str, Callable[[int], dict[str, np.ndarray]]]:
 
 
 def _deviations(paths: int, noise: str, seed: int) -> dict[str, np.ndarray]:
-    """Half widths for the share of 95.45 % that twice a standard deviation contains; new paths are drawn as those of
-    the study."""
+    """Errors of forces in standard deviations, with half widths for 95.45 % as two standard deviations.
+
+    New paths have the same distribution as those of the study.
+    """
     random = np.random.default_rng(seed)
     force = np.linspace(0, -LARGEST, ROWS)
     power = _readings(np.tile(force, (paths, 1)), noise, random)
     coords = {"x": np.arange(paths), "fz": force, "taxel": [1, 2]}
     study = xr.Dataset({"power": (["x", "fz", "taxel"], power)}, coords, {"curve": "fz"})
-    found = calibrate(study, coverage=math.erf(math.sqrt(2)), noise=0.0)
-    new = random.uniform(-LARGEST, 0, (NEW_PATHS, NEW_ROWS))
-    shown = _readings(new, noise, random).reshape(-1, 2)
-    missed = found.polynomial(shown)[:, 0] - new.ravel()
-    return {"force": 2 * missed / found.half_width[0]}
+    calibration = calibrate(study, coverage=math.erf(math.sqrt(2)), noise=0.0)
+    new_forces = random.uniform(-LARGEST, 0, (NEW_PATHS, NEW_ROWS))
+    new_readings = _readings(new_forces, noise, random).reshape(-1, 2)
+    residual = calibration.polynomial(new_readings)[:, 0] - new_forces.ravel()
+    return {"force": 2 * residual / calibration.half_width[0]}
 
 
 def _readings(force: np.ndarray, noise: str, random: np.random.Generator) -> np.ndarray:
     """(paths, rows, taxels) W, of two taxels on bent curves."""
     stiffness = 1 + STIFFNESS * (noise != "of single rows") * random.normal(size=(len(force), 1))
-    eased = force / LARGEST / stiffness
-    power = 1e-3 * np.stack([1 - 0.4 * eased * (1 + 0.2 * eased), 1 + 0.2 * eased], axis=-1)
+    loading = force / LARGEST / stiffness
+    power = 1e-3 * np.stack([1 - 0.4 * loading * (1 + 0.2 * loading), 1 + 0.2 * loading], axis=-1)
     return power * (1 + ROW_NOISE * (noise != "common to a path") * random.normal(size=power.shape))

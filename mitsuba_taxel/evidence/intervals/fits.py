@@ -1,4 +1,4 @@
-"""Made-up measurements whose unknowns are known: intervals of fits, by the noise of data and the errors of a model."""
+"""Synthetic measurements with known truth: intervals of fits with noisy data and errors of the model."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mitsuba_taxel.fitting.plan import Unknown
 from mitsuba_taxel.fitting.solve import interval, solve
 
 FORCE = np.linspace(0, 1, 15)
-"""Relative to the largest."""
+"""Forces relative to the largest."""
 SOFTNESS, GAIN, OFFSET = 0.7, 3.0, 0.2
 REPLICATES = 32
 QUANTILE = 1.959963984540054
@@ -21,12 +21,24 @@ QUANTILE = 1.959963984540054
 
 
 class _Kind(NamedTuple):
-    """Whether there is an offset as third unknown, the data's errors are known, and there is a bound near the truth;
-    largest relative error of the model by elements, and by light of one randomisation; how elements' errors go along
-    the path: with the displacement, alike, or by a random walk."""
+    """Setting of a synthetic fit.
+
+    Attributes
+    ----------
+    offset : bool
+        Whether an offset is the third unknown.
+    known_errors : bool
+        Whether the fit is given the standard errors of the data.
+    bound : bool
+        Whether a bound of the first unknown is close to the truth.
+    elements, light : float
+        Largest relative error of the model by finite elements, and by the light of one randomisation.
+    along : str
+        Course of the elements' error along the path: ``displacement``, proportional to it, or ``walk``, a random walk.
+    """
 
     offset: bool = False
-    known: bool = True
+    known_errors: bool = True
     bound: bool = False
     elements: float = 0.0
     light: float = 0.0
@@ -35,7 +47,7 @@ class _Kind(NamedTuple):
 
 KINDS = {
     "exact model": _Kind(),
-    "exact model, errors by residuals": _Kind(known=False),
+    "exact model, errors by residuals": _Kind(known_errors=False),
     "correlated unknowns": _Kind(offset=True),
     "truth near a bound": _Kind(bound=True),
     "model with errors of light": _Kind(light=0.05),
@@ -46,55 +58,58 @@ KINDS = {
 
 
 def fit_cases() -> dict[str, Callable[[int], dict[str, float]]]:
-    """By name: for a seed, the error of each unknown over the half width of its interval, in standard deviations."""
+    """Cases by name. A case returns, for a seed, the error of each unknown in standard deviations of its interval."""
     return {f"fit: {name}": partial(_deviations, kind) for name, kind in KINDS.items()}
 
 
 def _deviations(kind: _Kind, seed: int) -> dict[str, float]:
+    """Error of each unknown in standard deviations of its interval."""
+    # Noisy data, and errors of the model.
     random = np.random.default_rng(seed)
     truth = np.array([SOFTNESS, GAIN, OFFSET][: 3 if kind.offset else 2])
     sigma = 10 ** random.uniform(-3, -2)
-    data = _right(truth)[0] + sigma * random.normal(size=FORCE.size)
-    elements, stated = _elements(kind, random)
+    data = _exact_readings(truth)[0] + sigma * random.normal(size=FORCE.size)
+    element_error, stated_error = _element_errors(kind, random)
     # All settings share their random numbers in part.
     noise = random.normal(size=(REPLICATES, 1)) + 0.5 * random.normal(size=(REPLICATES, FORCE.size))
     light = kind.light * noise
 
     def model(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        value, slopes = _right(unknowns)
-        factor = 1 + elements + light.mean(axis=0)
+        value, slopes = _exact_readings(unknowns)
+        factor = 1 + element_error + light.mean(axis=0)
         return value * factor, slopes * factor[:, None]
 
+    # Fit the unknowns, and carry the errors of the model to their intervals.
     low = SOFTNESS * (1 - 0.002 * random.random()) if kind.bound else 0.05
     names, starts = ("softness", "gain", "offset"), (1.0, 2.0, 0.1)
-    unknowns = [Unknown(*each, -np.inf, np.inf) for each in zip(names, starts, strict=True)][: len(truth)]
+    unknowns = [Unknown(*arguments, -np.inf, np.inf) for arguments in zip(names, starts, strict=True)][: len(truth)]
     unknowns[0] = Unknown("softness", 1.0, low, 5.0)
-    found = solve(model, data, np.full_like(data, sigma) if kind.known else None, unknowns)
-    right = _right(found.values)[0]
+    solution = solve(model, data, np.full_like(data, sigma) if kind.known_errors else None, unknowns)
+    fitted = _exact_readings(solution.values)[0]
     error = ModelError(
-        (right * (1 + elements + light))[..., None],
-        (right * stated)[:, None],
+        (fitted * (1 + element_error + light))[..., None],
+        (fitted * stated_error)[:, None],
         np.zeros((FORCE.size, 1)),
-        found.by_reading[..., None],
+        solution.by_reading[..., None],
         np.arange(FORCE.size),
     )
-    half_width = interval(found, carried(error).total)
-    return dict(zip(names, (QUANTILE * (found.values - truth) / half_width).tolist(), strict=False))
+    half_width = interval(solution, carried(error).total)
+    return dict(zip(names, (QUANTILE * (solution.values - truth) / half_width).tolist(), strict=False))
 
 
-def _right(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Readings and their derivatives: a bent curve of the force times softness, a gain, and an offset or none."""
+def _exact_readings(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Exact readings (rows,) and their derivatives (rows, unknowns): a curve of softness times force, gain, offset."""
     softness, gain = unknowns[:2]
-    moved = softness * FORCE
-    shape, slope = 1 + 0.4 * moved + 0.15 * moved**2, 0.4 + 0.3 * moved
+    displacement = softness * FORCE
+    shape, slope = 1 + 0.4 * displacement + 0.15 * displacement**2, 0.4 + 0.3 * displacement
     columns = [gain * slope * FORCE, shape, np.ones_like(FORCE)][: len(unknowns)]
     return gain * shape + (unknowns[2] if len(unknowns) > 2 else 0.0), np.stack(columns, axis=1)
 
 
-def _elements(kind: _Kind, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Relative error of each reading by the finite elements, and one standard deviation of it as a study states it."""
-    stated = kind.elements * FORCE
+def _element_errors(kind: _Kind, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Relative error of each reading by the finite elements, and its standard deviation as a study states it."""
+    deviation = kind.elements * FORCE
     if kind.along == "displacement":
-        return stated * random.normal(), stated
+        return deviation * random.normal(), deviation
     walk = np.cumsum(random.normal(size=FORCE.size)) / np.sqrt(np.arange(1, FORCE.size + 1))
-    return stated * walk, stated
+    return deviation * walk, deviation

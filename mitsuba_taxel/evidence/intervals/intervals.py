@@ -1,4 +1,4 @@
-"""Stated errors of figures that need no pad, counted on made-up truth: recordings, tolerances, exact models."""
+"""Table of the coverage of stated errors on synthetic data: recordings, tolerances, fits, models, comparisons."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from mitsuba_taxel.evidence.intervals.records import record_cases
 from mitsuba_taxel.evidence.intervals.tolerances import tolerance_cases
 
 TWICE = 0.9545
-"""Share of normal errors within twice their standard deviation."""
+"""Fraction of normal errors within twice their standard deviation."""
 ALLOWED = 0.03
-"""Largest allowed lack of that share."""
+"""Allowed deficit of that fraction."""
 FIRST_SEED = 10_000
-"""Smaller seeds served to choose constants of the estimates."""
+"""First seed of the table; smaller ones were used to choose constants of the estimates."""
 FAMILIES: tuple[tuple[Callable[[], Mapping[str, Callable[[int], Any]]], int], ...] = (
     (record_cases, 200),
     (tolerance_cases, 200),
@@ -32,29 +32,29 @@ FAMILIES: tuple[tuple[Callable[[], Mapping[str, Callable[[int], Any]]], int], ..
     (model_cases, 100),
     (comparison_cases, 80),
 )
-"""Kinds of made-up truth by name, and the number of seeds of each."""
+"""Functions that return cases by name, and the number of seeds of each case."""
 
 
 @dataclass(frozen=True)
 class IntervalRow:
-    """How often the stated error of a figure holds.
+    """Coverage of the stated error of one figure.
 
     Attributes
     ----------
     case : str
-        What was made up.
+        Name of the synthetic data.
     figure : str
-        Figure whose error is counted.
+        Name of the figure.
     made : float
-        Number of figures of made-up truths with a stated error.
+        Number of values with a stated error.
     unstated : float
-        Number of those without any.
+        Number of values without a stated error.
     within : float
-        Share of errors within twice the stated one.
+        Fraction of errors within twice the stated error.
     ratio : float
-        Root mean square of the errors, each over the stated one.
+        Root mean square of errors over stated errors.
     seconds : float
-        Of processors' time, for all figures of the case.
+        CPU time of all figures of the case.
     """
 
     COLUMNS: ClassVar = {
@@ -77,13 +77,14 @@ class IntervalRow:
 
 @dataclass(frozen=True)
 class IntervalCase:
-    """A kind of made-up truth.
+    """One kind of synthetic data.
 
     Attributes
     ----------
     name : str
+        Name in the table.
     deviations : Callable[[int], dict[str, float or ndarray]]
-        Of a seed: the error of each figure over the stated one, or several of them; NaN where none is stated.
+        Returns for a seed, by figure, one or several errors over stated errors; NaN if no error is stated.
     count : int
         Number of seeds.
     """
@@ -94,28 +95,36 @@ class IntervalCase:
 
     def measured(self) -> list[IntervalRow]:
         """One row per figure."""
-        began = time.process_time()
-        found: dict[str, list[float]] = {}
+        start = time.process_time()
+        deviations: dict[str, list[float]] = {}
         for seed in range(FIRST_SEED, FIRST_SEED + self.count):
             for figure, deviation in self.deviations(seed).items():
-                found.setdefault(figure, []).extend(np.atleast_1d(deviation).tolist())
-        seconds = time.process_time() - began
+                deviations.setdefault(figure, []).extend(np.atleast_1d(deviation).tolist())
+        seconds = time.process_time() - start
         rows = []
-        for figure, values in found.items():
-            stated = np.array([value for value in values if not math.isnan(value)])
-            within, ratio = float(np.mean(np.abs(stated) <= 2)), float(np.sqrt(np.mean(stated**2)))
-            rows.append(IntervalRow(self.name, figure, len(stated), len(values) - len(stated), within, ratio, seconds))
+        for figure, values in deviations.items():
+            ratios = np.array([value for value in values if not math.isnan(value)])
+            within, ratio = float(np.mean(np.abs(ratios) <= 2)), float(np.sqrt(np.mean(ratios**2)))
+            rows.append(IntervalRow(self.name, figure, len(ratios), len(values) - len(ratios), within, ratio, seconds))
         return rows
 
 
 def interval_cases(only: str | None = None) -> list[IntervalCase]:
-    """The kinds whose name contains a pattern with the wildcards * and ?, in the order of the table."""
-    every = [IntervalCase(*case, count) for cases, count in FAMILIES for case in cases().items()]
-    return [case for case in every if only is None or fnmatchcase(case.name, f"*{only}*")]
+    """The cases whose name contains a pattern with the wildcards * and ?, in the order of the table."""
+    cases = [IntervalCase(*case, count) for family, count in FAMILIES for case in family().items()]
+    return [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
 
 
 def intervals(only: str | None = None, starting: Callable[[str], None] | None = None) -> Iterator[IntervalRow]:
-    """Rows of the table as they are measured, of cases whose name contains a pattern."""
+    """Yield rows of the table as they are measured.
+
+    Parameters
+    ----------
+    only : str, optional
+        Pattern for a part of the cases' names, with the wildcards * and ?.
+    starting : Callable[[str], None], optional
+        Called with the name of each case.
+    """
     for case in interval_cases(only):
         if starting:
             starting(case.name)
@@ -123,7 +132,7 @@ def intervals(only: str | None = None, starting: Callable[[str], None] | None = 
 
 
 def summary(rows: Sequence[IntervalRow]) -> str:
-    """A sentence with the number of figures whose errors hold."""
+    """A sentence with the number of figures whose stated errors hold."""
     good = sum(row.within >= TWICE - ALLOWED for row in rows)
     within = np.average([row.within for row in rows], weights=[row.made for row in rows]) if rows else math.nan
     return (

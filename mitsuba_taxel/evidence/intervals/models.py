@@ -1,4 +1,4 @@
-"""Made-up studies whose right readings are known: stated errors of exported models, and noise as a force, to counts."""
+"""Synthetic studies with known readings: stated errors of exported models, and noise-equivalent forces of circuits."""
 
 from __future__ import annotations
 
@@ -15,13 +15,16 @@ from mitsuba_taxel.surrogates.onnx_model import study_error
 from mitsuba_taxel.surrogates.polynomial import polynomial_of
 
 POWER = 1e-3
-"""In W, of an unloaded pad."""
+"""Reading of an unloaded pad in W."""
 NEW_INPUTS, SAMPLES = 5, 20
-"""Readings of an exported model, and noisy samples of a circuit, for each made-up truth."""
+"""Number of readings of an exported model, and of noisy samples of a circuit, for each seed."""
 
 
 def model_cases() -> dict[str, Callable[[int], dict[str, np.ndarray]]]:
-    """By name: for a seed, errors of an exported model's readings, or of forces from counts, over the stated one."""
+    """Cases by name. A case returns, for a seed, errors over the stated error.
+
+    They are errors of readings of an exported model, or of forces from counts.
+    """
     export = {f"export: errors {kind}": partial(_exported, kind) for kind in ("of single readings", "common to all")}
     noise = {
         f"noise-equivalent force: {kind}": partial(_forces, kind) for kind in ("analogue noise", "steps of a converter")
@@ -30,36 +33,39 @@ def model_cases() -> dict[str, Callable[[int], dict[str, np.ndarray]]]:
 
 
 def _exported(kind: str, seed: int) -> dict[str, np.ndarray]:
-    """At random forces within the study, relative to the total error as share of full scale."""
+    """Errors of a model's readings at random forces within the study, over its total error."""
     random = np.random.default_rng(seed)
     fx, fz = np.linspace(-2, 2, 5), np.linspace(0, -10, 11)
-    right = _readings(fx[:, None], fz)
-    size = 10 ** random.uniform(-4, -2) * right
-    scatter = random.normal(size=right.shape if kind == "of single readings" else ())
+    true_power = _readings(fx[:, None], fz)
+    size = 10 ** random.uniform(-4, -2) * true_power
+    scatter = random.normal(size=true_power.shape if kind == "of single readings" else ())
     study = xr.Dataset(
         {
             name: (["fx", "fz", "taxel"], values)
-            for name, values in (("power", right + scatter * size), ("total_error", size))
+            for name, values in (("power", true_power + scatter * size), ("total_error", size))
         },
         {"fx": fx, "fz": fz, "taxel": [1, 2]},
         {"curve": "fz"},
     )
-    found = polynomial_of(study)
-    total = np.hypot(found.rms, study_error(study).rms)
-    new = np.stack([random.uniform(-2, 2, NEW_INPUTS), random.uniform(-10, 0, NEW_INPUTS)], axis=1)
-    missed = found(new) - _readings(new[:, 0], new[:, 1])
-    return {"reading": (missed / (total * np.ptp(study.power.values, axis=(0, 1)))).ravel()}
+    polynomial = polynomial_of(study)
+    total = np.hypot(polynomial.rms, study_error(study).rms)
+    new_inputs = np.stack([random.uniform(-2, 2, NEW_INPUTS), random.uniform(-10, 0, NEW_INPUTS)], axis=1)
+    residual = polynomial(new_inputs) - _readings(new_inputs[:, 0], new_inputs[:, 1])
+    return {"reading": (residual / (total * np.ptp(study.power.values, axis=(0, 1)))).ravel()}
 
 
 def _readings(fx: np.ndarray, fz: np.ndarray) -> np.ndarray:
-    """(..., taxels) W, of two taxels that a tangential force tilts."""
-    eased = 0.05 * fz * (1 - 0.02 * fz)
-    return POWER * np.stack([np.exp(-eased * (1 + side * 0.1 * fx)) for side in (-1, 1)], axis=-1)
+    """Readings (..., taxels) in W of two taxels; a tangential force changes them in opposite directions."""
+    loading = 0.05 * fz * (1 - 0.02 * fz)
+    return POWER * np.stack([np.exp(-loading * (1 + side * 0.1 * fx)) for side in (-1, 1)], axis=-1)
 
 
 def _forces(kind: str, seed: int) -> dict[str, np.ndarray]:
-    """Forces from the counts of noisy samples, read off the chord of the first step, over the stated noise as a
-    force."""
+    """Errors of forces over the stated noise-equivalent force.
+
+    Forces follow from counts of noisy samples by the chord of the first load step.
+    """
+    # A circuit whose noise is analogue, or due to the steps of its converter.
     random = np.random.default_rng(seed)
     step = 10 ** random.uniform(-2, -1)
     bits, noise = (
@@ -78,9 +84,10 @@ def _forces(kind: str, seed: int) -> dict[str, np.ndarray]:
         {"fz": force, "taxel": [1]},
         {"curve": "fz"},
     )
-    (stated,) = volts_table(study, circuit).noise_force_N
+    # The stated noise, and forces from the counts of samples at random forces within the first step.
+    (noise_force,) = volts_table(study, circuit).noise_force_N
     pressed = -step * random.random(SAMPLES)
     ends = respond(circuit, power[:2, 0]).output
     counts = sampled(circuit, _readings(np.zeros(SAMPLES), pressed)[:, 0], random)[1]
-    read = (circuit.step * (counts + 0.5) - ends[0]) / (ends[1] - ends[0]) * -step
-    return {"force": (read - pressed) / stated}
+    estimated = (circuit.step * (counts + 0.5) - ends[0]) / (ends[1] - ends[0]) * -step
+    return {"force": (estimated - pressed) / noise_force}

@@ -1,4 +1,4 @@
-"""Stated probabilities against how often they come true, counted on made-up truth."""
+"""Table of stated probabilities and the frequency with which they come true, on synthetic data."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from mitsuba_taxel.evidence.intervals.comparisons import Truth, probability_case
 from mitsuba_taxel.evidence.intervals.intervals import FIRST_SEED
 
 EDGES = (0.02, 0.2, 0.4, 0.6, 0.8, 0.98)
-"""Of the ranges of probabilities; what is stated to be nearly sure or excluded is counted apart."""
+"""Edges of the ranges of probabilities; the outermost ranges are those of almost certain events."""
 SEEDS = 80
 SIGMAS = 3.0
-"""Standard errors of a share by which it may deviate from the mean of the stated probabilities."""
+"""Allowed deviation of a frequency from the mean stated probability, in standard errors of the frequency."""
 SLACK = 0.03
-"""Allowed deviation beyond that, as for intervals."""
+"""Allowed deviation in addition, as for intervals."""
 
 
 @dataclass(frozen=True)
 class ProbabilityRow:
-    """How often probabilities of a range come true.
+    """Frequency with which stated probabilities of one range come true.
 
     Attributes
     ----------
     stated : str
-        The range.
+        Range of the probabilities.
     made : float
-        Number of stated probabilities in it.
+        Number of stated probabilities in the range.
     mean, true : float
-        Mean of these, and share of those that came true.
+        Mean of the probabilities, and fraction that came true.
     noise : float
-        Standard error of that share, if probabilities are right.
+        Standard error of that fraction if the probabilities are right.
     """
 
     COLUMNS: ClassVar = {
@@ -60,19 +60,20 @@ class ProbabilityRow:
 
     @property
     def holds(self) -> bool:
-        """Whether the share is that of right probabilities, but for noise and the allowed deviation."""
+        """Whether the fraction agrees with the mean probability, within noise and the allowed deviation."""
         return abs(self.true - self.mean) <= SIGMAS * self.noise + SLACK
 
 
 @dataclass(frozen=True)
 class ProbabilityCase:
-    """A kind of made-up truth.
+    """One kind of synthetic data.
 
     Attributes
     ----------
     name : str
+        Name in the table.
     outcomes : Callable[[int], dict[str, (ndarray, ndarray)]]
-        Of a seed, by what is stated: probabilities, and whether they came true.
+        Returns for a seed, by event, stated probabilities and whether they came true.
     count : int
         Number of seeds.
     """
@@ -82,64 +83,75 @@ class ProbabilityCase:
     count: int = SEEDS
 
     def measured(self) -> list[ProbabilityRow]:
-        """One row per range that has a probability."""
-        began = time.process_time()
-        found: dict[str, list[Truth]] = {}
+        """One row for each event and each range that contains a probability."""
+        # Probabilities and outcomes of all seeds, by event.
+        start = time.process_time()
+        collected: dict[str, list[Truth]] = {}
         for seed in range(FIRST_SEED, FIRST_SEED + self.count):
             for figure, outcome in self.outcomes(seed).items():
-                found.setdefault(figure, []).append(outcome)
-        seconds, rows = time.process_time() - began, []
-        for figure, outcomes in found.items():
-            stated, true = (np.concatenate(column) for column in zip(*outcomes, strict=True))
+                collected.setdefault(figure, []).append(outcome)
+        seconds, rows = time.process_time() - start, []
+        # Count them by range.
+        for figure, outcomes in collected.items():
+            probability, true = (np.concatenate(column) for column in zip(*outcomes, strict=True))
             for low, high in zip((0.0, *EDGES), (*EDGES, 1.0), strict=True):
-                inside = (stated >= low) & ((stated < high) | (high == 1.0))
+                inside = (probability >= low) & ((probability < high) | (high == 1.0))
                 if not inside.any():
                     continue
-                p, came = stated[inside], true[inside]
+                p, came_true = probability[inside], true[inside]
                 noise = math.sqrt(float(np.sum(p * (1 - p)))) / len(p)
-                words = f"{100 * low:.0f} to {100 * high:.0f} %"
-                numbers = (len(p), float(p.mean()), float(came.mean()), noise, seconds)
-                rows.append(ProbabilityRow(self.name, figure, words, *numbers))
+                label = f"{100 * low:.0f} to {100 * high:.0f} %"
+                numbers = (len(p), float(p.mean()), float(came_true.mean()), noise, seconds)
+                rows.append(ProbabilityRow(self.name, figure, label, *numbers))
         return rows
 
 
 def probability_rows(
     only: str | None = None, starting: Callable[[str], None] | None = None
 ) -> Iterator[ProbabilityRow]:
-    """Rows of the table as they are measured, of cases whose name contains a pattern; of several, those of all last."""
-    made: list[ProbabilityRow] = []
+    """Yield rows of the table as they are measured; with several cases, rows of all of them together come last.
+
+    Parameters
+    ----------
+    only : str, optional
+        Pattern for a part of the cases' names, with the wildcards * and ?.
+    starting : Callable[[str], None], optional
+        Called with the name of each case.
+    """
+    measured: list[ProbabilityRow] = []
     for case in (cases := chosen_cases(only)):
         if starting:
             starting(f"{case.name}, probabilities")
         rows = case.measured()
-        made += rows
+        measured += rows
         yield from rows
     if len(cases) > 1:
-        yield from pooled(made)
+        yield from pooled(measured)
 
 
 def pooled(rows: Sequence[ProbabilityRow]) -> list[ProbabilityRow]:
-    """Rows of all kinds together, by figure and range.
+    """Rows of all cases together, by figure and range.
 
-    A kind alone has some 15 probabilities in a range, whose share that comes true has a standard error of 12 points.
+    One case has some 15 probabilities in a range, so that the fraction that comes true has a standard error of 12
+    points.
     """
     groups: dict[tuple[str, str], list[ProbabilityRow]] = {}
     for row in rows:
         groups.setdefault((row.figure, row.stated), []).append(row)
     together = []
-    for (figure, stated), each in sorted(groups.items(), key=lambda group: (group[0][0] != "first", group[1][0].mean)):
-        count = np.array([row.made for row in each])
-        mean, true = (float(count @ [getattr(row, name) for row in each] / count.sum()) for name in ("mean", "true"))
-        noise = math.sqrt(float(np.sum((count * [row.noise for row in each]) ** 2))) / float(count.sum())
-        seconds = sum(row.seconds for row in each)
-        together.append(ProbabilityRow("all kinds", figure, stated, float(count.sum()), mean, true, noise, seconds))
+    for (figure, label), group in sorted(groups.items(), key=lambda item: (item[0][0] != "first", item[1][0].mean)):
+        count = np.array([row.made for row in group])
+        mean, true = (float(count @ [getattr(row, name) for row in group] / count.sum()) for name in ("mean", "true"))
+        noise = math.sqrt(float(np.sum((count * [row.noise for row in group]) ** 2))) / float(count.sum())
+        seconds = sum(row.seconds for row in group)
+        together.append(ProbabilityRow("all kinds", figure, label, float(count.sum()), mean, true, noise, seconds))
     return together
 
 
 def chosen_cases(only: str | None = None) -> list[ProbabilityCase]:
-    """The kinds whose name contains a pattern with the wildcards * and ?."""
-    every = [ProbabilityCase(name, outcomes) for name, outcomes in probability_cases().items()]
-    return [case for case in every if only is None or fnmatchcase(case.name, f"*{only}*")]
+    """The cases whose name contains a pattern with the wildcards * and ?."""
+    cases = [ProbabilityCase(name, outcomes) for name, outcomes in probability_cases().items()]
+    return [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
 
 
 def summary(rows: Sequence[ProbabilityRow]) -> str:

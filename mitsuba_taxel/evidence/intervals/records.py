@@ -1,4 +1,4 @@
-"""Made-up bench recordings whose figures of merit are known: how the force moves, and what noise they have."""
+"""Synthetic bench recordings with known figures of merit, for several courses of the force and kinds of noise."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from mitsuba_taxel.characterise.experiment import since
 MOVES = ("stairs", "ramp", "triangle", "sine", "mixture")
 NOISES = ("white", "correlated by 0.3", "correlated by 0.5", "hidden by steps", "as large as steps")
 LARGEST = 10.0
-"""Force in N."""
+"""Largest force in N."""
 STEP = 3.3 / 4096
-"""Of the converter, in V."""
+"""Step of the converter, in V."""
 MOST_ROWS = 20_000
 
 
 def record_cases() -> dict[str, Callable[[int], dict[str, float]]]:
-    """By name: for a seed, the error of each figure of a recording over the stated one."""
+    """Cases by name. A case returns, for a seed, the error of each figure of a recording over the stated error."""
     kinds = [(move, noise, 2) for move in MOVES for noise in NOISES] + [("ramp", "white", cycles) for cycles in (3, 10)]
     return {
         f"record: {move}, noise {noise}, {cycles} cycles": partial(_deviations, move, noise, cycles)
@@ -31,70 +31,90 @@ def record_cases() -> dict[str, Callable[[int], dict[str, float]]]:
 
 
 def _deviations(move: str, noise: str, cycles: int, seed: int) -> dict[str, float]:
-    """Error of each figure of the first loading over the stated one; of repeatability that of the second."""
+    """Error over stated error of the first value of each figure, which belongs to the first loading."""
     experiment = recorded_experiment(made_up_record(move, noise, cycles, seed))
-    table, right = (
-        characteristics([one]).groupby("figure").first() for one in (experiment, _without_noise(experiment))
+    table, exact = (
+        characteristics([record]).groupby("figure").first() for record in (experiment, _without_noise(experiment))
     )
     error = table.error.where(table.error > 0)
-    return ((table.value - right.value) / error).to_dict()
+    return ((table.value - exact.value) / error).to_dict()
 
 
 def made_up_record(move: str, noise: str, cycles: int, seed: int) -> Measurement:
-    """A recording: 0.3 V at 10 N on a parabola, with a loop of 5 %; noise of the voltage and of the force."""
+    """A synthetic recording: 0.3 V at 10 N, with curvature and a hysteresis of 5 %, and noise of voltage and force.
+
+    Parameters
+    ----------
+    move : str
+        Course of the force, one of :data:`MOVES`.
+    noise : str
+        Kind of the noise, one of :data:`NOISES`.
+    cycles : int
+        Number of load cycles.
+    seed : int
+        Seed of the noise and of random parameters of the course.
+    """
+    # Voltage with its noise, rounded to steps of the converter if these matter.
     random = np.random.default_rng(seed)
-    share, falls = _moves(move, cycles, random)
+    fraction, falls = _force_course(move, cycles, random)
     volts = 10 ** random.uniform(-4, -2.5)
-    scatter = random.normal(size=share.size)
+    scatter = random.normal(size=fraction.size)
     if noise.startswith("correlated by "):
-        scatter = _correlated(float(noise.removeprefix("correlated by ")), share.size, random)
+        scatter = _correlated(float(noise.removeprefix("correlated by ")), fraction.size, random)
     stepped = noise in ("hidden by steps", "as large as steps")
     if stepped:
         volts = STEP / 40 if noise == "hidden by steps" else STEP * random.uniform(0.2, 1.5)
-    voltage = _right(share, falls) + volts * scatter
+    voltage = _true_voltage(fraction, falls) + volts * scatter
     if stepped:
         voltage = (np.floor(voltage / STEP) + 0.5) * STEP
+    # Force with its noise.
     newtons = LARGEST * 10 ** random.uniform(-4.5, -2.5) * (random.random() > 0.2)  # none in one of five
-    force = LARGEST * share + newtons * random.normal(size=share.size)
-    time = np.arange(share.size) / 50
+    force = LARGEST * fraction + newtons * random.normal(size=fraction.size)
+    time = np.arange(fraction.size) / 50
     return Measurement(time, force[:, None], ("fz",), voltage[:, None], np.array([1]), "made up")
 
 
-def _right(share: np.ndarray, falls: np.ndarray | float) -> np.ndarray:
-    """Voltage in V at a share of the largest force, that falls or grows."""
-    bend = share * (1 - share)
-    return 1.2 + 0.3 * (share - 0.3 * bend + 0.2 * bend * falls)
+def _true_voltage(fraction: np.ndarray, falls: np.ndarray | float) -> np.ndarray:
+    """Exact voltage in V at a fraction of the largest force; ``falls`` is 1 for unloading, else 0."""
+    bend = fraction * (1 - fraction)
+    return 1.2 + 0.3 * (fraction - 0.3 * bend + 0.2 * bend * falls)
 
 
 def _without_noise(experiment: Experiment) -> Experiment:
-    """The true curve at the forces of an experiment's points."""
+    """The experiment with exact voltages at the forces of its points."""
     runs = []
     for run in experiment.runs:
         falls = float(abs(run.force[-1]) < abs(run.force[0]))
-        runs.append(Branch(run.force, _right(run.force / LARGEST, falls)[:, None, None]))
+        runs.append(Branch(run.force, _true_voltage(run.force / LARGEST, falls)[:, None, None]))
     force, values = (np.concatenate([getattr(run, name) for run in runs]) for name in ("force", "samples"))
-    mine = np.concatenate([run.value for run in experiment.runs])
-    # The point whose change is zero is the one at rest.
-    rest = values[int(np.abs(mine).sum(axis=1).argmin())]
-    return replace(experiment, runs=since(rest, runs), rest=rest)
+    changes = np.concatenate([run.value for run in experiment.runs])
+    # The point at rest is the one with the smallest change.
+    rest_value = values[int(np.abs(changes).sum(axis=1).argmin())]
+    return replace(experiment, runs=since(rest_value, runs), rest=rest_value)
 
 
 def _correlated(correlation: float, count: int, random: np.random.Generator) -> np.ndarray:
+    """(count,) noise of unit variance, with a correlation of neighbours: a first-order autoregressive process."""
     from scipy.signal import lfilter
 
     drawn = random.normal(size=count + 300)
     return lfilter([math.sqrt(1 - correlation**2)], [1, -correlation], drawn)[300:]
 
 
-def _moves(move: str, cycles: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Shares of the largest force, row by row, and whether it falls; of random numbers of levels and rows."""
+def _force_course(move: str, cycles: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Fraction of the largest force (rows,), and 1 where the force falls, else 0 (rows,).
+
+    Numbers of levels and rows are random.
+    """
+    # Stairs: levels held for several rows.
     if move == "stairs":
         levels, hold = int(random.integers(4, 41)), int(np.exp(random.uniform(math.log(3), math.log(400))))
         hold = min(hold, MOST_ROWS // (2 * levels * cycles) + 3)
         up = np.linspace(0, 1, levels)
-        share = np.concatenate([up[:1], *[np.concatenate([up[1:], up[-2::-1]])] * cycles]).repeat(hold)
+        fraction = np.concatenate([up[:1], *[np.concatenate([up[1:], up[-2::-1]])] * cycles]).repeat(hold)
         falls = np.concatenate([[0], *[np.repeat([0, 1], levels - 1)] * cycles]).repeat(hold)
-        return share, falls
+        return fraction, falls
+    # One cycle of the other courses: pause, loading, pause, unloading.
     rows = min(int(np.exp(random.uniform(math.log(150), math.log(3000)))), MOST_ROWS // (2 * cycles))
     up, pause = np.linspace(0, 1, rows), np.zeros(0)
     if move == "ramp":
@@ -104,7 +124,7 @@ def _moves(move: str, cycles: int, random: np.random.Generator) -> tuple[np.ndar
         count = max(rows // (2 * levels), 10)
         ends = np.linspace(0, 1, levels + 1)
         moves = [np.linspace(*pair, count) for pair in zip(ends[:-1], ends[1:], strict=True)]
-        up = np.concatenate([part for each in moves for part in (np.full(count, each[0]), each)])
+        up = np.concatenate([segment for move_rows in moves for segment in (np.full(count, move_rows[0]), move_rows)])
         pause = np.zeros(count // 2)
     cycle = np.concatenate([pause, up, 1 - pause, 1 - pause, up[::-1], pause])
     if move == "sine":

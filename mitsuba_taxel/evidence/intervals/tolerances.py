@@ -1,4 +1,4 @@
-"""Made-up tolerance studies whose spreads, quantiles and Sobol' indices are known."""
+"""Synthetic tolerance studies with known spreads, quantiles and Sobol' indices."""
 
 from __future__ import annotations
 
@@ -19,13 +19,17 @@ QUANTILE = 1.6448536269514722
 
 
 def tolerance_cases() -> dict[str, Callable[[int], dict[str, float]]]:
-    """By name: for a seed, the error of each figure of a tolerance study over the stated one."""
+    """Cases by name. A case returns, for a seed, the error of each figure of a study over the stated error."""
     return {f"tolerance: {name}, {SAMPLES} samples": partial(_deviations, name) for name in ("sum", "sum and product")}
 
 
 def _deviations(kind: str, seed: int) -> dict[str, float]:
-    """Of three normal parameters: 2 a + b + 0.5 c, the same with 0.5 a b; noise of a tenth of that, which no parameter
-    has, is a part of the spread."""
+    """Error of each figure over its stated error, for a function of three normal parameters.
+
+    The function is 2 a + b + 0.5 c, and 0.5 a b in addition for ``sum and product``. Noise of about a tenth of its
+    spread is added, which no parameter explains.
+    """
+    # Samples, and the exact variance of the function.
     random = np.random.default_rng(seed)
     z = random.normal(size=(SAMPLES, 3))
     product = 0.5 if kind == "sum and product" else 0.0
@@ -33,13 +37,14 @@ def _deviations(kind: str, seed: int) -> dict[str, float]:
     outputs = (z @ [2.0, 1.0, 0.5] + product * z[:, 0] * z[:, 1] + noise)[:, None]
     variance = 4 + 1 + 0.25 + product**2
     spread = math.sqrt(variance + 0.04)
+    # Sobol' indices from a polynomial, spread and quantile from the samples.
     polynomial = fitted(z, outputs)
     assert polynomial is not None
     laws = [law_of(name, {"law": "normal", "mean": 0.0, "sd": 1.0}) for name in "abc"]
-    first, total, first_error, total_error = (float(each[0, 0]) for each in indices(polynomial, laws))
+    first, total, first_error, total_error = (float(index[0, 0]) for index in indices(polynomial, laws))
     deviation, of_deviation = deviations(outputs)
     errors = spreads(outputs, seed)
-    found = {
+    ratios = {
         "mean": outputs.mean() / errors["mean_error"][0],
         "spread": (deviation[0] - spread) / of_deviation[0],
         "first index": (first - 4 / variance) / first_error,
@@ -47,5 +52,5 @@ def _deviations(kind: str, seed: int) -> dict[str, float]:
     }
     if not product:
         high = np.quantile(outputs, 0.95)
-        found["95 % quantile"] = (high - QUANTILE * spread) / errors["high_error"][0]
-    return {figure: float(value) for figure, value in found.items()}
+        ratios["95 % quantile"] = (high - QUANTILE * spread) / errors["high_error"][0]
+    return {figure: float(value) for figure, value in ratios.items()}
