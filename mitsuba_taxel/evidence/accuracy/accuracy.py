@@ -36,12 +36,21 @@ def accuracy(
 
     Parameters
     ----------
+    scene : Scene
+        The scene.
+    folder : Path
+        Output folder, which is created if it does not exist.
     seconds : float
-        Of all processors together, for each light-transport method, and for the longest solution of the mechanics;
-        references, and each reading to a target error (wall time), may take four times as long, and the reference mesh
-        of the mechanics sixteen times.
+        CPU time for each light-transport method, and for the longest solution of the mechanics. References, and each
+        reading to a target error (wall time), may take four times as long, and the reference mesh of the mechanics
+        sixteen times.
     starting : Callable[[str], None]
         Called with the name of each step.
+
+    Returns
+    -------
+    list[ErrorCurve]
+        A curve for each method; a curve without points has the reason in its remark.
 
     Raises
     ------
@@ -53,17 +62,18 @@ def accuracy(
     if not 0 < seconds < math.inf:
         raise InputError(f"seconds = {seconds} is not allowed: a finite number above 0 is needed.")
     make_folder(folder)
-    live = prepare(scene).scene
-    taxels_of(live)
-    pads, loaded = open_pads(live, scene.mesh_size), bool(loaded_pads(live))
-    del live
+    built = prepare(scene).scene
+    taxels_of(built)
+    pads, loaded = open_pads(built, scene.mesh_size), bool(loaded_pads(built))
+    del built
+    # The light first. Its curves are written before the mechanics, which takes longer.
     curves, light = optics_curves(scene, seconds, starting)
     _write(curves, scene, folder)
     if pads:
         curves += _with_pads(scene, pads, seconds, starting)
     elif loaded:
         reason = "the scene fixes the mesh size of its loaded pads: there is nothing to compare it with"
-        curves += [ErrorCurve(part, "", [], remark=reason) for part in ("mechanics", "chain")]
+        curves += [ErrorCurve(stage, "", [], remark=reason) for stage in ("mechanics", "chain")]
     else:
         curves.append(ErrorCurve("mechanics", "", [], remark="no pad of the scene is loaded"))
         curves.append(reading_curve(scene, light, REFERENCE_TIME * seconds, starting))
@@ -86,18 +96,21 @@ def _with_pads(
     scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]
 ) -> list[ErrorCurve]:
     """Curves of the mechanics and of the whole chain."""
-    near = near_load(scene)
+    # Solutions by mesh size, and readings in the limit of small elements under the load and under one nearby.
+    nearby = near_load(scene)
     try:
-        solved, judge, ended = size_runs(scene, pads, seconds, starting)
-        starting(f"mechanics: reference on elements of {judge:.2g} mm")
-        found = limits([scene, near.scene] if near else [scene], judge)
+        solved, reference_size, ended = size_runs(scene, pads, seconds, starting)
+        starting(f"mechanics: reference on elements of {reference_size:.2g} mm")
+        mesh_limits = limits([scene, nearby.scene] if nearby else [scene], reference_size)
     except ComputationError as reason:
-        return [ErrorCurve(part, "", [], remark=str(reason)) for part in ("mechanics", "chain")]
-    truth = found[0].truth
-    sizes = size_errors(solved, found[0], ended)
-    middle = min(solved, key=lambda h: abs(h - DEFAULT_MESH_SIZE))
-    steps = tolerance_errors(*tolerance_runs(scene, pads, middle, starting))
-    slopes = slope_limit(found[0], found[1], near.step).truth if near else None
-    if slopes is not None and not slopes.power.any():  # the force does not load the pad
-        near = slopes = None
-    return [sizes, steps, *chain_curves(scene, truth, near, slopes, REFERENCE_TIME * seconds, starting)]
+        return [ErrorCurve(stage, "", [], remark=str(reason)) for stage in ("mechanics", "chain")]
+    # Errors by mesh size, and by step tolerance on elements of about the default size.
+    truth = mesh_limits[0].truth
+    sizes = size_errors(solved, mesh_limits[0], ended)
+    default_size = min(solved, key=lambda h: abs(h - DEFAULT_MESH_SIZE))
+    steps = tolerance_errors(*tolerance_runs(scene, pads, default_size, starting))
+    # The chain, with slopes by the force if the force loads the pad.
+    slopes = slope_limit(mesh_limits[0], mesh_limits[1], nearby.step).truth if nearby else None
+    if slopes is not None and not slopes.power.any():
+        nearby = slopes = None
+    return [sizes, steps, *chain_curves(scene, truth, nearby, slopes, REFERENCE_TIME * seconds, starting)]

@@ -23,14 +23,16 @@ FORCES = ("fz", "fx", "fy")
 
 
 class Near(NamedTuple):
-    """The scene under a load nearby.
+    """The scene under a slightly smaller load.
 
     Attributes
     ----------
+    scene : Scene
+        The scene with that load.
     force : str
-        Name of the parameter.
+        Name of the force's parameter.
     step : float
-        In N, from there to that of the scene.
+        Force of the original scene minus that of this one, in N.
     """
 
     scene: Scene
@@ -46,98 +48,151 @@ def near_load(scene: Scene) -> Near | None:
         except ValueError:
             continue
         if force:
-            near = Scene(scene.source, {**scene.parameters, name: NEAR * force}, scene.mesh_size)
-            return Near(near, name, (1 - NEAR) * force)
+            nearby = Scene(scene.source, {**scene.parameters, name: NEAR * force}, scene.mesh_size)
+            return Near(nearby, name, (1 - NEAR) * force)
     return None
 
 
 def slope_limit(limit: FineMeshLimit, near_limit: FineMeshLimit, step: float) -> FineMeshLimit:
-    """Slope of readings in the limit of small elements, in W/N."""
+    """Slope of readings in the limit of small elements, in W/N, by the difference of two loads.
+
+    Parameters
+    ----------
+    limit, near_limit : FineMeshLimit
+        Readings in that limit, at the load and at the load nearby.
+    step : float
+        Difference of the loads in N.
+    """
     replicates = (limit.replicates - near_limit.replicates) / step
     return FineMeshLimit(replicates, (limit.change - near_limit.change) / step, limit.size)
 
 
 def reading_curve(scene: Scene, truth: Truth, seconds: float, starting: Callable[[str], None]) -> ErrorCurve:
-    """Curve of the reading alone, for a scene whose pads are not loaded.
+    """Error of readings by target error, for a scene whose pads are not loaded.
 
     Parameters
     ----------
+    scene : Scene
+        The scene.
+    truth : Truth
+        Reference of the readings.
     seconds : float
         Time budget of each reading.
+    starting : Callable[[str], None]
+        Called with the name of each step.
     """
     measure(scene, points=1)  # compiles
     points = []
     for target in TARGETS:
         starting(f"chain: target {target:.1%}")
-        found, spent = _timed(scene, target, seconds)
-        points.append(reading_point(found, truth.power, spent, target, truth))
+        readings, elapsed = _timed(scene, target, seconds)
+        points.append(reading_point(readings, truth.power, elapsed, target, truth))
     return ErrorCurve("chain", "reading", points, launched=True)
 
 
 def chain_curves(
-    scene: Scene, truth: Truth, near: Near | None, slope: Truth | None, seconds: float, starting: Callable[[str], None]
+    scene: Scene,
+    truth: Truth,
+    nearby: Near | None,
+    slope: Truth | None,
+    seconds: float,
+    starting: Callable[[str], None],
 ) -> list[ErrorCurve]:
-    """A curve for the reading, and one for its slope if there is a nearby load; all solved without caches.
+    """Errors of readings, and of their slopes if there is a nearby load, by target error; all without caches.
 
-    The slope takes another reading, on the mesh and with the points chosen for the target error.
+    A slope needs a second reading, on the mesh and with the number of points chosen for the target error.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    truth : Truth
+        Reference of the readings.
+    near : Near or None
+        The scene under a load nearby.
+    slope : Truth or None
+        Reference of the slopes, in W/N.
+    seconds : float
+        Time budget of each reading.
+    starting : Callable[[str], None]
+        Called with the name of each step.
     """
-    readings, slopes = [], []
+    reading_points, slope_points = [], []
     measure(scene, points=1)  # compiles
     for target in TARGETS:
         starting(f"chain: target {target:.1%}")
         with from_nothing():
-            found, spent = _timed(scene, target, seconds)
-            if near is not None and slope is not None:
+            reading, elapsed = _timed(scene, target, seconds)
+            if nearby is not None and slope is not None:
                 start = now()
-                other = measure(near.scene.with_mesh_size(found.mesh_size), points=found.points or None)
-                slopes.append(_slope_point(found, other, near.step, spent + now() - start, target, slope))
-            on_this_mesh = scene.with_mesh_size(found.mesh_size)
-            long = measure(on_this_mesh, points=POINTS, seed=SEED, mechanics_error=False).power
-        readings.append(reading_point(found, long, spent, target, truth))
-    curves = [ErrorCurve("chain", "reading", readings)]
-    return curves if near is None else [*curves, ErrorCurve("chain", f"slope over {near.force}", slopes)]
+                nearby_reading = measure(nearby.scene.with_mesh_size(reading.mesh_size), points=reading.points or None)
+                slope_points.append(
+                    _slope_point(reading, nearby_reading, nearby.step, elapsed + now() - start, target, slope)
+                )
+            on_this_mesh = scene.with_mesh_size(reading.mesh_size)
+            exact = measure(on_this_mesh, points=POINTS, seed=SEED, mechanics_error=False).power
+        reading_points.append(reading_point(reading, exact, elapsed, target, truth))
+    curves = [ErrorCurve("chain", "reading", reading_points)]
+    return curves if nearby is None else [*curves, ErrorCurve("chain", f"slope over {nearby.force}", slope_points)]
 
 
 def _timed(scene: Scene, target: float, seconds: float) -> tuple[Readings, float]:
+    """A reading to a target error without cached light, and its CPU seconds."""
     clear_caches(kept_cell)
     start = now()
-    found = measure(scene, target_error=target, time_budget=seconds)
-    return found, now() - start
+    readings = measure(scene, target_error=target, time_budget=seconds)
+    return readings, now() - start
 
 
-def reading_point(found: Readings, long: np.ndarray, seconds: float, target: float, truth: Truth) -> Point:
-    """``long`` are readings with many points on the same mesh."""
+def reading_point(readings: Readings, exact: np.ndarray, seconds: float, target: float, truth: Truth) -> Point:
+    """Errors of a reading, separated into those of light and of mechanics.
+
+    Parameters
+    ----------
+    readings : Readings
+        The reading.
+    exact : (T,) ndarray
+        Power in W with many more points on the same mesh, whose error is that of the mechanics alone.
+    seconds : float
+        CPU seconds of the reading.
+    target : float
+        Target error of the reading.
+    truth : Truth
+        Reference.
+    """
     shares = {
-        "light_error": relative_rms(found.power - long, truth.power),
-        "mechanics_error": relative_rms(long - truth.power, truth.power),
-        "stated_light": relative_rms(found.standard_error, found.power),
-        "stated_mechanics": relative_rms(found.mechanics_error, found.power),
-        "stated_geometry": relative_rms(found.geometry_error, found.power),
+        "light_error": relative_rms(readings.power - exact, truth.power),
+        "mechanics_error": relative_rms(exact - truth.power, truth.power),
+        "stated_light": relative_rms(readings.standard_error, readings.power),
+        "stated_mechanics": relative_rms(readings.mechanics_error, readings.power),
+        "stated_geometry": relative_rms(readings.geometry_error, readings.power),
     }
     return Point(
         setting=f"{target:.1%}",
         seconds=seconds,
-        error=relative_rms(found.power - truth.power, truth.power),
-        stated=relative_rms(found.total_error, found.power),
+        error=relative_rms(readings.power - truth.power, truth.power),
+        stated=relative_rms(readings.total_error, readings.power),
         floor=truth.floor,
         reference=truth.name,
         runs=1,
         readings=int((truth.power > 0).sum()),
-        shares=shares | {f"{stage}_seconds": value for stage, value in found.seconds.items()},
-        remark="; ".join(remark for remark in found.remarks if "not reached" in remark),
+        shares=shares | {f"{stage}_seconds": value for stage, value in readings.seconds.items()},
+        remark="; ".join(remark for remark in readings.remarks if "not reached" in remark),
     )
 
 
-def _slope_point(found: Readings, other: Readings, step: float, seconds: float, target: float, slope: Truth) -> Point:
-    """Errors are relative to the root mean square of all taxels' slopes, some of which may be nearly 0."""
-    value = (found.power - other.power) / step
-    light = standard_error((found.replicates - other.replicates) / step)
+def _slope_point(
+    readings: Readings, nearby: Readings, step: float, seconds: float, target: float, slope: Truth
+) -> Point:
+    """Errors of slopes, relative to the root mean square over all taxels, as single slopes may be nearly 0."""
+    value = (readings.power - nearby.power) / step
+    light = standard_error((readings.replicates - nearby.replicates) / step)
     # The error of the mechanics is nearly the same in both readings, and cancels.
     mechanics = np.zeros_like(value)
-    if found.deviation is not None and other.deviation is not None:
-        mechanics = ERROR_SHARE * (found.deviation - other.deviation) / step
+    if readings.deviation is not None and nearby.deviation is not None:
+        mechanics = ERROR_SHARE * (readings.deviation - nearby.deviation) / step
     size = np.linalg.norm(slope.power)
-    stages = {stage: found.seconds.get(stage, 0.0) + other.seconds.get(stage, 0.0) for stage in found.seconds}
+    stages = {stage: readings.seconds.get(stage, 0.0) + nearby.seconds.get(stage, 0.0) for stage in readings.seconds}
     return Point(
         setting=f"{target:.1%}",
         seconds=seconds,

@@ -50,16 +50,16 @@ ELEMENTS = "Elements are of second order (ten nodes) in all rows: there is no ot
 
 @dataclass(frozen=True)
 class Solved:
-    """A scene whose pads were solved without caches, and read.
+    """Readings of a scene whose pads were solved without caches.
 
     Attributes
     ----------
     readings : Readings
-        With long light and the stated error of the mechanics.
+        Readings with many light paths, and with the stated error of the mechanics.
     seconds : float
-        Of the mechanics alone.
+        CPU time of the mechanics alone.
     elements : int
-        Of the largest pad.
+        Number of elements of the largest pad.
     """
 
     readings: Readings
@@ -76,9 +76,9 @@ class FineMeshLimit:
     replicates : (R, T) ndarray
         Power in W.
     change : (T,) ndarray
-        In W, by the extrapolation; also the estimate of its error.
+        Change of the power by the extrapolation in W, which is also the estimate of its error.
     size : float
-        Of the smallest elements solved on, in mm.
+        Size of the smallest elements, in mm.
     """
 
     replicates: np.ndarray
@@ -101,7 +101,7 @@ class PadRequest(NamedTuple):
     value: np.ndarray
 
     def state(self, mesh_size: float, step_tolerance: float) -> State:
-        """The state on elements of a size in mm, by steps of a tolerance."""
+        """The state on elements of ``mesh_size`` in mm, with load steps of a relative ``step_tolerance``."""
         path = partial(load_path, mesh_size=mesh_size, step_tolerance=step_tolerance)
         return path(self.pad, self.material, self.value[None], load=self.load)[0]
 
@@ -116,7 +116,7 @@ def _open(live: Any, mesh_size: float | None) -> list[PadShape]:
 
 
 class SizeRuns(NamedTuple):
-    """Runs by mesh size in mm, the mesh size of their reference, and the reason for their end."""
+    """Runs by mesh size in mm, mesh size of their reference in mm, and reason why there are no smaller elements."""
 
     solved: dict[float, Solved]
     judge: float
@@ -124,10 +124,21 @@ class SizeRuns(NamedTuple):
 
 
 def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]) -> SizeRuns:
-    """The scene on successively smaller elements, until a solution would exceed the time, or the number of elements.
+    """Solve the scene on successively smaller elements, until a solution would exceed the time or the memory.
 
-    The reference has elements of half the smallest size, or the smallest affordable ones. The time of the next solution
-    is predicted from the growth of the last, and at least from the number of elements.
+    The reference has elements of half the smallest size, or the smallest that fit into memory. The time of the next
+    solution is predicted from the growth of the last, and at least from the number of elements.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    pads : sequence of PadRequest
+        Its loaded pads.
+    seconds : float
+        Largest CPU time of a solution.
+    starting : Callable[[str], None]
+        Called with the name of each step.
 
     Raises
     ------
@@ -135,56 +146,87 @@ def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting
         if the pads cannot be loaded on the coarsest mesh.
     """
     solved: dict[float, Solved] = {}
-    size, judge = COARSEST, 0.5 * COARSEST
+    size, reference_size = COARSEST, 0.5 * COARSEST
     starting("mechanics: warm-up")
-    before = solve(scene, pads, size).seconds
+    previous_seconds = solve(scene, pads, size).seconds
     while True:
         starting(f"mechanics: elements of {size:.2g} mm")
         try:
             solved[size] = last = solve(scene, pads, size)
-        except ComputationError as reason:
+        except ComputationError as error:
             if solved:
-                return SizeRuns(solved, judge, f"no smaller elements: {reason}")
+                return SizeRuns(solved, reference_size, f"no smaller elements: {error}")
             raise
         if 2**3 * last.elements < MOST_ELEMENTS or _elements(pads, 0.5 * size) < MOST_ELEMENTS:
-            judge = 0.5 * size
+            reference_size = 0.5 * size
         size /= REFINEMENT
-        if size < 1.1 * judge:
-            return SizeRuns(solved, judge, f"elements of {judge:.2g} mm are the smallest for the memory")
-        predicted = last.seconds * max(last.seconds / before, REFINEMENT**3)
-        before = last.seconds
+        if size < 1.1 * reference_size:
+            return SizeRuns(
+                solved, reference_size, f"elements of {reference_size:.2g} mm are the smallest for the memory"
+            )
+        predicted = last.seconds * max(last.seconds / previous_seconds, REFINEMENT**3)
+        previous_seconds = last.seconds
         if len(solved) >= FEWEST_SIZES and predicted > seconds:
-            ended = f"elements of {size:.2g} mm left out: they would take about {predicted:.0f} s"
-            return SizeRuns(solved, judge, ended)
+            remark = f"elements of {size:.2g} mm left out: they would take about {predicted:.0f} s"
+            return SizeRuns(solved, reference_size, remark)
 
 
 def _elements(pads: Sequence[PadRequest], size: float) -> int:
-    """Of the largest pad, on elements of a size in mm; where walls have smaller ones, this is hard to foretell."""
-    return max(len(pad_mesh(each.pad, size).tets) for each in pads)
+    """Number of elements of the largest pad, from a mesh: smaller elements at walls make it hard to predict."""
+    return max(len(pad_mesh(pad.pad, size).tets) for pad in pads)
 
 
 def limits(scenes: Sequence[Scene], size: float) -> list[FineMeshLimit]:
-    """Readings of scenes in the limit of small elements, from those of ``size`` [mm] and twice that.
+    """Extrapolate readings of scenes to the limit of small elements.
 
     The error of a reading falls with the power `ORDER` of the mesh size, and follows from two sizes (L. F. Richardson,
     Phil. Trans. R. Soc. A 210, 1911).
+
+    Parameters
+    ----------
+    scenes : sequence of Scene
+        The scenes.
+    size : float
+        The smaller of two mesh sizes in mm; the other is twice as large.
     """
     with from_nothing():
         coarse, fine = (
             [measure(scene.with_mesh_size(h), points=POINTS, seed=SEED, mechanics_error=False) for scene in scenes]
             for h in (2 * size, size)
         )
-    changes = [ERROR_SHARE * (there.replicates - here.replicates) for here, there in zip(coarse, fine, strict=True)]
+    changes = [
+        ERROR_SHARE * (fine_reading.replicates - coarse_reading.replicates)
+        for coarse_reading, fine_reading in zip(coarse, fine, strict=True)
+    ]
     return [
-        FineMeshLimit(there.replicates + change, change.mean(axis=0), size)
-        for there, change in zip(fine, changes, strict=True)
+        FineMeshLimit(fine_reading.replicates + change, change.mean(axis=0), size)
+        for fine_reading, change in zip(fine, changes, strict=True)
     ]
 
 
 def tolerance_runs(
     scene: Scene, pads: Sequence[PadRequest], size: float, starting: Callable[[str], None]
 ) -> tuple[dict[float, Solved], FineMeshLimit]:
-    """The scene on one mesh with load steps of different tolerances, and with very small ones."""
+    """Solve the scene on one mesh with load steps of different tolerances, and with a very strict one.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    pads : sequence of PadRequest
+        Its loaded pads.
+    size : float
+        Mesh size in mm.
+    starting : Callable[[str], None]
+        Called with the name of each step.
+
+    Returns
+    -------
+    solved : dict[float, Solved]
+        Runs by tolerance.
+    strict : FineMeshLimit
+        Readings with the strict tolerance.
+    """
     solved = {}
     for tolerance in (*TOLERANCES, STRICT):
         starting(f"mechanics: step tolerance {tolerance:g}, elements of {size:.2g} mm")
@@ -194,23 +236,41 @@ def tolerance_runs(
 
 
 def size_errors(solved: Mapping[float, Solved], limit: FineMeshLimit, remark: str) -> ErrorCurve:
-    """The curve of element sizes."""
+    """Errors by element size.
+
+    Parameters
+    ----------
+    solved : Mapping[float, Solved]
+        Runs by mesh size in mm.
+    limit : FineMeshLimit
+        Reference.
+    remark : str
+        Remark of the curve.
+    """
     reference = limit.truth.name
     points = []
     for size, run in solved.items():
-        stated = relative_rms(run.readings.mechanics_error, run.readings.power)
-        points.append(_point(f"{size:.3g} mm", run, limit, stated, reference))
+        stated_error = relative_rms(run.readings.mechanics_error, run.readings.power)
+        points.append(_point(f"{size:.3g} mm", run, limit, stated_error, reference))
     return ErrorCurve("mechanics", "element size", points, remark=remark)
 
 
 def tolerance_errors(solved: Mapping[float, Solved], strict: FineMeshLimit) -> ErrorCurve:
-    """The curve of step tolerances, on one mesh; readings state no error due to steps."""
+    """Errors by step tolerance on one mesh; readings state no error due to steps.
+
+    Parameters
+    ----------
+    solved : Mapping[float, Solved]
+        Runs by tolerance.
+    strict : FineMeshLimit
+        Reference, on the same mesh.
+    """
     reference = f"step tolerance {STRICT:g}, elements of {strict.size:.2g} mm"
     points = [_point(f"{tolerance:g}", run, strict, math.nan, reference) for tolerance, run in solved.items()]
     return ErrorCurve("mechanics", "step tolerance", points)
 
 
-def _point(setting: str, run: Solved, limit: FineMeshLimit, stated: float, reference: str) -> Point:
+def _point(setting: str, run: Solved, limit: FineMeshLimit, stated_error: float, reference: str) -> Point:
     """The error of a reading that shares its random numbers with the limit, so that the noise of the light cancels."""
     power = limit.truth.power
     difference = run.readings.replicates - limit.replicates
@@ -218,7 +278,7 @@ def _point(setting: str, run: Solved, limit: FineMeshLimit, stated: float, refer
         setting=setting,
         seconds=run.seconds,
         error=relative_rms(difference.mean(axis=0), power),
-        stated=stated,
+        stated=stated_error,
         floor=relative_rms(np.hypot(standard_error(difference), limit.change), power),
         reference=reference,
         runs=1,
@@ -229,7 +289,19 @@ def _point(setting: str, run: Solved, limit: FineMeshLimit, stated: float, refer
 def solve(
     scene: Scene, pads: Sequence[PadRequest], size: float, step_tolerance: float = INTERPOLATION_TOLERANCE
 ) -> Solved:
-    """Solve the pads of a scene without caches and read it; the error estimate is part of the mechanics."""
+    """Solve the pads of a scene without caches, and read the scene; the error estimate is part of the mechanics.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    pads : sequence of PadRequest
+        Its loaded pads.
+    size : float
+        Mesh size in mm.
+    step_tolerance : float
+        Relative tolerance of the load steps.
+    """
     with from_nothing():
         start = now()
         states = [pad.state(size, step_tolerance) for pad in pads]
@@ -244,7 +316,7 @@ def solve(
 
 @contextmanager
 def from_nothing() -> Iterator[None]:
-    """Ignore earlier solutions."""
+    """Within this context, all caches of solutions are empty, on disk and in memory."""
     kept = os.environ.get("MITSUBA_TAXEL_CACHE")
     with tempfile.TemporaryDirectory() as folder:
         os.environ["MITSUBA_TAXEL_CACHE"] = folder

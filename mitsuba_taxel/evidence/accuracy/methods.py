@@ -21,7 +21,7 @@ from mitsuba_taxel.sensing.scene.left_out import used_by
 from mitsuba_taxel.specification.taxel_tracer import STRATEGIES
 
 LARGEST_STRAY = 1e-4
-"""Largest share of a reading from other LEDs than the taxel's own, for integrators that light all of them."""
+"""Largest fraction of a reading from LEDs of other taxels, for integrators that light all LEDs at once."""
 _STRAY_POINTS = 256
 _RAYS = 1 << 12
 MOST_LANES = 1 << 25
@@ -41,8 +41,10 @@ Estimator = Callable[[int, int], Estimate]
 
 @dataclass(frozen=True)
 class Method:
-    """An integrator with its sampler; ``strategy`` is that of `taxel_tracer`, of which only ``all`` includes all
-    light."""
+    """An integrator with its sampler.
+
+    ``strategy`` is a parameter of `taxel_tracer`; only the strategy ``all`` includes all light.
+    """
 
     integrator: str
     sampler: str = "owen_sobol"
@@ -78,12 +80,16 @@ METHODS = (
 
 
 def estimator(method: Method, scene: Scene, folder: Path, stray: float) -> Estimator:
-    """A method on a scene that stays loaded.
+    """An estimator of a method, on a scene that stays loaded.
 
     Parameters
     ----------
+    method : Method
+        The method.
+    scene : Scene
+        The scene.
     folder : Path
-        For the scene's variant as a file.
+        Folder for the file of the scene with the method's integrator.
     stray : float
         See :func:`stray_light`.
 
@@ -93,24 +99,24 @@ def estimator(method: Method, scene: Scene, folder: Path, stray: float) -> Estim
         if the method does not support the scene; the message gives the reason.
     """
     if not method.is_ours and not stray <= LARGEST_STRAY:
-        share = "an unknown share" if math.isnan(stray) else f"{stray:.1%}"
-        raise InputError(f"it lights all LEDs at once, and {share} of a reading would be of other taxels.")
-    ready = prepare(_variant(method, scene, folder))
+        fraction = "an unknown share" if math.isnan(stray) else f"{stray:.1%}"
+        raise InputError(f"it lights all LEDs at once, and {fraction} of a reading would be of other taxels.")
+    prepared = prepare(_variant(method, scene, folder))
     if method.is_ours:
-        return of_readings(ready)
-    set_wavelength(ready.scene, ready.scene.emitters())
-    return _stock(ready.scene)
+        return of_readings(prepared)
+    set_wavelength(prepared.scene, prepared.scene.emitters())
+    return _stock(prepared.scene)
 
 
 def stray_light(scene: Scene) -> float:
-    """Largest share of a taxel's reading that LEDs of other taxels would add; NaN if unknown."""
+    """Largest fraction of a taxel's reading that LEDs of other taxels would add; NaN if unknown."""
     try:
         power = crosstalk(scene, points=_STRAY_POINTS).power
     except InputError:
         return math.nan
-    own = power.diagonal()
-    lit = own > 0
-    return float(np.max((power.sum(axis=0) - own)[lit] / own[lit], initial=0.0))
+    own_power = power.diagonal()
+    lit = own_power > 0
+    return float(np.max((power.sum(axis=0) - own_power)[lit] / own_power[lit], initial=0.0))
 
 
 def is_bounded(scene: Scene) -> bool:
@@ -126,42 +132,42 @@ def offset_share(scene: Scene) -> float:
     """
     import mitsuba as mi
 
-    live = prepare(scene).scene
-    sensor = live.sensors()[0]
+    built = prepare(scene).scene
+    sensor = built.sensors()[0]
     random = mi.PCG32(_RAYS)
     position, direction = (mi.Point2f(random.next_float32(), random.next_float32()) for _ in range(2))
-    si = live.ray_intersect(sensor.sample_ray(0, 0, position, direction)[0])
-    distance, hit = np.array(si.t), np.isfinite(np.array(si.t))
+    intersection = built.ray_intersect(sensor.sample_ray(0, 0, position, direction)[0])
+    distance, hit = np.array(intersection.t), np.isfinite(np.array(intersection.t))
     if not hit.any():
         return 0.0
-    furthest = np.abs(np.array(si.p)[:, hit]).max()
-    return float(9e-5 * (1 + furthest) / np.median(distance[hit]))
+    largest_coordinate = np.abs(np.array(intersection.p)[:, hit]).max()
+    return float(9e-5 * (1 + largest_coordinate) / np.median(distance[hit]))
 
 
-def of_readings(ready: Prepared) -> Estimator:
-    """Readings of a prepared scene by random paths of its own integrator."""
+def of_readings(prepared: Prepared) -> Estimator:
+    """Estimator of a prepared scene by random paths of its integrator."""
 
     def estimate(samples: int, seed: int) -> Estimate:
         points = max(1, samples // REPLICATES)
-        readings = measure(ready, points=points, seed=seed, mechanics_error=False)
+        readings = measure(prepared, points=points, seed=seed, mechanics_error=False)
         return Estimate(readings.power, readings.standard_error)
 
     return estimate
 
 
-def _stock(live: Any) -> Estimator:
-    """One launch per run, which is the cheapest for these integrators; they state no error."""
+def _stock(scene: Any) -> Estimator:
+    """Estimator by an integrator of Mitsuba: one launch per run, the cheapest way; these integrators state no error."""
     import drjit as dr
     import mitsuba as mi
 
     def estimate(samples: int, seed: int) -> Estimate:
         columns = []
-        for sensor in live.sensors():
+        for sensor in scene.sensors():
             faces, (width, height) = sensor.faces, sensor.block
             # Kept out of the kernel, which would otherwise be recompiled for each seed.
             number = dr.opaque(mi.UInt32, seed)
             with _errors_alone():  # samplers report each count that they round up
-                image = mi.render(live, sensor=sensor, spp=max(1, samples // (width * height)), seed=number)
+                image = mi.render(scene, sensor=sensor, spp=max(1, samples // (width * height)), seed=number)
             blocks = np.asarray(image, dtype=float)[:, :, 0].reshape(faces.rows, height, faces.columns, width)
             columns.append(blocks.mean(axis=(1, 3)).ravel() * faces.area[0])
         power = np.concatenate(columns)
@@ -172,33 +178,35 @@ def _stock(live: Any) -> Estimator:
 
 @contextmanager
 def _errors_alone() -> Iterator[None]:
-    """Let Mitsuba log errors only."""
+    """Within this context, Mitsuba logs errors only."""
     import mitsuba as mi
 
-    before = mi.log_level()
+    level = mi.log_level()
     mi.set_log_level(mi.LogLevel.Error)
     try:
         yield
     finally:
-        mi.set_log_level(before)
+        mi.set_log_level(level)
 
 
 def _variant(method: Method, scene: Scene, folder: Path) -> Scene:
-    """The scene with a method's integrator, limited to as many reflections as its own, and sampler."""
+    """The scene with the integrator and sampler of a method, and with the same limit of reflections."""
+    # Read the limits of the scene's integrators, and remove these.
     file = folder / "scene.xml"
     scene.write_xml(file)
     root = ElementTree.parse(file).getroot()
-    stated = {f"${name}": value for name, value in Scene(file).parameters.items()}
+    values = {f"${name}": value for name, value in Scene(file).parameters.items()}
     reflections, roulette = -1, None
-    for old in root.findall("integrator"):
-        words = {value.get("name"): value.get("value", "") for value in old.findall("integer")}
-        values = {name: int(stated.get(word, word)) for name, word in words.items()}
-        reflections, roulette = values.get("max_depth", -1), values.get("rr_depth")
-        if old.get("type") not in _OURS and reflections > 0:
+    for integrator_element in root.findall("integrator"):
+        settings = {value.get("name"): value.get("value", "") for value in integrator_element.findall("integer")}
+        numbers = {name: int(values.get(word, word)) for name, word in settings.items()}
+        reflections, roulette = numbers.get("max_depth", -1), numbers.get("rr_depth")
+        if integrator_element.get("type") not in _OURS and reflections > 0:
             reflections -= 1  # Mitsuba counts edges of a path, from the LED to the first wall on
-        root.remove(old)
+        root.remove(integrator_element)
     if reflections >= 0 and method.integrator == "analog_tracer":
         raise InputError("it follows each ray to its end, and the scene's integrator limits the reflections.")
+    # Add the integrator of the method.
     integrator = ElementTree.Element("integrator", type=method.integrator)
     if method.integrator == "taxel_tracer":
         ElementTree.SubElement(integrator, "string", name="strategy", value=method.strategy)
@@ -208,6 +216,7 @@ def _variant(method: Method, scene: Scene, folder: Path) -> Scene:
         if roulette is not None:
             ElementTree.SubElement(integrator, "integer", name="rr_depth", value=str(roulette))
     root.append(integrator)
+    # Replace the samplers, and remove defaults that are no longer used.
     for sensor in root.iter("sensor"):
         for sampler in sensor.findall("sampler"):
             sensor.remove(sampler)

@@ -1,4 +1,4 @@
-"""The paper's nominal study, from nothing: four shapes under normal and tangential force, and what its slopes cost."""
+"""The paper's nominal study without caches: four shapes under normal and tangential force, with its cost."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mitsuba_taxel.pads import CELL_SHAPES
 
 PATHS = ("fz", "fx")
 MOST_SECONDS, MOST_MEMORY = 7200.0, 2**40
-"""For one shape; solvers reserve several times as many bytes as they use, which is what a limit would count."""
+"""Limits of one shape, in s and bytes; the memory is practically unlimited, as solvers reserve more than they use."""
 
 HEADINGS = (
     "cell", "along", "forces", "elements [mm]", "readings within", "slopes within", "steepest [µW/N]", "CPU s"
@@ -47,7 +47,7 @@ shape is measured in a process of its own with an empty cache of solutions.
 
 @dataclass(frozen=True)
 class NominalRow:
-    """One shape; lists are by `PATHS`. ``failure`` says why there is no more."""
+    """Result of one shape; lists have an entry for each of `PATHS`. ``failure`` is the reason if the process failed."""
 
     cell: str
     forces: list[int]
@@ -89,7 +89,15 @@ class NominalShape:
 
 
 def nominal(only: str | None = None, starting: Callable[[str], None] | None = None) -> Iterator[NominalRow]:
-    """Rows of the table as they are measured; ``starting`` is called with the name of each shape."""
+    """Yield rows of the table as they are measured.
+
+    Parameters
+    ----------
+    only : str, optional
+        Pattern of the shapes' names, with the wildcards * and ?.
+    starting : Callable[[str], None], optional
+        Called with the name of each shape.
+    """
     for cell in CELL_SHAPES:
         if only is None or fnmatchcase(cell, only):
             if starting:
@@ -98,8 +106,8 @@ def nominal(only: str | None = None, starting: Callable[[str], None] | None = No
 
 
 def _processor_seconds() -> float:
-    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(each.ru_utime + each.ru_stime for each in used)
+    usages = [resource.getrusage(process) for process in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
 def nominal_cells(rows: Sequence[NominalRow]) -> list[list[str]]:
@@ -121,6 +129,16 @@ def _lines(row: NominalRow) -> list[list[str]]:
 
 
 def write_page(rows: Sequence[NominalRow], file: Path, command: str) -> None:
-    """Write the rows as a page that says what its columns mean."""
+    """Write the rows as a Markdown page that explains its columns.
+
+    Parameters
+    ----------
+    rows : sequence of NominalRow
+        The rows.
+    file : Path
+        Page, which is replaced.
+    command : str
+        Command that the page names as its origin.
+    """
     table = markdown_table(HEADINGS, nominal_cells(rows))
     write_text(file, _PAGE.format(command=command, table=table, error=TARGET_ERROR, slope=TARGET_SLOPE))

@@ -43,8 +43,8 @@ def _import_everything() -> None:
         if name != "pytetwild":  # only the mesher's own process can import it
             import_module(name)
     for room in pkgutil.walk_packages(mitsuba_taxel.__path__, "mitsuba_taxel."):
-        left_out = ("mitsuba_taxel.plugins", "mitsuba_taxel.cli", "mitsuba_taxel.pads.imported.worker")
-        if not room.name.startswith(left_out):
+        skipped = ("mitsuba_taxel.plugins", "mitsuba_taxel.cli", "mitsuba_taxel.pads.imported.worker")
+        if not room.name.startswith(skipped):
             import_module(room.name)
 
 
@@ -56,7 +56,7 @@ def _solve_the_whole_pad() -> None:
 
 
 def _solve_without_load() -> None:
-    """Solve for the state of rest, and trace the effect of its error, which is 0, on the readings."""
+    """Solve pads without a load, and compute the effect of their error, which is 0, on the readings."""
     import numpy as np
 
     from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
@@ -101,7 +101,7 @@ def _cut_everything_finely() -> None:
 
 
 def _only_asked_for() -> None:
-    """Work that follows from another request."""
+    """No change here: the row requests this work by its arguments."""
 
 
 ALL_THE_SAME: dict[str, Callable[[], None]] = {
@@ -118,7 +118,7 @@ OF_ANY = ("everything imported", "three channels traced", "irradiance map accumu
 
 
 def additions(scene: str) -> list[list[str]]:
-    """Work added in each row of a scene."""
+    """Names of the work added in each row of a scene: nothing, each possible kind, all of them."""
     file, values = SCENES[scene]
     loaded = any(values.values())
     possible = [
@@ -132,7 +132,15 @@ def additions(scene: str) -> list[list[str]]:
 
 
 def row(scene: str, added: list[str]) -> dict:
-    """Figures of one scene, in this process."""
+    """Figures of one scene, measured in this process.
+
+    Parameters
+    ----------
+    scene : str
+        Name from :data:`SCENES`.
+    added : list[str]
+        Names of the added work, from :data:`ALL_THE_SAME`.
+    """
     from mitsuba_taxel.sensing import Scene  # before anything imports mitsuba: it chooses the LLVM
 
     # isort: split
@@ -173,24 +181,32 @@ def _unknowns() -> int:
     """Number of unknowns of the largest system of equations solved, 0 for none."""
     import gc
 
-    pads = [thing for thing in gc.get_objects() if type(thing).__name__ == "LoadedPad"]
+    pads = [candidate for candidate in gc.get_objects() if type(candidate).__name__ == "LoadedPad"]
     return max((pad.unknowns for pad in pads if "_pattern" in vars(pad.model.assembly)), default=0)
 
 
 def with_seconds(scene: str, added: list[str]) -> dict:
-    """The row of a first run, with its CPU seconds and the minimum of two later ones."""
+    """Figures of a first run, with its CPU seconds and the minimum of two later runs.
+
+    Parameters
+    ----------
+    scene : str
+        Name from :data:`SCENES`.
+    added : list[str]
+        Names of the added work, from :data:`ALL_THE_SAME`.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        kept = {"HOME": folder, "MITSUBA_TAXEL_CACHE": str(Path(folder) / "solutions")}
-        figures, seconds = _run(scene, added, kept)
-        return figures | {"seconds": [seconds, min(_run(scene, added, kept)[1] for _ in range(2))]}
+        caches = {"HOME": folder, "MITSUBA_TAXEL_CACHE": str(Path(folder) / "solutions")}
+        figures, seconds = _run(scene, added, caches)
+        return figures | {"seconds": [seconds, min(_run(scene, added, caches)[1] for _ in range(2))]}
 
 
-def _run(scene: str, added: list[str], kept: dict[str, str]) -> tuple[dict, float]:
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+def _run(scene: str, added: list[str], caches: dict[str, str]) -> tuple[dict, float]:
+    start = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [sys.executable, "-m", "mitsuba_taxel.evidence.accuracy.omitted_work", json.dumps([scene, added])]
-    done = subprocess.run(command, env=os.environ | kept, stdout=subprocess.PIPE, text=True, check=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return json.loads(done.stdout), after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    process = subprocess.run(command, env=os.environ | caches, stdout=subprocess.PIPE, text=True, check=True)
+    end = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return json.loads(process.stdout), end.ru_utime + end.ru_stime - start.ru_utime - start.ru_stime
 
 
 def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -218,10 +234,10 @@ def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:
             first = first or figures
             file, values = SCENES[scene]
             name = ", ".join([file, *(f"{key} = {value}" for key, value in values.items())])
-            what = AS_IS if not added else ALL if len(added) > 1 else added[0]
+            work = AS_IS if not added else ALL if len(added) > 1 else added[0]
             yield (
                 name,
-                what,
+                work,
                 str(figures["modules"]),
                 ", ".join(figures["heavy"]) or "-",
                 str(figures["triangles"]),
@@ -233,9 +249,9 @@ def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:
             )
 
 
-def _deviation(here: dict, there: dict) -> float:
+def _deviation(first: dict, second: dict) -> float:
     """Largest change of a reading, in combined standard errors."""
-    columns = zip(here["power"], there["power"], here["error"], there["error"], strict=True)
+    columns = zip(first["power"], second["power"], first["error"], second["error"], strict=True)
     return max(abs(b - a) / (e**2 + f**2) ** 0.5 for a, b, e, f in columns)
 
 

@@ -1,4 +1,4 @@
-"""The light: error against time of every integrator that supports a scene, with references of another family."""
+"""The light: error against time of every integrator that supports a scene, against independent integrators."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from mitsuba_taxel.sensing.reading.runs import derived_seed
 from mitsuba_taxel.sensing.scene.description import Scene
 
 FEWEST_SEEDS, MOST_SEEDS = 4, 16
-"""Runs with each number of samples, each with a seed of its own."""
+"""Number of runs with each number of samples; all have different seeds."""
 LARGEST_SHARE = 1 / 8
-"""Share of a method's time for runs beyond the minimum at one number of samples."""
+"""Fraction of a method's time for runs beyond the minimum at one number of samples."""
 FIRST_SAMPLES = 1 << 7
 """Few enough that a run takes as long as its launch."""
 REFERENCE_TIME = 4.0
-"""Time of a reference, relative to that of a method, whose longest run takes at most an eighth of its time."""
+"""Time of a reference relative to that of a method; the longest run of a method takes an eighth of its time at most."""
 UNBIASED = ("taxel_tracer", "taxel_path")
 """Preferred references: their weights are bounded, and they benefit from quasi-random points."""
 SIGNIFICANT = 5.0
@@ -53,7 +53,7 @@ class Rung:
 
 @dataclass(frozen=True)
 class _Trial:
-    """What one method gave, before there is a reference; a reason in place of rungs where it cannot do the scene."""
+    """Runs of one method, before there is a reference; without runs, the reason why it does not support the scene."""
 
     method: Method
     rungs: Sequence[Rung]
@@ -61,7 +61,7 @@ class _Trial:
 
     @property
     def sees_all(self) -> bool:
-        """Whether its mean is the power of the taxels."""
+        """Whether the expected value of its estimates is the power of the taxels."""
         return self.method.strategy == "all" and bool(self.rungs) and bool(self.rungs[-1].power.any())
 
     @property
@@ -76,8 +76,10 @@ def optics_curves(scene: Scene, seconds: float, starting: Callable[[str], None])
 
     Parameters
     ----------
+    scene : Scene
+        The scene.
     seconds : float
-        For each method; each of two references takes :data:`REFERENCE_TIME` times as long.
+        CPU time of each method; each of two references takes :data:`REFERENCE_TIME` times as long.
     starting : Callable[[str], None]
         Called with the name of each step.
 
@@ -86,6 +88,7 @@ def optics_curves(scene: Scene, seconds: float, starting: Callable[[str], None])
     ComputationError
         if no light is found, or fewer than two families of methods support the scene.
     """
+    # Run all methods, and two references by methods of different families.
     stray = stray_light(scene)
     trials, references = [], {}
     with tempfile.TemporaryDirectory() as folder:
@@ -100,9 +103,10 @@ def optics_curves(scene: Scene, seconds: float, starting: Callable[[str], None])
             if not trial.method.is_ours:
                 truth = replace(truth, error=np.hypot(truth.error, offset_share(scene) * truth.power))
             references[trial.method] = truth
+    # Each method is compared with the reference of the other family.
     unbounded = not is_bounded(scene)
-    curves = [_curve(trial, _other(references, trial.method), unbounded) for trial in trials]
-    return curves, _other(references, METHODS[0])
+    curves = [_curve(trial, _independent_reference(references, trial.method), unbounded) for trial in trials]
+    return curves, _independent_reference(references, METHODS[0])
 
 
 def _trial(method: Method, scene: Scene, folder: Path, stray: float, seconds: float) -> _Trial:
@@ -117,27 +121,53 @@ def _trial(method: Method, scene: Scene, folder: Path, stray: float, seconds: fl
 
 
 def rungs(estimate: Estimator, seconds: float, most_samples: int, first_samples: int = FIRST_SAMPLES) -> Iterator[Rung]:
-    """Runs with successively doubled samples, for about ``seconds`` in total.
+    """Run an estimator with successively doubled samples; compilation is excluded.
 
-    Compilation is excluded; the seconds of runs are medians.
+    Parameters
+    ----------
+    estimate : Estimator
+        The estimator.
+    seconds : float
+        Approximate CPU time in total.
+    most_samples : int
+        Largest number of samples per taxel.
+    first_samples : int
+        Smallest number of samples per taxel.
+
+    Yields
+    ------
+    Rung
+        Runs with one number of samples; their time is the median.
     """
     estimate(FIRST_SAMPLES, 0)
-    samples, spent, last = FIRST_SAMPLES, 0.0, 0.0
-    while samples <= most_samples and spent + 2 * FEWEST_SEEDS * last <= seconds:
+    samples, total_seconds, run_seconds = FIRST_SAMPLES, 0.0, 0.0
+    while samples <= most_samples and total_seconds + 2 * FEWEST_SEEDS * run_seconds <= seconds:
         runs: list[Estimate] = []
         times: list[float] = []
         while len(runs) < FEWEST_SEEDS or (len(runs) < MOST_SEEDS and sum(times) < LARGEST_SHARE * seconds):
             start = now()
             runs.append(estimate(samples, derived_seed(samples, len(runs))))
             times.append(now() - start)
-        last = float(np.median(times))
-        spent += last * len(runs)
-        yield Rung(samples, np.array([run.power for run in runs]), np.array([run.stated for run in runs]), last)
+        run_seconds = float(np.median(times))
+        total_seconds += run_seconds * len(runs)
+        yield Rung(samples, np.array([run.power for run in runs]), np.array([run.stated for run in runs]), run_seconds)
         samples *= 2
 
 
 def reference(name: str, estimate: Estimator, samples: int, seconds: float) -> Truth:
-    """The mean of runs of ``samples`` samples, for ``seconds`` and at least :data:`FEWEST_SEEDS` runs."""
+    """Mean of long runs with different seeds, as a reference.
+
+    Parameters
+    ----------
+    name : str
+        Name of the reference.
+    estimate : Estimator
+        The estimator.
+    samples : int
+        Samples per taxel of each run.
+    seconds : float
+        CPU time; there are at least :data:`FEWEST_SEEDS` runs.
+    """
     powers: list[np.ndarray] = []
     start = now()
     while len(powers) < FEWEST_SEEDS or now() - start < seconds:
@@ -146,7 +176,7 @@ def reference(name: str, estimate: Estimator, samples: int, seconds: float) -> T
 
 
 def _referees(trials: Sequence[_Trial]) -> list[_Trial]:
-    """Two methods of different families: those of :data:`UNBIASED`, then those with the least noise."""
+    """Two methods with different integrators for the references: first :data:`UNBIASED`, then those of least noise."""
     best: dict[str, _Trial] = {}
     for trial in sorted((trial for trial in trials if trial.sees_all), key=_preference):
         best.setdefault(trial.method.integrator, trial)
@@ -160,8 +190,8 @@ def _preference(trial: _Trial) -> tuple[bool, float]:
     return trial.method.integrator not in UNBIASED, trial.scatter
 
 
-def _other(references: Mapping[Method, Truth], method: Method) -> Truth:
-    return next(truth for known, truth in references.items() if known.integrator != method.integrator)
+def _independent_reference(references: Mapping[Method, Truth], method: Method) -> Truth:
+    return next(truth for candidate, truth in references.items() if candidate.integrator != method.integrator)
 
 
 def _curve(trial: _Trial, truth: Truth, unbounded: bool) -> ErrorCurve:
@@ -172,14 +202,22 @@ def _curve(trial: _Trial, truth: Truth, unbounded: bool) -> ErrorCurve:
         remarks.append("isotropic walls give paths from the detector weights without bound: the error may fall slowly")
     if trial.rungs and not trial.rungs[-1].power.any():
         return ErrorCurve("optics", method.name, [], remark="it finds no light here")
-    off, z = _bias(trial.rungs, truth) if trial.rungs else (0.0, 0.0)
+    bias, z = _bias(trial.rungs, truth) if trial.rungs else (0.0, 0.0)
     if abs(z) > SIGNIFICANT:
-        remarks.append(f"off by {off:+.1g} of the reference ({z:+.0f} standard errors)")
+        remarks.append(f"off by {bias:+.1g} of the reference ({z:+.0f} standard errors)")
     return ErrorCurve("optics", method.name, points, launched=True, remark="; ".join(remarks))
 
 
 def rung_point(rung: Rung, truth: Truth) -> Point:
-    """Runs with one number of samples, compared with a reference."""
+    """The point of runs with one number of samples.
+
+    Parameters
+    ----------
+    rung : Rung
+        The runs.
+    truth : Truth
+        Reference.
+    """
     return Point(
         setting=f"{rung.samples} samples",
         seconds=rung.seconds,
@@ -193,12 +231,12 @@ def rung_point(rung: Rung, truth: Truth) -> Point:
 
 
 def _bias(rungs: Sequence[Rung], truth: Truth) -> tuple[float, float]:
-    """Mean relative deviation of all runs, by their samples, and the same in standard errors of runs and reference."""
+    """Mean relative deviation of all runs from the reference, weighted by samples, and the same in standard errors."""
     lit = truth.power > 0
     runs = np.concatenate([(rung.power[:, lit] / truth.power[lit] - 1).mean(axis=1) for rung in rungs])
     weight = np.concatenate([np.full(len(rung.power), float(rung.samples)) for rung in rungs])
     mean = np.average(runs, weights=weight)
     scatter = math.sqrt(np.sum((weight * (runs - mean)) ** 2)) / weight.sum()
-    known = float(np.linalg.norm(truth.error[lit] / truth.power[lit])) / lit.sum()
-    error = math.hypot(scatter, known)
+    reference_error = float(np.linalg.norm(truth.error[lit] / truth.power[lit])) / lit.sum()
+    error = math.hypot(scatter, reference_error)
     return float(mean), float(mean / error) if error else 0.0

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 TITLES = {"optics": "light", "mechanics": "mechanics", "chain": "reading: light and mechanics"}
 MOST_ACROSS = 4
 LABELLED = ("mechanics", "chain")
-"""Parts with few points, which are labelled."""
+"""Parts with few points, which get labels."""
 
 
 def plot_accuracy(
@@ -27,32 +27,45 @@ def plot_accuracy(
     titles: Mapping[str, str] = TITLES,
     labelled: Sequence[str] = LABELLED,
 ) -> None:
-    """Write the diagram as ``accuracy.png`` and ``accuracy.svg``, a panel for each of the parts that have ``titles``.
+    """Write the diagram as ``accuracy.png`` and ``accuracy.svg``.
 
-    Filled markers are significant errors, hollow ones lie below the error of the reference, a dashed line. Dotted lines
-    are errors stated by the method, for parts with few methods, which are ``labelled``.
+    Filled markers are significant errors; hollow markers lie below the error of the reference, a dashed line. Dotted
+    lines are errors stated by the method, in labelled panels.
+
+    Parameters
+    ----------
+    curves : sequence of ErrorCurve
+        The curves.
+    title : str
+        Title of the figure.
+    folder : Path
+        Output folder.
+    titles : Mapping[str, str]
+        Titles of the panels, by the part of their curves.
+    labelled : sequence of str
+        Parts with few methods, whose points are labelled.
     """
-    parts = [part for part in titles if any(curve.part == part and curve.points for curve in curves)]
-    across = min(len(parts), MOST_ACROSS)
-    down = math.ceil(len(parts) / across)
-    axes = axes_of((6.4 * across, 7.2 * down), down, across)
-    for ax in axes.ravel()[len(parts) :]:
+    panels = [panel for panel in titles if any(curve.part == panel and curve.points for curve in curves)]
+    columns = min(len(panels), MOST_ACROSS)
+    rows = math.ceil(len(panels) / columns)
+    axes = axes_of((6.4 * columns, 7.2 * rows), rows, columns)
+    for ax in axes.ravel()[len(panels) :]:
         ax.set_axis_off()
-    for ax, part in zip(axes.ravel(), parts, strict=False):
-        _panel(ax, [curve for curve in curves if curve.part == part and curve.points], part, part in labelled)
-        ax.set_title(titles[part])
+    for ax, panel in zip(axes.ravel(), panels, strict=False):
+        _panel(ax, [curve for curve in curves if curve.part == panel and curve.points], panel, panel in labelled)
+        ax.set_title(titles[panel])
     for ax in axes[:, 0]:
         ax.set_ylabel("relative error (root mean square over taxels)")
     axes[0, 0].figure.suptitle(title)
     save_figure(axes[0, 0].figure, folder, "accuracy")
 
 
-def _panel(ax: Axes, curves: Sequence[ErrorCurve], part: str, labelled: bool) -> None:
+def _panel(ax: Axes, curves: Sequence[ErrorCurve], panel: str, labelled: bool) -> None:
     from matplotlib.ticker import NullFormatter
 
     for number, curve in enumerate(curves):
         _draw(ax, curve, number, labelled)
-    for number, (label, floor) in enumerate(_floors(curves, part).items()):
+    for number, (label, floor) in enumerate(_floors(curves, panel).items()):
         ax.axhline(floor, color="0.5", linewidth=1, linestyle=("--", "-.", ":")[number % 3], label=label)
     ax.set_xscale("log")
     ax.set_yscale("log")
@@ -64,10 +77,10 @@ def _panel(ax: Axes, curves: Sequence[ErrorCurve], part: str, labelled: bool) ->
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, fontsize=9, frameon=False)
 
 
-def _floors(curves: Sequence[ErrorCurve], part: str) -> dict[str, float]:
-    """Errors of the references by label: those of the light are shared by many methods."""
+def _floors(curves: Sequence[ErrorCurve], panel: str) -> dict[str, float]:
+    """Errors of the references by label; references of the light are common to many methods."""
     lasts = [(curve.method, curve.points[-1]) for curve in curves]
-    if part == "optics":
+    if panel == "optics":
         return {f"error of the reference, {last.reference}": last.floor for _, last in lasts if last.floor > 0}
     judged = {method: last.floor for method, last in lasts if last.floor > 0}
     if len(set(judged.values())) == 1:
@@ -84,10 +97,10 @@ def _draw(ax: Axes, curve: ErrorCurve, number: int, labelled: bool) -> None:
         [point.seconds for point in drawn], [point.error for point in drawn], color=colour, linewidth=1, linestyle=line
     )
     for claimed in (True, False):
-        chosen = [point for point in drawn if (point.error > point.floor) is claimed]
+        subset = [point for point in drawn if (point.error > point.floor) is claimed]
         ax.plot(
-            [point.seconds for point in chosen],
-            [point.error for point in chosen],
+            [point.seconds for point in subset],
+            [point.error for point in subset],
             color=colour,
             marker=marker,
             markersize=6,
@@ -96,15 +109,15 @@ def _draw(ax: Axes, curve: ErrorCurve, number: int, labelled: bool) -> None:
         )
     ax.plot([], [], color=colour, marker=marker, markersize=6, linewidth=1, linestyle=line, label=curve.method)
     if labelled:
-        stated = [point for point in curve.points if point.stated > 0]
+        with_stated = [point for point in curve.points if point.stated > 0]
         ax.plot(
-            [point.seconds for point in stated],
-            [point.stated for point in stated],
+            [point.seconds for point in with_stated],
+            [point.stated for point in with_stated],
             color=colour,
             linestyle=":",
             linewidth=1.2,
             marker=".",
-            label=f"{curve.method}, stated" if stated else None,
+            label=f"{curve.method}, stated" if with_stated else None,
         )
         for (seconds, error), label in _labels(drawn).items():
             ax.annotate(label, (seconds, error), xytext=(6, 5), textcoords="offset points", fontsize=8)
@@ -114,13 +127,13 @@ def _labels(points: Sequence[Point]) -> dict[tuple[float, float], str]:
     """Labels by position; one label for points that nearly coincide."""
     labels: dict[tuple[float, float], str] = {}
     for point in points:
-        near = [
-            place
-            for place in labels
-            if abs(math.log10(point.seconds / place[0])) < 0.2 and abs(math.log10(point.error / place[1])) < 0.05
+        neighbours = [
+            position
+            for position in labels
+            if abs(math.log10(point.seconds / position[0])) < 0.2 and abs(math.log10(point.error / position[1])) < 0.05
         ]
-        place = near[0] if near else (point.seconds, point.error)
-        labels[place] = f"{labels[place]}, {point.setting}" if near else point.setting
+        position = neighbours[0] if neighbours else (point.seconds, point.error)
+        labels[position] = f"{labels[position]}, {point.setting}" if neighbours else point.setting
     return labels
 
 

@@ -1,4 +1,4 @@
-"""Processor time of a ramp in many rows: of a viscoelastic pad, and of an elastic one, interpolated or not."""
+"""CPU time of a load ramp with many rows, for a viscoelastic pad and for an elastic pad, interpolated or not."""
 
 from __future__ import annotations
 
@@ -19,13 +19,22 @@ from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.pads import Pad
 
 ROWS, FORCE, DURATION = 40, -10.0, 20.0
-"""Number of rows; N and s at the last one."""
+"""Number of rows; force in N and time in s of the last row."""
 SERIES = ((0.2, 1.0), (0.1, 10.0))
 
 
 class Ramp(NamedTuple):
-    """CPU seconds of the rows of a ramp, from an empty cache but for the mesh: of a viscoelastic pad, of an elastic one
-    between whose few solved states the rows are interpolated, and of an elastic one solved at each row."""
+    """CPU seconds of a ramp, with empty caches except for the mesh.
+
+    Attributes
+    ----------
+    viscoelastic : float
+        Of a viscoelastic pad.
+    elastic : float
+        Of an elastic pad, whose rows are interpolated between a few solved states.
+    each : float
+        Of an elastic pad that is solved at every row.
+    """
 
     viscoelastic: float
     elastic: float
@@ -33,13 +42,13 @@ class Ramp(NamedTuple):
 
 
 def ramp(pad: Pad) -> Ramp:
-    """The three times for a pad."""
+    """Measure the three times for a pad."""
     law, size = NeoHookean(), pad.default_mesh_size
     values = FORCE * np.arange(1, ROWS + 1)[:, None] / ROWS * [0.0, 0.0, 1.0]
     times = DURATION * np.arange(1, ROWS + 1) / ROWS
-    rows = LoadHistory((float(at), tuple(value.tolist())) for at, value in zip(times, values, strict=True))
+    rows = LoadHistory((float(row_time), tuple(value.tolist())) for row_time, value in zip(times, values, strict=True))
 
-    def each() -> None:
+    def solve_rows() -> None:
         path = TimedPath(pad_path(pad, law, SPREAD_FORCE, size), Elastic(law))
         for count in range(1, ROWS + 1):
             path.state(rows[:count])
@@ -47,7 +56,7 @@ def ramp(pad: Pad) -> Ramp:
     return Ramp(
         _cpu_seconds(pad, size, lambda: load_path(pad, Viscoelastic(law, SERIES), values, times=times, mesh_size=size)),
         _cpu_seconds(pad, size, lambda: load_path(pad, law, values, mesh_size=size)),
-        _cpu_seconds(pad, size, each),
+        _cpu_seconds(pad, size, solve_rows),
     )
 
 

@@ -1,5 +1,8 @@
-"""Error against time of what sensors are read by, in a few settings: light without random numbers over the size of its
-patches, random paths over their number, touch over its depth, and derivatives over either."""
+"""Error against time of the methods by which sensors are read, in a few settings.
+
+Light without random numbers is varied by the size of its patches, random paths by their number, and touch by its depth;
+derivatives are computed by both kinds of light.
+"""
 
 from __future__ import annotations
 
@@ -39,15 +42,15 @@ from mitsuba_taxel.studies.plan.files import make_folder
 PATCHES = (2.0, 1.4, 1.0, 0.7)
 """Sizes of patches, relative to the default."""
 BALL_RADIUS, DEPTHS, FINE = 2.0, (0.1, 0.2, 0.4), 0.7
-"""Of the ball and its depths, and size of the elements of its truth, in mm."""
+"""Radius of the ball, its depths, and mesh size of the reference, in mm."""
 FORCE = -1.0
-"""N on the pad whose derivative by it is taken."""
+"""Force in N at which derivatives are computed."""
 SLOPE_POINTS, SLOPE_SEEDS = (256, 1024, 4096), 2
 """Points per replicate of derivatives by random paths, and runs with each."""
 FACETS_POINTS = 4096
-"""Points per replicate of the reading that states the error of triangles."""
+"""Points per replicate of the reading from which the error of triangles is taken."""
 LONGER, LONGER_SLOPES = 32, 8
-"""Samples of a run of a reference, relative to those of the longest run that it judges."""
+"""Samples of a reference's run, relative to the longest run that is compared with it."""
 LONGEST = MOST_POINTS * REPLICATES // LONGER
 WITHOUT, PATHS = "without random numbers", "random paths"
 
@@ -86,8 +89,10 @@ def settings_accuracy(folder: Path, seconds: float, starting: Starting = lambda 
 
     Parameters
     ----------
+    folder : Path
+        Output folder, which is created if it does not exist.
     seconds : float
-        Of all processors together, for each curve of random paths; derivatives take some 20 s, whatever it is.
+        CPU time of each curve of random paths; derivatives take some 20 s in addition.
     starting : Callable[[str], None]
         Called with the name of each step.
 
@@ -110,94 +115,100 @@ def settings_accuracy(folder: Path, seconds: float, starting: Starting = lambda 
 
 
 def _light(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, starting: Starting) -> list[ErrorCurve]:
-    """Readings by random paths, and without random numbers if all walls are diffuse, against many more paths."""
+    """Curves of readings by random paths, and without random numbers if all walls are diffuse.
+
+    The reference has many more paths.
+    """
     ready = prepare(scene())
     estimate = of_readings(ready)
-    paths, truth = _over_paths(estimate, seconds, starting)
+    path_rungs, truth = _over_paths(estimate, seconds, starting)
     # Triangles of the paths are not the curved walls themselves.
     facets = measure(ready, points=FACETS_POINTS).geometry_error
     truth = replace(truth, error=np.hypot(truth.error, facets))
-    curves = [ErrorCurve("", PATHS, [rung_point(rung, truth) for rung in paths], launched=True)]
+    curves = [ErrorCurve("", PATHS, [rung_point(rung, truth) for rung in path_rungs], launched=True)]
     if is_diffuse:
 
         def by_patches(size: float) -> Estimate | None:
-            found = deterministic_light(ready.scene, False, size)
-            return None if found is None else Estimate(found.power, found.error)
+            light = deterministic_light(ready.scene, False, size)
+            return None if light is None else Estimate(light.power, light.error)
 
         curves.append(_over_patches(by_patches, ready, truth, starting))
     return curves
 
 
 def _slope(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, starting: Starting) -> list[ErrorCurve]:
-    """Derivatives by the force along z, the mechanics of which is the same in all: errors are those of the light.
+    """Curves of derivatives by the force along z.
 
-    Derivatives are negative where readings fall, and curves are of their magnitudes.
+    All use the same mechanics, so that errors are those of the light. Curves show magnitudes, as derivatives may be
+    negative.
     """
-    described = scene()
-    ready, change = prepare(described), rates(described, "fz")
+    scene_data = scene()
+    ready, change = prepare(scene_data), rates(scene_data, "fz")
     powers = measure(ready, points=1024, mechanics_error=False).replicates
 
     def by_paths(points: int, seed: int) -> Estimate:
-        found = derivatives_of_paths([change], ready, powers, seed, points, True)
-        return Estimate(np.abs(found.values[:, 0]), found.standard_errors[:, 0])
+        derivatives = derivatives_of_paths([change], ready, powers, seed, points, True)
+        return Estimate(np.abs(derivatives.values[:, 0]), derivatives.standard_errors[:, 0])
 
     starting("reference")
-    long = [by_paths(LONGER_SLOPES * SLOPE_POINTS[-1], seed) for seed in range(SLOPE_SEEDS)]
-    stated = np.linalg.norm([run.stated for run in long], axis=0) / SLOPE_SEEDS
-    truth = Truth(np.mean([run.power for run in long], axis=0), stated, PATHS)
+    reference_runs = [by_paths(LONGER_SLOPES * SLOPE_POINTS[-1], seed) for seed in range(SLOPE_SEEDS)]
+    error = np.linalg.norm([run.stated for run in reference_runs], axis=0) / SLOPE_SEEDS
+    truth = Truth(np.mean([run.power for run in reference_runs], axis=0), error, PATHS)
     points = []
     for count in SLOPE_POINTS:
         starting(f"{PATHS}, {count} points")
         start = now()
         runs = [by_paths(count, SLOPE_SEEDS + seed) for seed in range(SLOPE_SEEDS)]
-        power, error = (np.array(each) for each in zip(*runs, strict=True))
+        power, error = (np.array(column) for column in zip(*runs, strict=True))
         points.append(_point(f"{count} points", power, error, (now() - start) / SLOPE_SEEDS, truth))
     curves = [ErrorCurve("", PATHS, points)]
     if is_diffuse:
 
         def by_patches(size: float) -> Estimate:
-            found = derivatives_by([change], ready.scene, patch_size=size)
-            return Estimate(np.abs(found.values[:, 0]), found.standard_errors[:, 0])
+            derivatives = derivatives_by([change], ready.scene, patch_size=size)
+            return Estimate(np.abs(derivatives.values[:, 0]), derivatives.standard_errors[:, 0])
 
         curves.append(_over_patches(by_patches, ready, truth, starting))
     return curves
 
 
 def _over_paths(estimate: Estimator, seconds: float, starting: Starting) -> tuple[list[Rung], Truth]:
-    """Runs with more and more samples, and the mean of few long ones with other random numbers: its error falls faster
-    than that of many short ones."""
+    """Runs with increasing numbers of samples, and a reference from a few long runs with other random numbers.
+
+    The error of a few long runs is smaller than that of many short ones.
+    """
     starting(PATHS)
-    found = list(rungs(estimate, seconds, LONGEST))
+    path_rungs = list(rungs(estimate, seconds, LONGEST))
     starting("reference")
-    return found, reference(PATHS, estimate, LONGER * found[-1].samples, seconds)
+    return path_rungs, reference(PATHS, estimate, LONGER * path_rungs[-1].samples, seconds)
 
 
 def _over_patches(
     estimate: Callable[[float], Estimate | None], ready: Prepared, truth: Truth, starting: Starting
 ) -> ErrorCurve:
-    """Light without random numbers over the size of patches, each from nothing but compiled code."""
-    usual = deformed_pads(ready.scene)[0].pad.default_mesh_size
+    """Curve of light without random numbers, by the size of patches; only compiled code is cached between sizes."""
+    default_size = deformed_pads(ready.scene)[0].pad.default_mesh_size
     points, remarks = [], []
-    estimate(PATCHES[0] * usual)  # compiles
-    for share in PATCHES:
-        size = share * usual
+    estimate(PATCHES[0] * default_size)  # compiles
+    for fraction in PATCHES:
+        size = fraction * default_size
         starting(f"{WITHOUT}, patches of {size:.2g} mm")
         clear_caches(kept_cell)
         start = now()
         try:
-            found = estimate(size)
+            result = estimate(size)
         except ComputationError as error:
             remarks.append(f"{size:.2g} mm: {error}")
             continue
-        if found is None:
+        if result is None:
             remarks.append(f"patches of {size:.2g} mm: too many, or too much light is hidden")
         else:
-            points.append(_point(f"{size:.2g} mm", found.power, found.stated, now() - start, truth))
+            points.append(_point(f"{size:.2g} mm", result.power, result.stated, now() - start, truth))
     return ErrorCurve("", WITHOUT, points, remark="; ".join(remarks))
 
 
 def _touch(seconds: float, starting: Starting) -> list[ErrorCurve]:
-    """Readings of a cell below a ball with default settings, against elements of half the size."""
+    """Curve of readings of a cell under a ball with default settings; the reference has elements of half the size."""
     points = []
     for depth in DEPTHS:
         starting(f"depth {depth:g} mm")
@@ -207,20 +218,20 @@ def _touch(seconds: float, starting: Starting) -> list[ErrorCurve]:
         with from_nothing():
             clear_caches(kept_cell)
             start = now()
-            found = measure(scene)
-            spent = now() - start
-            fine = measure(scene.with_mesh_size(FINE))
-        truth = Truth(fine.power, fine.total_error, f"elements of {FINE:g} mm")
-        points.append(_point(f"{depth:g} mm", found.power, found.total_error, spent, truth))
+            readings = measure(scene)
+            elapsed = now() - start
+            fine_readings = measure(scene.with_mesh_size(FINE))
+        truth = Truth(fine_readings.power, fine_readings.total_error, f"elements of {FINE:g} mm")
+        points.append(_point(f"{depth:g} mm", readings.power, readings.total_error, elapsed, truth))
     return [ErrorCurve("", "default elements, by depth", points)]
 
 
-def _point(setting: str, power: np.ndarray, stated: np.ndarray, seconds: float, truth: Truth) -> Point:
+def _point(setting: str, power: np.ndarray, stated_error: np.ndarray, seconds: float, truth: Truth) -> Point:
     return Point(
         setting=setting,
         seconds=seconds,
         error=relative_rms(power - truth.power, truth.power),
-        stated=relative_rms(stated, truth.power),
+        stated=relative_rms(stated_error, truth.power),
         floor=truth.floor,
         reference=truth.name,
         runs=len(np.atleast_2d(power)),

@@ -34,12 +34,12 @@ RAYS = 1 << 22
 
 
 def speed(target_error: float) -> Iterator[str]:
-    """All measurements, one line each, as they are taken.
+    """Yield all measurements as they are taken, one line each.
 
     Parameters
     ----------
     target_error : float
-        Relative, of the worst of nine taxels.
+        Relative error of the worst of nine taxels.
     """
     for cell in CELL_SHAPES:
         points, error, seconds = nine_taxels(cell, target_error)
@@ -63,8 +63,24 @@ def speed(target_error: float) -> Iterator[str]:
 
 
 def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
-    """Smallest number of points (a power of two) that reaches the error on a loaded `pad.xml`, that error, and
-    seconds."""
+    """Time of a reading of nine taxels to an error, on `pad.xml`, which is loaded before.
+
+    Parameters
+    ----------
+    cell : str
+        Shape of the cells.
+    target_error : float
+        Relative error of the worst taxel.
+
+    Returns
+    -------
+    points : int
+        Smallest number of points, a power of two, that reaches the error.
+    error : float
+        The error reached.
+    seconds : float
+        Wall time of the reading.
+    """
     gc.collect()  # a live scene adds its plugins to the kernels of every other
     scene = Scene.from_file("pad.xml", cell=cell).load()
     points = 256
@@ -74,22 +90,22 @@ def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
 
 
 def without_random_numbers(cell: str) -> tuple[float, float]:
-    """Relative error of the light, and seconds, on the same pad."""
+    """Relative error of the light without random numbers, and wall time in seconds, on `pad.xml`."""
     scene = Scene.from_file("pad.xml", cell=cell).load()
     return measure(scene).error_budget["geometry"], _seconds(partial(_solved, scene))
 
 
 def with_slope(cell: str) -> tuple[float, float]:
-    """Seconds of a reading at -10 N, from a solution on disk, without and with derivatives by the force."""
+    """Wall time in seconds of a reading at -10 N with a cached solution, without and with derivatives by the force."""
     scene = Scene.from_file("pad.xml", cell=cell, fz=-10)
     measure(scene)  # solves
     return _seconds(partial(_solved, scene)), _seconds(partial(_solved, scene, derivatives=["fz"]))
 
 
-def _solved(scene: Any, **how: Any) -> None:
-    """Measure without kept solutions of the light."""
+def _solved(scene: Any, **arguments: Any) -> None:
+    """Measure without cached solutions of the light."""
     clear_caches(kept_cell)
-    measure(scene, **how)
+    measure(scene, **arguments)
 
 
 def first_answer() -> float:
@@ -104,13 +120,13 @@ def first_answer() -> float:
 
 
 def small_reading() -> float:
-    """Minimum CPU time in seconds of a reading of few points, of a scene that was read before."""
-    scene, least = Scene.from_file("plate.xml").load(), np.inf
+    """Minimum CPU time in seconds of a reading of few points, on a scene that was read before."""
+    scene, shortest = Scene.from_file("plate.xml").load(), np.inf
     for seed in range(200):
         start = time.process_time()
         measure(scene, points=16, seed=seed)
-        least = min(least, time.process_time() - start)
-    return least
+        shortest = min(shortest, time.process_time() - start)
+    return shortest
 
 
 def exported_model() -> float:
@@ -120,19 +136,19 @@ def exported_model() -> float:
     fx, fz = np.meshgrid(np.linspace(-2, 2, 9), np.linspace(0, -10, 6), indexing="ij")
     power = 4e-3 * np.exp((0.1 + 0.05 * np.arange(9)) * (fx - fz)[..., None] / 5)
     coords = {"fx": fx[:, 0], "fz": fz[0], "taxel": range(1, 10)}
-    about = dict.fromkeys(("scene", "parameters", "seed", "points", "versions"), "")
-    study = xr.Dataset({"power": (("fx", "fz", "taxel"), power)}, coords, {"curve": "fz", **about})
+    attributes = dict.fromkeys(("scene", "parameters", "seed", "points", "versions"), "")
+    study = xr.Dataset({"power": (("fx", "fz", "taxel"), power)}, coords, {"curve": "fz", **attributes})
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     with TemporaryDirectory() as folder:
         export(study, file := Path(folder) / "model.onnx")
         session = onnxruntime.InferenceSession(file, options)
-    inputs, least = {"inputs": np.array([[0.3, -4.0]])}, np.inf
+    inputs, shortest = {"inputs": np.array([[0.3, -4.0]])}, np.inf
     for _ in range(10_000):
         start = time.perf_counter()
         session.run(None, inputs)
-        least = min(least, time.perf_counter() - start)
-    return least
+        shortest = min(shortest, time.perf_counter() - start)
+    return shortest
 
 
 def ray_rates(scene: Any) -> tuple[float, float]:
@@ -140,6 +156,7 @@ def ray_rates(scene: Any) -> tuple[float, float]:
 
     The random rays start uniformly in the scene's bounding box, in uniform directions, without coherence.
     """
+    # Count the rays of a reading, and time it.
     (pair,) = taxels_of(scene)
     points = RAYS // (REPLICATES * pair.count * 8)
     counting = _CountingScene(scene)
@@ -148,12 +165,15 @@ def ray_rates(scene: Any) -> tuple[float, float]:
     run(scene=counting)
     traced = counting.rays / _seconds(lambda: run(scene=scene))
 
+    # Time intersections of random rays.
     rng = np.random.default_rng(0)
     box = scene.bbox()
-    low, high = np.array(box.min), np.array(box.max)
-    places, ways = low + rng.random((RAYS, 3)) * (high - low), rng.standard_normal((RAYS, 3))
-    origin, way = (mi.Vector3f(*(mi.Float(in_packets(part)) for part in each.T)) for each in (places, ways))
-    origin, direction = mi.Point3f(origin), dr.normalize(way)
+    lowest, highest = np.array(box.min), np.array(box.max)
+    positions, directions = lowest + rng.random((RAYS, 3)) * (highest - lowest), rng.standard_normal((RAYS, 3))
+    origin, direction = (
+        mi.Vector3f(*(mi.Float(in_packets(component)) for component in array.T)) for array in (positions, directions)
+    )
+    origin, direction = mi.Point3f(origin), dr.normalize(direction)
     ray = mi.Ray3f(origin, direction)
     dr.eval(ray)
 

@@ -25,21 +25,29 @@ PEERS = (
 
 
 def write_csv(curves: Sequence[ErrorCurve], file: Path) -> None:
-    """Write all points in full precision, one per line; unknown values are empty."""
+    """Write all points as CSV in full precision, one per line; unknown values are empty.
+
+    Parameters
+    ----------
+    curves : sequence of ErrorCurve
+        The curves.
+    file : Path
+        CSV file, which is replaced.
+    """
     with replacing(file) as temporary, temporary.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, COLUMNS)
         writer.writeheader()
-        for one in curves:
-            for point in one.points:
+        for curve in curves:
+            for point in curve.points:
                 row = {
-                    "part": one.part, "method": one.method, "setting": point.setting, "seconds": point.seconds,
+                    "part": curve.part, "method": curve.method, "setting": point.setting, "seconds": point.seconds,
                     "error": point.error, "stated_error": point.stated, "floor": point.floor,
                     "reference": point.reference, "runs": point.runs, "remark": point.remark, **point.shares,
                 }  # fmt: skip
                 unknown = {name for name, value in row.items() if isinstance(value, float) and math.isnan(value)}
                 writer.writerow({name: value for name, value in row.items() if name not in unknown})
-            if not one.points:
-                writer.writerow({"part": one.part, "method": one.method, "remark": one.remark})
+            if not curve.points:
+                writer.writerow({"part": curve.part, "method": curve.method, "remark": curve.remark})
 
 
 def cells(curve: ErrorCurve) -> list[str]:
