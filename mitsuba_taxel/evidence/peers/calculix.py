@@ -86,15 +86,15 @@ def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
         folder.joinpath(f"{_JOB}.inp").write_text(text)
         environment = {**os.environ, "OMP_NUM_THREADS": str(threads)}
         start = time.perf_counter()
-        done = subprocess.run(["ccx", _JOB], cwd=folder, env=environment, capture_output=True, text=True)
+        process = subprocess.run(["ccx", _JOB], cwd=folder, env=environment, capture_output=True, text=True)
         seconds = time.perf_counter() - start
-        if done.returncode:
-            raise ComputationError(f"ccx stopped: {_complaint(done.stdout + done.stderr)}.")
+        if process.returncode:
+            raise ComputationError(f"ccx stopped: {_complaint(process.stdout + process.stderr)}.")
         status, convergence = (_rows(folder / f"{_JOB}.{kind}") for kind in ("sta", "cvg"))
         increments = sum(not row[2].endswith("U") for row in status)  # U: given up
         table = folder / f"{_JOB}.dat"
-        moved, force = read_displacement(table, nodes), read_force(table)
-        return CalculixRun(moved, force, seconds, increments, len(convergence))
+        displacement, force = read_displacement(table, nodes), read_force(table)
+        return CalculixRun(displacement, force, seconds, increments, len(convergence))
 
 
 def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> str:
@@ -135,11 +135,11 @@ def read_force(file: Path) -> np.ndarray:
 
 def _rows(file: Path) -> list[list[str]]:
     """The words of each line that begins with a number."""
-    words = [line.split() for line in file.read_text().splitlines()]
-    return [row for row in words if row and row[0].isdigit()]
+    lines = [line.split() for line in file.read_text().splitlines()]
+    return [row for row in lines if row and row[0].isdigit()]
 
 
 def _complaint(output: str) -> str:
     """The program's first error message, on one line."""
-    _, _, rest = output.partition("*ERROR")
-    return " ".join(rest.split("\n\n")[0].lstrip(": ").split()) or "it names no reason"
+    _, _, message = output.partition("*ERROR")
+    return " ".join(message.split("\n\n")[0].lstrip(": ").split()) or "it names no reason"

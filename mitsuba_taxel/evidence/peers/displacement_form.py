@@ -46,11 +46,11 @@ def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> np.
         if the load cannot be reached.
     """
     element, load = DisplacementForm(mesh, material), nodal_forces(mesh, force)
-    displacement, reached, step = np.zeros_like(mesh.points), 0.0, 1.0
-    while reached < 1:
+    displacement, fraction, step = np.zeros_like(mesh.points), 0.0, 1.0
+    while fraction < 1:
         try:
-            displacement = element.equilibrium(displacement, (reached + step) * load)
-            reached += step
+            displacement = element.equilibrium(displacement, (fraction + step) * load)
+            fraction += step
         except ComputationError:
             step /= 2
             if step < LEAST_STEP:
@@ -70,8 +70,8 @@ def nodal_forces(mesh: VolumeMesh, force: Sequence[float]) -> np.ndarray:
     top = mesh.faces[mesh.face_region == REGIONS["top"]]
     a, b, c = (mesh.points[top[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    share = np.bincount(top[:, 3:].ravel(), weights=np.repeat(area, 3), minlength=len(mesh.points))
-    return share[:, None] / share.sum() * np.asarray(force)
+    nodal_area = np.bincount(top[:, 3:].ravel(), weights=np.repeat(area, 3), minlength=len(mesh.points))
+    return nodal_area[:, None] / nodal_area.sum() * np.asarray(force)
 
 
 def bulk_modulus(material: NeoHookean) -> float:
@@ -148,7 +148,7 @@ class DisplacementForm:
 def _stiffness(weighted: np.ndarray, moduli: np.ndarray, gradients: np.ndarray) -> np.ndarray:
     """(m, 30, 30) sum over q, j, l of w B_aj A_ijkl B_bl, as two batched matrix products."""
     count, points = weighted.shape[:2]
-    right = moduli.reshape(count, points, 27, 3) @ np.swapaxes(gradients, -1, -2)
-    right = right.reshape(count, points, 3, 3, 3, 10).transpose(0, 1, 3, 2, 5, 4)  # (m, q, j, i, b, k)
-    left = weighted.transpose(0, 2, 1, 3).reshape(count, 10, 3 * points)
-    return (left @ right.reshape(count, 3 * points, 90)).reshape(count, 30, 30)
+    right_factor = moduli.reshape(count, points, 27, 3) @ np.swapaxes(gradients, -1, -2)
+    right_factor = right_factor.reshape(count, points, 3, 3, 3, 10).transpose(0, 1, 3, 2, 5, 4)  # (m, q, j, i, b, k)
+    left_factor = weighted.transpose(0, 2, 1, 3).reshape(count, 10, 3 * points)
+    return (left_factor @ right_factor.reshape(count, 3 * points, 90)).reshape(count, 30, 30)

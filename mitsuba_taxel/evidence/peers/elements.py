@@ -49,8 +49,8 @@ def rows_of(material: NeoHookean, mesh_size: float) -> Iterator[tuple[object, ..
             yield *case, str(reason), *[""] * (len(COLUMNS) - len(case) - 1)
             continue
         roof = mean_roof_displacement(mesh, result.displacement, CELL)
-        apart = np.abs(result.displacement - ours).max()
-        figures = (f"{result.seconds:.2f}", result.increments, result.iterations, f"{roof:.6f}", f"{apart:.1e}")
+        difference = np.abs(result.displacement - ours).max()
+        figures = (f"{result.seconds:.2f}", result.increments, result.iterations, f"{roof:.6f}", f"{difference:.1e}")
         yield *case, *figures
 
 

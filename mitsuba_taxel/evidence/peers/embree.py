@@ -94,16 +94,25 @@ def _connect(geometry: Triangles, centre, origin, normal, rng: np.random.Generat
     """Power sent directly to a random point of the phototransistor."""
     target = centre + np.column_stack([(rng.random((len(origin), 2)) - 0.5) * DETECTOR, np.zeros(len(origin))])
     target[:, 0] += geometry.half_spacing
-    way = target - origin
-    distance = np.linalg.norm(way, axis=1)
-    way /= distance[:, None]
-    cosine_out = np.einsum("ij,ij->i", normal, way)
-    value = np.where(geometry.isotropic, 0.5, cosine_out) / np.pi * -way[:, 2] / distance**2 * DETECTOR[0] * DETECTOR[1]
-    seen = (cosine_out > 0) & (way[:, 2] < 0)
-    origin, way, distance = origin[seen], way[seen], distance[seen] - CLEARANCE
+    direction = target - origin
+    distance = np.linalg.norm(direction, axis=1)
+    direction /= distance[:, None]
+    cosine_out = np.einsum("ij,ij->i", normal, direction)
+    value = (
+        np.where(geometry.isotropic, 0.5, cosine_out)
+        / np.pi
+        * -direction[:, 2]
+        / distance**2
+        * DETECTOR[0]
+        * DETECTOR[1]
+    )
+    visible = (cosine_out > 0) & (direction[:, 2] < 0)
+    origin, direction, distance = origin[visible], direction[visible], distance[visible] - CLEARANCE
     limit = distance.astype(np.float32)
-    blocked = geometry.embree.run(origin.astype(np.float32), way.astype(np.float32), dists=limit, query="OCCLUDED")
-    return float(value[seen][blocked < 0].sum())
+    blocked = geometry.embree.run(
+        origin.astype(np.float32), direction.astype(np.float32), dists=limit, query="OCCLUDED"
+    )
+    return float(value[visible][blocked < 0].sum())
 
 
 def _hemisphere(normal: np.ndarray, rng: np.random.Generator, isotropic: bool) -> np.ndarray:

@@ -106,9 +106,9 @@ def paths_table() -> Iterator[tuple[object, ...]]:
             ("normal", NORMAL, REFERENCE_SIZE),
             ("tangential", TANGENTIAL, TANGENTIAL_REFERENCE_SIZE),
         ):
-            seconds, stated, memory = _isolated(_path, Pad(cell), steps)
+            seconds, stated_error, memory = _isolated(_path, Pad(cell), steps)
             largest, rms, between, _ = _isolated(_path_errors, Pad(cell), steps[-1], size)
-            errors = f"{stated:.2%}", f"{largest:.2%}", f"{rms:.2%}", f"{between:.4%}"
+            errors = f"{stated_error:.2%}", f"{largest:.2%}", f"{rms:.2%}", f"{between:.4%}"
             yield cell, name, len(steps), f"{seconds:.1f}", f"{memory:.0f}", *errors
 
 
@@ -127,32 +127,32 @@ def _path_errors(pad: Pad, last: tuple[float, ...], size: float) -> tuple[float,
     state = load_path(pad, MATERIAL, [last])[0]
     images = node_images(state.mesh)
     group = tuple(mirror for mirror in images if np.array_equal(mirror.image(np.array(last)), last))
-    here = LoadedPad(state.mesh, MATERIAL, SpreadForce(), group, images)
-    exact, _ = here.solve(here.gather(state.displacement, state.pressure), np.array(last))
+    loaded = LoadedPad(state.mesh, MATERIAL, SpreadForce(), group, images)
+    exact, _ = loaded.solve(loaded.gather(state.displacement, state.pressure), np.array(last))
     fine = load_path(pad, MATERIAL, [last], mesh_size=size)[0]
     roof = np.unique(state.mesh.faces[state.mesh.face_region == REGIONS["roof"]])
     reference = displacement_at(fine.mesh, fine.displacement, state.mesh.points[roof], tolerance=0.1)
     error = np.linalg.norm(state.displacement[roof] - reference, axis=1)
-    between = np.linalg.norm(state.displacement - here.split(exact.unknowns)[0], axis=1)[roof]
-    most = np.linalg.norm(reference, axis=1).max()
-    return error.max() / most, float(np.sqrt(np.mean(error**2))) / most, between.max() / most
+    interpolation_error = np.linalg.norm(state.displacement - loaded.split(exact.unknowns)[0], axis=1)[roof]
+    largest = np.linalg.norm(reference, axis=1).max()
+    return error.max() / largest, float(np.sqrt(np.mean(error**2))) / largest, interpolation_error.max() / largest
 
 
 def cells_table() -> Iterator[tuple[object, ...]]:
     """Seconds and memory of a path to the same pressure, against the number of cells."""
     yield "cells", "load", "unknowns", "seconds", "MB"
-    grown: dict[str, list[tuple[int, float, float]]] = {"normal": [], "tangential": []}
+    timings: dict[str, list[tuple[int, float, float]]] = {"normal": [], "tangential": []}
     for load, sides in (("normal", (1, 2, 3, 6, 9, 12)), ("tangential", (1, 2, 3, 4, 6))):
         for side in sides:
             unknowns, seconds, memory = _isolated(_grown, side, load)
-            grown[load].append((side * side, seconds, memory))
+            timings[load].append((side * side, seconds, memory))
             yield f"{side} x {side}", load, unknowns, f"{seconds:.1f}", f"{memory:.0f}"
-    for load, rows in grown.items():
+    for load, rows in timings.items():
         cells, seconds, memory = np.log(np.array(rows[-3:], dtype=float)).T
-        for what, figures in (("seconds", seconds), ("MB", memory)):
+        for quantity, figures in (("seconds", seconds), ("MB", memory)):
             exponent, offset = np.polyfit(cells, figures, 1)
             at_32 = np.exp(offset + exponent * np.log(32 * 32))
-            yield f"{load}: {what} ~ cells^{exponent:.2f}", f"32 x 32 would take {at_32:.0f}", "", "", ""
+            yield f"{load}: {quantity} ~ cells^{exponent:.2f}", f"32 x 32 would take {at_32:.0f}", "", "", ""
 
 
 def _grown(side: int, load: str) -> tuple[int, float]:
@@ -168,22 +168,22 @@ def parts_table() -> Iterator[tuple[object, ...]]:
     """CPU seconds of 41 normal steps and their stated error, to the same force a cell, and what takes them."""
     yield "cells", "steps", "CPU seconds", "factorisation", "stability", "second mesh", "MB"
     for side in (1, 3, 6):
-        total, *parts, memory = _isolated(_parts, Pad(rows=side, columns=side), NORMAL)
-        shares = [f"{part / total:.0%}" for part in parts]
+        total, *components, memory = _isolated(_parts, Pad(rows=side, columns=side), NORMAL)
+        shares = [f"{component / total:.0%}" for component in components]
         yield f"{side} x {side}", len(NORMAL), f"{total:.1f}", *shares, f"{memory:.0f}"
 
 
 def _parts(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float, float, float]:
     """CPU seconds in all, of factorisations with their analyses, of checks of stability, and of the second mesh."""
-    share = len(pad.cell_centres) / 9
-    values = [tuple(share * part for part in step) for step in steps]
-    began = time.process_time()
+    fraction = len(pad.cell_centres) / 9
+    values = [tuple(fraction * component for component in step) for step in steps]
+    start = time.process_time()
     with _clocked(Rslab, "factor") as factors, _clocked(LoadedPad, "refuse_unstable") as checks:
         states = load_path(pad, MATERIAL, values)
         solved = time.process_time()
         _ = states[-1].error
-    ended = time.process_time()
-    return ended - began, sum(factors), sum(checks), ended - solved
+    end = time.process_time()
+    return end - start, sum(factors), sum(checks), end - solved
 
 
 def contact_table() -> Iterator[tuple[object, ...]]:
@@ -204,37 +204,37 @@ def contact_table() -> Iterator[tuple[object, ...]]:
         ("a ball off the centre", cell, replace(ball, at=(0.8, 0.5)), down),
     ]
     of_plate = math.nan
-    for name, pad, body, way in rows:
-        count, seconds, _ = _isolated(_factorisations, pad, body, way)
-        per_mm = count / np.abs(way).sum()
+    for name, pad, body, path in rows:
+        count, seconds, _ = _isolated(_factorisations, pad, body, path)
+        per_mm = count / np.abs(path).sum()
         of_plate = per_mm if body is None else of_plate
-        yield name, f"{np.abs(way).sum():g}", count, f"{per_mm:.1f}", f"{per_mm / of_plate:.2f}", f"{seconds:.1f}"
+        yield name, f"{np.abs(path).sum():g}", count, f"{per_mm:.1f}", f"{per_mm / of_plate:.2f}", f"{seconds:.1f}"
 
 
-def _factorisations(pad: Pad, body: Indenter | None, way: tuple[float, ...]) -> tuple[int, float]:
+def _factorisations(pad: Pad, body: Indenter | None, path: tuple[float, ...]) -> tuple[int, float]:
     """Number of them, and CPU seconds, of a way of a body, or of a plate if that is None."""
     load = PlateDisplacement() if body is None else IndenterDisplacement(body)
-    began = time.process_time()
+    start = time.process_time()
     with _clocked(LoadedPad, "_factored") as factors:
-        load_path(pad, MATERIAL, [way], load=load, mesh_size=DEFAULT_MESH_SIZE)
-    return len(factors), time.process_time() - began
+        load_path(pad, MATERIAL, [path], load=load, mesh_size=DEFAULT_MESH_SIZE)
+    return len(factors), time.process_time() - start
 
 
 @contextmanager
 def _clocked(owner: type, method: str) -> Iterator[list[float]]:
     """Meanwhile, CPU seconds of each call of a method are listed."""
-    original, taken = getattr(owner, method), []
+    original, times = getattr(owner, method), []
 
     def clocked(*arguments: object) -> object:
-        began = time.process_time()
+        start = time.process_time()
         try:
             return original(*arguments)
         finally:
-            taken.append(time.process_time() - began)
+            times.append(time.process_time() - start)
 
     setattr(owner, method, clocked)
     try:
-        yield taken
+        yield times
     finally:
         setattr(owner, method, original)
 
@@ -245,10 +245,10 @@ def solvers_table() -> Iterator[tuple[object, ...]]:
     yield "cells", "solver", "unknowns", "CPU seconds", "relative", "difference", "MB"
     for cell in CELL_SHAPES:
         solved = [(name, *_isolated(_solved_by, name, cell)) for name in available_solvers()]
-        _, reference, _, least, _ = solved[0]
+        _, reference, _, shortest, _ = solved[0]
         for name, displacement, unknowns, seconds, memory in solved:
             difference = np.abs(displacement - reference).max() / np.abs(reference).max()
-            figures = f"{seconds:.2f}", f"{seconds / least:.1f}", f"{difference:.0e}", f"{memory:.0f}"
+            figures = f"{seconds:.2f}", f"{seconds / shortest:.1f}", f"{difference:.0e}", f"{memory:.0f}"
             yield cell, name, unknowns, *figures
 
 
@@ -262,9 +262,9 @@ def _solved_by(solver: str, cell: str) -> tuple[np.ndarray, int, float]:
     for _ in range(2):
         loaded = LoadedPad(mesh, MATERIAL, SpreadForce(), (ACROSS_Y,), node_images(mesh), solver)
         with threadpool_limits(1):
-            began = time.process_time()
+            start = time.process_time()
             solution, _ = loaded.solve(np.zeros(loaded.unknowns), np.array(OBLIQUE_FORCE))
-            seconds = min(seconds, time.process_time() - began)
+            seconds = min(seconds, time.process_time() - start)
     return loaded.split(solution.unknowns)[0], loaded.unknowns, seconds
 
 
@@ -288,5 +288,5 @@ def _measured(function: Callable, arguments: tuple) -> tuple:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["MITSUBA_TAXEL_CACHE"] = folder
         result = function(*arguments)
-    usage = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    usage = max(resource.getrusage(process).ru_maxrss for process in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return *result, usage / 1024

@@ -45,10 +45,10 @@ def table(cases: Sequence[str], peers: Sequence[str], runs: int, seconds: float)
     InputError
         if a name is not known.
     """
-    for what, names, known in (("case", cases, [*CASES]), ("peer", peers, [*PEERS, "none"])):
+    for parameter, names, allowed in (("case", cases, [*CASES]), ("peer", peers, [*PEERS, "none"])):
         for name in names:
-            if name not in known:
-                raise refusal(what, name, f"one of {', '.join(known)} is needed")
+            if name not in allowed:
+                raise refusal(parameter, name, f"one of {', '.join(allowed)} is needed")
     systems = [name for name in peers or PEERS if name != "none"]
     for name in cases or CASES:
         yield from rows_of(CASES[name], systems, runs, seconds)

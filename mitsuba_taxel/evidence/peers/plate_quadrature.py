@@ -33,9 +33,11 @@ def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int =
     x = (middle[:, None] + 0.5 * step * nodes).ravel()
     w = np.tile(0.5 * step * weights, panels)
     led = configuration_factor(x[:, None] + 0.5 * spacing, x, LED_SIDE, LED_SIDE, z)
-    place = (x[:, None] - 0.5 * spacing, x)
+    position = (x[:, None] - 0.5 * spacing, x)
     ideal = exponent == 1
-    detector = configuration_factor(*place, *DETECTOR, z) if ideal else response_factor(*place, *DETECTOR, z, exponent)
+    detector = (
+        configuration_factor(*position, *DETECTOR, z) if ideal else response_factor(*position, *DETECTOR, z, exponent)
+    )
     return float(w @ (led * detector) @ w / LED_SIDE**2)
 
 

@@ -59,23 +59,23 @@ def row_of(mesh_size: float, depth: float) -> tuple[object, ...]:
     """A row of the table."""
     (state,) = load_path(PAD, MATERIAL, [(0, 0, -depth)], load=IndenterDisplacement(BALL), mesh_size=mesh_size)
     ours, peer = indentation_of(state)[1].force, press(state.mesh, MATERIAL, BALL, depth)
-    apart = np.linalg.norm(peer.force - ours) / np.linalg.norm(ours)
+    difference = np.linalg.norm(peer.force - ours) / np.linalg.norm(ours)
     return (
         mesh_size,
         depth,
         state.displacement.size,
         f"{-ours[2]:.4f}",
         f"{-peer.force[2]:.4f}",
-        f"{apart:.2%}",
+        f"{difference:.2%}",
         f"{rms_apart(peer.displacement, state.displacement):.2%}",
         f"{rms_apart(peer.displacement, under_same_forces(state)):.2%}",
         f"{peer.seconds:.0f}",
     )
 
 
-def rms_apart(one: np.ndarray, other: np.ndarray) -> float:
+def rms_apart(displacement: np.ndarray, reference: np.ndarray) -> float:
     """Difference of two displacements (N, 3), relative to the second, root mean square over the nodes."""
-    return float(np.linalg.norm(one - other) / np.linalg.norm(other))
+    return float(np.linalg.norm(displacement - reference) / np.linalg.norm(reference))
 
 
 def under_same_forces(state: State) -> np.ndarray:
@@ -105,8 +105,8 @@ def deck(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) -
     lines += ["*SURFACE, NAME=OUTSIDE, TYPE=ELEMENT", "BALL,S2", "*SURFACE INTERACTION, NAME=FREE"]
     lines += ["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{STIFFNESS:g},1e-6"]
     lines += ["*CONTACT PAIR, INTERACTION=FREE, TYPE=NODE TO SURFACE", "TOP,OUTSIDE"]
-    share = min(1.0, INCREMENT / depth)
-    lines += ["*STEP, NLGEOM, INC=1000", "*STATIC", f"{share:g},1.,1e-5,{share:g}", "*BOUNDARY"]
+    increment = min(1.0, INCREMENT / depth)
+    lines += ["*STEP, NLGEOM, INC=1000", "*STATIC", f"{increment:g},1.,1e-5,{increment:g}", "*BOUNDARY"]
     lines += ["BALL,1,2,0.", f"BALL,3,3,{-depth:.13e}"]
     lines += ["*NODE PRINT, NSET=PAD, FREQUENCY=1000000", "U"]
     lines += ["*NODE PRINT, NSET=BALL, TOTALS=ONLY, FREQUENCY=1000000", "RF", "*END STEP", ""]
@@ -118,15 +118,15 @@ def _shell(ball: Indenter, lowest: float, depth: float) -> tuple[np.ndarray, np.
     at that height once it is moved; facets outside enclose the volume of the ball, and are the wedges' last three
     nodes."""
     assert ball.radius is not None
-    met = math.sqrt(1 - (1 - min(depth / ball.radius, 1.0)) ** 2)
-    cap = min(CAP * met, LARGEST_CAP)
-    whole = trimesh.creation.icosphere(CUTS)
-    below = (whole.vertices[whole.faces][:, :, 2] < -math.sqrt(1 - cap**2)).all(axis=1)
-    used, facets = np.unique(whole.faces[below], return_inverse=True)
+    touched = math.sqrt(1 - (1 - min(depth / ball.radius, 1.0)) ** 2)
+    cap = min(CAP * touched, LARGEST_CAP)
+    sphere = trimesh.creation.icosphere(CUTS)
+    in_cap = (sphere.vertices[sphere.faces][:, :, 2] < -math.sqrt(1 - cap**2)).all(axis=1)
+    used, facets = np.unique(sphere.faces[in_cap], return_inverse=True)
     facets = facets.reshape(-1, 3)
-    swelling = (4 / 3 * math.pi / whole.volume) ** (1 / 3)
+    swelling = (4 / 3 * math.pi / sphere.volume) ** (1 / 3)
     middle = np.array([*ball.at, lowest + ball.radius])
-    outside, inside = (middle + share * ball.radius * whole.vertices[used] for share in (swelling, SHELL))
+    outside, inside = (middle + radius * ball.radius * sphere.vertices[used] for radius in (swelling, SHELL))
     return np.concatenate([outside, inside]), np.concatenate([len(used) + facets, facets], axis=1)
 
 
