@@ -20,6 +20,8 @@ from mitsuba_taxel.sensing import write_xml
 if TYPE_CHECKING:
     import pandas
 
+NEGLIGIBLE = 1e-5
+"""Errors of figures, relative to these, below which they are shown as 0."""
 TABLES = ("figures", "variables", "slopes", "history", "front")
 
 
@@ -88,18 +90,21 @@ def printed_optimum(result: Optimum) -> Printed:
     """
     finer = "best_finer" in result.figures
     columns = ["before", "best", *(["before_finer", "best_finer"] if finer else [])]
-    columns += ["error"] if result.figures.error.notna().any() else []
+    judged = bool(result.figures.error.notna().any())
     figures = [
         [
             row["figure"],
             row["unit"],
             *(shown(row[name]) for name in columns),
+            *([_shown_error(row["error"], row["best"])] if judged else []),
             f"{row['multiplier']:.2g}" if row["multiplier"] > 0 else "",
         ]
         for row in result.figures.to_dict("records")
     ]
+    named = [name.replace("_", ", ") for name in columns]
+    headings = ["figure", "unit", *named, *(["error"] if judged else []), "binds"]
     return [
-        PrintedTable("", ["figure", "unit", *(name.replace("_", ", ") for name in columns), "binds"], figures),
+        PrintedTable("", headings, figures),
         PrintedTable("", ["parameter", "before", "best", "bound"], [list(row) for row in changes(result)]),
         gain_line(result),
         slope_line(result),
@@ -128,6 +133,11 @@ def as_markdown(table: pandas.DataFrame) -> str:
     """A table of words and numbers."""
     rows = [[cell if isinstance(cell, str) else shown(cell) for cell in row] for row in table.to_numpy().tolist()]
     return markdown_table([name.replace("_", " ") for name in table], rows)
+
+
+def _shown_error(error: float, value: float) -> str:
+    """Two digits of an error; 0 where none of the four digits of the figure can show it."""
+    return "" if math.isnan(error) else "0" if error < NEGLIGIBLE * abs(value) else f"{error:.2g}"
 
 
 def shown(number: float) -> str:
