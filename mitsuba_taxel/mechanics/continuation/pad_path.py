@@ -283,7 +283,24 @@ class PadPath(PathProblem):
     ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
         """Displacement, pressure and figures under a value on the kept side of all mirrors of the pad.
 
-        ``mirrors`` are those that took it there, and the obstacles too.
+        Parameters
+        ----------
+        value : (c,) ndarray
+            Of the load.
+        mirrors : list[Mirror]
+            Those that took it there, and the obstacles too.
+        obstacles : Obstacles or None
+            What the pad must not touch on the way.
+
+        Returns
+        -------
+        tuple[ndarray, ndarray, Interpolated]
+            (N, 3) mm, (corners,) MPa, and figures.
+
+        Raises
+        ------
+        LoadPathEnds
+            if the path does not lead there.
         """
         fields = np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count)
         if not value.any():
@@ -300,19 +317,26 @@ class PadPath(PathProblem):
             return self._canonical_driven(self.driven_to(value, obstacles), mirrors, obstacles)
         start, seconds = partial(_at_rest, fields), 0.0
         for segment, s in self.segments.to(value):
+            # Small tangential forces: by the tangent of the normal one, if that leads there.
             pad = self.segments.pad_for(segment.origin, segment.direction)
             pushed = self.solved.beside(segment, s, pad)
             if pushed and not (obstacles and obstacles.touch(pad.split(pushed.unknowns)[0])):
                 return *pad.split(pushed.unknowns), replace(pushed, seconds=seconds + pushed.seconds)
+
+            # Follow the segment, unless it is known as far.
             touch = obstacles.first if obstacles else nothing
             if not segment.reaches(s):
                 self.segments.extend(segment, pad, s, start, touch)
             self._refuse_touch(segment, touch(segment, pad), s, mirrors)
+
+            # Where the pad buckles before, follow the branch beyond.
             if segment.mode.size and not segment.reaches(s):
                 branch = self.segments.extended_branch(segment, s, touch)
                 touched = touch(branch.curve, branch.buckled)
                 self._refuse_touch(branch, touched and (branch.load_at(touched[0]), touched[1]), s, mirrors)
                 seconds += branch.seconds_before(s)
+
+            # The state there, from which the next segment sets out.
             curve, distance, pad = self.segments.part_to(segment, s)
             if not curve.reaches(distance):
                 raise self._end(curve.value(curve.limit), curve.reason, curve.place, mirrors, self._folded(curve, pad))

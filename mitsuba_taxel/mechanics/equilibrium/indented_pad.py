@@ -100,7 +100,7 @@ class IndentedPad(LoadedPad):
         """Newton's method with the pressures of contact, and the tractions of friction, as further unknowns.
 
         In each iteration the pad is linear, and on that the contact set is found exactly: no gap is negative, no
-        pressure pulls, and one of both is 0 (P. Wriggers, Computational Contact Mechanics, 2006, chapter 9).
+        pressure pulls, and one of both is 0 (P. Wriggers, Computational Contact Mechanics, 2006, chapter 10).
         """
         # Of the pressures at the start nothing is known but that they balance it.
         unknowns, first_error, last_error, distance = start, 0.0, math.inf, 0.0
@@ -272,11 +272,18 @@ class _LinearContact:
         self, state: Configuration, pushed_by: np.ndarray, slip: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Changes of the unknowns and of pressures and tractions (m, 3) to a stable equilibrium of the linear pad and
-        the indenter; None if there is none, or it is not found."""
+        the indenter; None if there is none, or it is not found.
+
+        By the Schur complement of the pad's unknowns: gaps are linear in the pressures, with the flexibility of the pad
+        at the candidates as their matrix, which is small.
+        """
+        # Gaps and slip that the free pad would have.
         before = pushed_by[:, : self._ways].T.ravel()
         free = -self._factor.solve_roughly(state.residual)
         offset = np.concatenate([_pressing_of(state).gap, slip.T.ravel()]) + self._rows @ free
         count, force_change = self._count, np.zeros(len(before))
+
+        # Solve for the candidates, add the nodes that then are inside the body, and so on.
         candidates = self._may & ((before[:count] > 0) | (offset[:count] < 0))
         while candidates.any():
             self._learn(np.flatnonzero(candidates))
@@ -288,6 +295,8 @@ class _LinearContact:
             force_change[rows] = solved - before[rows]
             candidates = self._may & (offset[:count] + self._answers[:count] @ force_change[rows] < 0)
             candidates[self._known] = False
+
+        # Pressures must hold the pad where its tangent alone is unstable.
         if self._surplus and not self._is_stable(before[:count] + force_change[:count] > 0):
             return None
         pushed = np.zeros_like(pushed_by)

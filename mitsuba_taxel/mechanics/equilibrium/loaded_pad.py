@@ -313,7 +313,7 @@ class LoadedPad:
         """Newton's method, whose iterations share a factored tangent as long as they get on with it.
 
         With the residual r and its tangent K, iterations are u <- u - K^-1 r (J. Bonet and R. D. Wood, Nonlinear
-        Continuum Mechanics for Finite Element Analysis, 2nd ed., 2008, section 9.4).
+        Continuum Mechanics for Finite Element Analysis, 2nd ed., 2008, chapter 9).
         """
         unknowns, first_error, last_error, distance = start.copy(), 0.0, math.inf, 0.0
         correction = np.zeros_like(unknowns)

@@ -59,9 +59,8 @@ class PushedPath(TimedPath):
         first = self._pushed(before, halves[0])
         second = self._pushed(first, halves[1])
         if np.linalg.norm(second.load.value - whole.load.value) <= allowed:
-            missed = (
-                second.shape.displacement - whole.shape.displacement
-            ) / 3  # that of the halves, if errors go with the square
+            # The error of the halves, if errors go with the square of the duration.
+            missed = (second.shape.displacement - whole.shape.displacement) / 3
             return replace(second, shape=replace(second.shape, deviation=second.shape.deviation + missed))
         if not left:
             raise ComputationError(
@@ -72,37 +71,52 @@ class PushedPath(TimedPath):
         return self._halved(first, halves[1], self._pushed(first, halves[1]), allowed, left - 1)
 
     def _pushed(self, before: TimeState, rows: LoadHistory) -> TimeState:
-        """The pad at the end of the last row, if the body moves evenly; raises `ComputationError` if it slips."""
+        """The pad at the end of the last row, if the body moves evenly; raises `ComputationError` if it slips.
+
+        Poses are found by Broyden's method (Math. Comput. 19, 577, 1965), with the stiffness of the pad along the
+        directions of both forces as the matrix that is updated.
+        """
         time, force = rows[-1][0], np.array(rows[-1][1])
         duration = time - before.time
         if not force.any():
             return self._moved(before, rows, np.zeros(3), duration)
-        ways = np.array([_DOWN, *_sideways(force, np.array(rows[-2][1] if len(rows) > 1 else np.zeros(3)))])
+
+        # The body may move down, and along the sideways parts of both forces. The first guess of the stiffness is that
+        # of contact without friction, where the force goes with the depth to a power of 1.5.
+        directions = np.array([_DOWN, *_sideways(force, np.array(rows[-2][1] if len(rows) > 1 else np.zeros(3)))])
         pad, free = self._pad_for(rows), self._without_friction(force)
         stiffness = 1.5 * abs(force[2] / free[2])
-        slope = stiffness * np.diag([1.0, GIVES_WAY, GIVES_WAY][: len(ways)])
-        at, imbalance, count, change = before, ways @ force, 0, -free[2:]
+        slope = stiffness * np.diag([1.0, GIVES_WAY, GIVES_WAY][: len(directions)])
+
+        # The first change of the pose: from rest, to where the body would be without friction.
+        state, imbalance, count, change = before, directions @ force, 0, -free[2:]
         if before.load.value.any():
-            imbalance = ways @ (force - self._pressed(rows[:-1], before))
+            imbalance = directions @ (force - self._pressed(rows[:-1], before))
             change = np.linalg.solve(slope, imbalance)
-        change = np.append(change, np.zeros(len(ways) - len(change)))
-        for tried in range(MOST_POSES):
+        change = np.append(change, np.zeros(len(directions) - len(change)))
+        for iteration in range(MOST_POSES):
+            # Each pose is reached anew from the row before, in at least as many steps as the poses before: by friction
+            # the state depends on the way.
             if before.load.value.any() and change.any():
                 change = change * min(1.0, pad.step / np.linalg.norm(change))
-            pose = at.load.value + change @ ways
+            pose = state.load.value + change @ directions
             count = max(count, 2 * math.ceil(np.linalg.norm(pose - before.load.value) / pad.step))
-            at, last = self._moved(before, rows, pose, duration, count), imbalance
-            imbalance = ways @ (force - self._pressed(rows, at))
+            state, last_imbalance = self._moved(before, rows, pose, duration, count), imbalance
+            imbalance = directions @ (force - self._pressed(rows, state))
             if np.linalg.norm(imbalance) < FORCE_TOLERANCE * np.linalg.norm(force):
-                return at
-            if change.any() and (tried or not duration):  # else the force has changed in time, too
-                gained, aside = last - imbalance, change[1:]
-                mostly = np.linalg.norm(aside) > abs(change[0])
-                if mostly and imbalance[1:] @ aside > 0 and gained[1:] @ aside < SLIPS * stiffness * (aside @ aside):
+                return state
+
+            # The update of the stiffness, unless the force has changed in time, too. A body that moves sideways, and
+            # hardly gains force, slips.
+            if change.any() and (iteration or not duration):
+                gain, sideways = last_imbalance - imbalance, change[1:]
+                mostly = np.linalg.norm(sideways) > abs(change[0])
+                slips = gain[1:] @ sideways < SLIPS * stiffness * (sideways @ sideways)
+                if mostly and imbalance[1:] @ sideways > 0 and slips:
                     break
-                slope = slope + np.outer(gained - slope @ change, change) / (change @ change)
+                slope = slope + np.outer(gain - slope @ change, change) / (change @ change)
             change = np.linalg.solve(slope, imbalance)
-        reached = ", ".join(f"{component:.4g}" for component in np.round(self._pressed(rows, at), 12) + 0.0)
+        reached = ", ".join(f"{component:.4g}" for component in np.round(self._pressed(rows, state), 12) + 0.0)
         raise ComputationError(f"the indenter slips: the load path ends at force = ({reached}) N.")
 
     def _without_friction(self, force: np.ndarray) -> np.ndarray:

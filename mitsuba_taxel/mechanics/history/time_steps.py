@@ -289,7 +289,7 @@ class RowSteps:
 
         The overstress of a Prony series follows the stress of the law by convolution integrals, which are exact for
         stress that is linear, or a parabola, over the step (R. L. Taylor, K. S. Pister and G. L. Goudreau, Int. J.
-        Numer. Meth. Eng. 2, 1970; J. C. Simo and T. J. R. Hughes, Computational Inelasticity, 1998, section 10.3). So
+        Numer. Meth. Eng. 2, 1970; J. C. Simo and T. J. R. Hughes, Computational Inelasticity, 1998, chapter 10). So
         the stress at its end is a part of that of the law there, and what is known beforehand.
         """
         pad, time = self._pad, (fraction - here.fraction) * self._duration
