@@ -105,9 +105,8 @@ class BuckledPad:
             if self.towards(unknowns, ahead) is not ahead:
                 raise Rejected("it presses on what it touches")
             unknowns = ahead
-            if (
-                iteration and solution.residual < RESIDUAL_TOLERANCE
-            ):  # where a branch begins, loads need the further step
+            # Where a branch begins, loads need the further step.
+            if iteration and solution.residual < RESIDUAL_TOLERANCE:
                 return replace(solution, unknowns=unknowns), bordered
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 

@@ -149,11 +149,8 @@ def accelerated(
         size = math.inf if correction is None else math.sqrt(np.square(correction[:displacements]).mean())
         if correction is None or not size < last:
             raise Rejected("the tangent of another state leads no closer")
-        iterates, corrections, last = (
-            [*iterates[-REMEMBERED:], unknowns],
-            [*corrections[-REMEMBERED:], correction],
-            size,
-        )
+        iterates = [*iterates[-REMEMBERED:], unknowns]
+        corrections, last = [*corrections[-REMEMBERED:], correction], size
         unknowns = _combined(iterates, corrections, displacements)
         if size <= tolerance * np.abs(unknowns[:displacements]).max():
             return unknowns, iteration
