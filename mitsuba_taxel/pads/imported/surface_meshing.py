@@ -96,21 +96,21 @@ def surface_of(content: bytes, suffix: str, rules: tuple[Rule, ...], placement: 
     content : bytes
         Of the file.
     suffix : str
-        Its ending, which tells the format.
+        Its ending in small letters, with the dot.
     rules : tuple[Rule, ...]
-        Regions of faces; the first rule that matches applies.
+        Regions of faces.
     placement : Placement
-        How the file's geometry becomes that of the pad in mm.
+        By which the file is scaled, turned and moved.
 
     Returns
     -------
     SurfacePart
-        Vertices in mm, triangles, and the region and cell of each.
+        Without mirrors, mm.
 
     Raises
     ------
-    InputError
-        if the file holds no pad; `GeometryError` with the place of what is wrong with its surface.
+    GeometryError
+        if the file is no pad.
     """
     vertices, triangles = repaired(*read_surface(content, suffix, placement))
     region, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), rules, placement)
