@@ -139,4 +139,4 @@ def total_noise(circuit: Circuit, power: Any) -> np.ndarray:
     InputError
         if a power is below 0.
     """
-    return np.sqrt(sum(part**2 for part in noise_parts(circuit, power).values()))
+    return np.sqrt(sum(noise_part**2 for noise_part in noise_parts(circuit, power).values()))
