@@ -3,7 +3,6 @@ numbers."""
 
 from __future__ import annotations
 
-import math
 import pickle
 import threading
 from dataclasses import dataclass
@@ -288,9 +287,12 @@ class DiffuseCells:
         return CellWalls(cell.number, cell.faces, known.cuts, cell.has_edges, package, *each)
 
     def light_share(self, number: int) -> float:
-        """Factor of the errors of a cell's light, as the difference of two solutions tells them."""
-        by_edges = EDGED if self.cells[number].has_edges else 1.0
-        return math.sqrt(self.taxels[number].light_share ** 2 + by_edges**2 - 1)  # each is the error of itself alone
+        """Factor of the errors of a cell's light, as the difference of two solutions tells them.
+
+        Kinks and edges multiply: a cylinder with both is 0.7 % off, where the root of the sum of their squares states
+        0.3 % (`taxel bench light`, number 102).
+        """
+        return self.taxels[number].light_share * (EDGED if self.cells[number].has_edges else 1.0)
 
     def quadrature_share(self, number: int) -> float:
         """Relative error of a reading that no difference of two solutions tells."""
