@@ -28,9 +28,10 @@ def check_geometry(objects: SceneObjects) -> Iterator[Finding]:
         for box in boxes:
             if box.obj is not face.carrier:
                 yield from _in_a_box(face, box)
-    if parts.sound:
-        yield from _nothing_in_front(faces, parts)
-    pads = [shape for shape in parts.shapes() if shape.plugin == PAD]
+    if objects.valid:
+        yield from _nothing_in_front(faces, objects)
+    # Boards and packages against pads.
+    pads = [obj for obj in objects.shapes() if obj.plugin == PAD]
     for pad in pads:
         yield from _board(pad, faces, objects)
     bodies = [box for box in boxes if box.obj.plugin == "photo_reflector"]
@@ -55,9 +56,9 @@ def _in_a_box(face: Faces, box: Boxes) -> Iterator[Finding]:
         yield face.obj.finding("warning", f"{plugin} lies on {box_name} and looks into it: turn it round.")
 
 
-def _nothing_in_front(faces: list[Faces], parts: Parts) -> Iterator[Finding]:
-    """LEDs and phototransistors with no other shape in front."""
-    extents = [(shape, _corners(shape)) for shape in parts.shapes()]
+def _nothing_in_front(faces: list[Faces], objects: SceneObjects) -> Iterator[Finding]:
+    """Warn of LEDs and phototransistors with no other shape in front."""
+    extents = [(obj, _corners(obj)) for obj in objects.shapes()]
     if any(corners is None for _, corners in extents):
         return
     for face in faces:
@@ -88,9 +89,9 @@ def _board(pad: SceneObject, faces: list[Faces], objects: SceneObjects) -> Itera
     from_world = np.linalg.inv(pad.instance.to_world)
     highest = 0.5 * pad.instance.pad.top_of_cell if isinstance(pad.instance.pad, Pad) else 0.2
     candidates = [
-        shape
-        for shape in parts.shapes()
-        if shape.plugin not in (PAD, "photo_reflector") and not shape.nested("emitter") and not shape.nested("sensor")
+        obj
+        for obj in objects.shapes()
+        if obj.plugin not in (PAD, "photo_reflector") and not obj.nested("emitter") and not obj.nested("sensor")
     ]
     boards = []
     for obj in candidates:

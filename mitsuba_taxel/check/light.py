@@ -34,7 +34,7 @@ def check_light(objects: SceneObjects) -> Iterator[Finding]:
     for led in objects.of("annular_led"):
         if float(led.instance.power[0]) == 0:
             yield led.finding("warning", "power = 0 of annular_led is no light: all readings are 0.", "power")
-    integrators = [root for root in parts.roots if root.kind == "integrator" and root.sound]
+    integrators = [obj for obj in objects.roots if obj.kind == "integrator" and obj.valid]
     for integrator in integrators[1:]:
         yield integrator.finding("error", "a scene takes one integrator, and this is another: take one of them out.")
     for integrator in integrators:
@@ -73,19 +73,21 @@ def check_prepared(scene: Scene, objects: SceneObjects) -> list[Finding]:
     try:
         built = prepare(scene).scene
     except (InputError, ComputationError) as error:
-        return [Finding("error", str(error), parts.file, 0, stopped=isinstance(error, ComputationError))]
-    # Pads are built last: see `Scene.load`.
-    built = sorted((root for root in parts.roots if root.kind == "shape"), key=lambda part: part.plugin == PAD)
-    shapes = [part.element for part in built]
-    if len(shapes) != len(live.shapes()):  # a `merge` is taken apart
-        shapes = [parts.roots[0].element] * len(live.shapes())
-    touching = [Finding("warning", f"{note}.", parts.file, 0) for note in contact_notes(live)]
-    return touching + [shapes[number].finding("warning", f"{said}.") for number, said in dark_backs(live).items()]
+        return [Finding("error", str(error), objects.file, 0, stopped=isinstance(error, ComputationError))]
+    # Order the elements as the shapes of the built scene. Pads are built last: see `Scene.load`.
+    roots = sorted((obj for obj in objects.roots if obj.kind == "shape"), key=lambda obj: obj.plugin == PAD)
+    shapes = [obj.element for obj in roots]
+    if len(shapes) != len(built.shapes()):  # a `merge` is taken apart
+        shapes = [objects.roots[0].element] * len(built.shapes())
+    touching = [Finding("warning", f"{note}.", objects.file, 0) for note in contact_notes(built)]
+    return touching + [
+        shapes[number].finding("warning", f"{message}.") for number, message in dark_backs(built).items()
+    ]
 
 
-def _integrator_of(parts: Parts) -> Any:
-    integrators = [root for root in parts.roots if root.kind == "integrator"]
-    return integrators[0].made if integrators else make_plugin("taxel_tracer")
+def _integrator_of(objects: SceneObjects) -> Any:
+    integrators = [obj for obj in objects.roots if obj.kind == "integrator"]
+    return integrators[0].instance if integrators else make_plugin("taxel_tracer")
 
 
 @dataclass
@@ -95,7 +97,7 @@ class _Contents:
     objects: SceneObjects
 
     def shapes(self) -> list[Any]:
-        return [shape.made for shape in self.parts.shapes()]
+        return [obj.instance for obj in self.objects.shapes()]
 
     def emitters(self) -> list[Any]:
         return self._endpoints("emitter")
@@ -143,19 +145,20 @@ def _nothing_comes_back(objects: SceneObjects) -> Iterator[Finding]:
     """Warn of absorbing roofs, and of scenes in which everything absorbs."""
     if not objects.valid:
         return
-    pads = [shape for shape in parts.shapes() if shape.plugin == PAD]
+    pads = [obj for obj in objects.shapes() if obj.plugin == PAD]
     for pad in pads:
         absorbing = [name for name in ("roof", "side") if absorbs(_cover(pad, name))]
         if "roof" in absorbing:
             sides = "and so do its sides" if "side" in absorbing else "and only its sides return light"
             message = f"the roof of {PAD} absorbs, {sides}: give the roof of its region a wall that reflects."
             yield pad.finding("warning", message)
-    carriers = [shape for shape in parts.shapes() if shape.nested("emitter") or shape.nested("sensor")]
-    if pads or not carriers or any(carrier.plugin != "photo_reflector" for carrier in carriers):
+    # Without pads, photo-reflectors need something that reflects. Other carriers of LEDs are not judged.
+    carriers = [obj for obj in objects.shapes() if obj.nested("emitter") or obj.nested("sensor")]
+    if pads or not carriers or any(obj.plugin != "photo_reflector" for obj in carriers):
         return
-    others = [shape for shape in parts.shapes() if shape not in carriers]
-    if others and all(absorbs(_cover(part, "")) for part in others):
-        yield others[0].finding("warning", "nothing that an LED shines at reflects: all readings are 0.")
+    reflectors = [obj for obj in objects.shapes() if obj not in carriers]
+    if reflectors and all(absorbs(_cover(obj, "")) for obj in reflectors):
+        yield reflectors[0].finding("warning", "nothing that an LED shines at reflects: all readings are 0.")
 
 
 def _cover(shape: SceneObject, region: str) -> Any:

@@ -162,9 +162,9 @@ class SceneObjects:
         """Valid objects of the named plugins."""
         return [obj for obj in self.all if obj.valid and obj.plugin in plugins]
 
-    def shapes(self) -> list[ScenePart]:
-        """Sound shapes at the top level of the scene."""
-        return [root for root in self.roots if root.sound and root.kind == "shape"]
+    def shapes(self) -> list[SceneObject]:
+        """Valid shapes at the top level of the scene."""
+        return [obj for obj in self.roots if obj.valid and obj.kind == "shape"]
 
 
 def make_objects(state: Any, root: Element, parameters: Mapping[str, str]) -> SceneObjects:

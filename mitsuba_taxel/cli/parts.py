@@ -39,7 +39,7 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
             raise click.UsageError("-o is not allowed without a part.")
         if height is not None:
             raise click.UsageError("--edges is not allowed without a part.")
-        parts = [read_part(part_name) for part_name in part_names()]
+        parts = [read_part(name) for name in part_names()]
         if as_json:
             print_json([{"name": part.name, "title": part.title, "source": part.source} for part in parts])
         else:

@@ -95,9 +95,9 @@ def read_data(file: Path, parameters: Collection[str] = ()) -> Data:
     if not readings or len(units) > 1:
         raise InputError(f"{label} is not allowed: columns such as v1_V, or p1_W, of one kind are needed.")
     if errors and errors.keys() != readings.keys():
-        raise InputError(f"{given} is not allowed: errors of all readings, or of none, are needed.")
-    if any((error <= 0).any() for error in errors.values()):
-        raise InputError(f"{given} is not allowed: errors above 0 are needed.")
+        raise InputError(f"{label} is not allowed: errors of all readings, or of none, are needed.")
+    if any((deviations <= 0).any() for deviations in errors.values()):
+        raise InputError(f"{label} is not allowed: errors above 0 are needed.")
     taxels = sorted(readings)
 
     def stacked(of: dict[int, np.ndarray]) -> np.ndarray:

@@ -85,7 +85,7 @@ def lines_without_contact(plan: Plan, batch: Batch, designs: Sequence[Design]) -
         scenes = (batch.scene(plan.scene_parameters(design) | rows[-1]) for design in designs)
         refused = next(filter(None, (why_no_contact(scene, along) for scene in scenes)), None)
         if refused is not None:
-            if any(figure.kind == FIRST_CONTACT and figure.told["along"] == line for figure in plan.figures):
+            if any(figure.kind == FIRST_CONTACT and figure.parameters["along"] == line for figure in plan.figures):
                 raise InputError(refused)
             reasons[line] = refused
     return reasons

@@ -112,8 +112,8 @@ class Course:
             size = abs(limit.bound) or 1.0
             margins.append((limit.sign * limit.bound - values) / size)
             rates.append(-slopes / size)
-        found = Judged(goals / scale, goal_rates / scale, np.concatenate(margins), np.concatenate(rates))
-        return found if goals.size and all(np.isfinite(figure).all() for figure in vars(found).values()) else None
+        judged = Judged(goals / scale, goal_rates / scale, np.concatenate(margins), np.concatenate(rates))
+        return judged if goals.size and all(np.isfinite(array).all() for array in vars(judged).values()) else None
 
     def descend(self, start: Design, goal: Goal, limits: Sequence[Limit]) -> None:
         """Descend from a design; all evaluated designs are in the history.

@@ -96,8 +96,10 @@ class Designs:
         self._plan, self._pool, self._folder, self._retry = plan, pool, folder, retry_failed
         self._batch = replace(batch or plan.batch, bare=True)
         self._names = [variable.name for variable in plan.variables]
-        others = [name for name in plan.tolerances if name not in self._names]
-        first = {design.choice: design for design in reversed(plan.begun())}
+        other_parameters = [name for name in plan.tolerances if name not in self._names]
+
+        # One valid design for each choice; parameters without derivatives in any of them.
+        first = {design.choice: design for design in reversed(plan.initial_designs())}
         refused: dict[str, str] = {}
         for design in first.values():
             refused |= without_derivative(plan.scene(design), [*self._names, *other_parameters])
@@ -179,24 +181,25 @@ class Designs:
         # Readings, derivatives and first contacts of each design; a design with a missing value fails.
         failed = Store(self._study_folder).failures()
         for design in designs:
-            rows = {each: place[each] for each in (design, *shifted[design].values())}
-            own = sorted({number for row in rows.values() for number in row.all})
-            self.seconds_of[design] = float(study.seconds.isel({STEP: own}).sum())
-            power = {each: self._power(study, of.loads) for each, of in rows.items()}
+            rows = {variant: rows_of[variant] for variant in (design, *shifted[design].values())}
+            job_numbers = sorted({number for of_variant in rows.values() for number in of_variant.all})
+            self.seconds_of[design] = float(study.seconds.isel({STEP: job_numbers}).sum())
+            power = {variant: self._power(study, of_variant.loads) for variant, of_variant in rows.items()}
             rates = self._rates(study, design, rows[design].loads, shifted[design], power)
             contacts = self._contacts(study, design, rows, shifted[design])
-            needs = [power[design][:, :-OTHERS], rates[..., :-OTHERS]]
-            needs += [np.array([contact.value, *contact.by]) for contact in contacts.values()]
-            if all(np.isfinite(need).all() for need in needs):
-                off = self._off(study, rows[design].loads, rates)
-                read = self._seen(design, power[design], rates, off, contacts)
-                ended = why_untold(self._plan, read.values, contacts)
+            required = [power[design][:, :-OTHERS], rates[..., :-OTHERS]]
+            required += [np.array([contact.value, *contact.by]) for contact in contacts.values()]
+            if all(np.isfinite(array).all() for array in required):
+                by_tolerance = self._by_tolerance(study, rows[design].loads, rates)
+                read = self._seen(design, power[design], rates, by_tolerance, contacts)
+                ended = undetermined_end(self._plan, read.values, contacts)
                 if ended:
                     self.failures[design] = ended
                 else:
                     self._evaluated[design] = read
             else:
-                why = [failed[number].message for row in rows.values() for number in row.all if number in failed]
+                numbers = (number for of_variant in rows.values() for number in of_variant.all)
+                reasons = [failed[number].message for number in numbers if number in failed]
                 notes = [note for note in study.attrs["notes"].splitlines() if "not available" in note]
                 self.failures[design] = next(iter([*reasons, *notes]), "a reading or a derivative is missing")
 
@@ -291,9 +294,12 @@ class Designs:
     def _by_tolerance(self, study: xr.Dataset, rows: list[int], rates: np.ndarray) -> list[np.ndarray]:
         """Change of readings, strain and clearance (loads, taxels + 2) by one standard deviation of each tolerance."""
         widths = {variable.name: variable.high - variable.low for variable in self._plan.variables}
-        own = {name: rate / width for rate, (name, width) in zip(rates, widths.items(), strict=True)}
-        given = self._plan.tolerances.items()
-        return [sd * (own[name] if name in own else _derivative(study, name, rows)) for name, sd in given]
+        by_variable = {name: rate / width for rate, (name, width) in zip(rates, widths.items(), strict=True)}
+        tolerances = self._plan.tolerances.items()
+        return [
+            sd * (by_variable[name] if name in by_variable else _derivative(study, name, rows))
+            for name, sd in tolerances
+        ]
 
     def _contacts(
         self, study: xr.Dataset, design: Design, rows: dict[Design, _Rows], shifted: dict[tuple[int, int], Design]

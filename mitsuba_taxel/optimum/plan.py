@@ -175,9 +175,12 @@ class Plan:
 
     @property
     def to_contact(self) -> dict[str, dict[str, str]]:
-        """The last load of each line along which the first contact counts, to be followed to there."""
-        found = {}
-        for line in dict.fromkeys(figure.told["along"] for figure in self.figures if figure.kind in TO_THE_END):
+        """Parameters of the load path to the first contact, for each line whose first contact is needed.
+
+        They are those of the last load, and `TO_CONTACT`.
+        """
+        last_loads = {}
+        for line in dict.fromkeys(figure.parameters["along"] for figure in self.figures if figure.kind in TO_THE_END):
             along, rows = self.lines[line]
             first, last = float(rows[0][along]), float(rows[-1][along])
             furthest = math.copysign(FURTHEST * max(abs(first), abs(last)), last - first)
@@ -189,7 +192,7 @@ class Plan:
         """The original scene, or the first choices if its own are not among them."""
         base = self.base
         choice = tuple(base[name] if base[name] in words else words[0] for name, words in self.choices.items())
-        return Design(choice, tuple(variable.begins for variable in self.variables))
+        return Design(choice, tuple(variable.start_fraction for variable in self.variables))
 
     def has(self, choice: tuple[str, ...]) -> list[bool]:
         """Whether each variable applies to a choice."""

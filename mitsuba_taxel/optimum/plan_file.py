@@ -172,9 +172,9 @@ def _refuse_twice(
     variables: Sequence[Variable], choices: Mapping[str, Any], lines: Mapping[str, Any], defines: Mapping[str, Any]
 ) -> None:
     loads = {name for _, rows in lines.values() for name in rows[0]}
-    places = [{variable.name for variable in variables}, set(choices), loads]
-    for one, other in ((0, 1), (0, 2), (1, 2)):
-        for name in sorted(places[one] & places[other]):
+    names = [{first.name for first in variables}, set(choices), loads]
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        for name in sorted(names[first] & names[second]):
             raise InputError(f"{name} is given twice in [optimise]: as variable, choice or load.")
     for name in sorted((names[0] | names[1]) & set(defines)):
         raise InputError(f"{name} is both given a value and to be found: take one of them out.")

@@ -102,9 +102,9 @@ def optimise(
 
 
 def _in_view(plan: Plan, designs: list[Design]) -> Plan:
-    """The plan with a constraint that keeps profiles off those that are refused, unless it has one."""
-    stated = any(limit.figure.kind == "view_angle" for limit in plan.limits)
-    if stated or not any(pad.profile for design in designs for pad in pads_of(plan.scene(design))):
+    """The plan with a constraint that keeps roofs with a profile visible, as scenes require, unless it has one."""
+    has_limit = any(limit.figure.kind == "view_angle" for limit in plan.limits)
+    if has_limit or not any(pad.profile for design in designs for pad in pads_of(plan.scene(design))):
         return plan
     return replace(plan, limits=[*plan.limits, Limit(Figure("view_angle", {}, "degrees"), -1, IN_VIEW)])
 
@@ -120,11 +120,11 @@ def _unsaturated(plan: Plan) -> Plan:
     upper = [limit for limit in plan.limits if limit.figure.kind == SATURATION and limit.sign * limit.bound <= 1]
     limited = {limit.figure.parameters["along"] for limit in upper if limit.sign > 0}
     used = [
-        figure.told[key]
+        figure.parameters[key]
         for figure in plan.figures
         if figure.kind in OF_CHANGES
         for key in ("along", "by")
-        if key in figure.told
+        if key in figure.parameters
     ]
     lines = dict.fromkeys(line for along in used for line in ([along] if isinstance(along, str) else along))
     added = [Limit(Figure(SATURATION, {"along": line}, "1"), 1, UNSATURATED) for line in lines if line not in limited]

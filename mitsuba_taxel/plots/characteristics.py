@@ -115,7 +115,7 @@ def plot_sensitivity(experiments: Sequence[Experiment], narrow: bool = False) ->
         Of matplotlib.
     """
     groups = _groups([experiment for experiment in experiments if experiment.loading_runs])
-    relative = all(line.rest is not None for group in groups for line in group.lines.values())
+    relative = all(experiment.rest is not None for group in groups for experiment in group.lines.values())
     axes = panel_axes(2 * len(groups), 1 + relative, size=(4.6, 3.0), sharex=False, narrow=narrow)
     for group, (above, below) in zip(groups, axes.reshape(len(groups), 2, -1), strict=True):
         for number, (label, experiment) in enumerate(group.lines.items()):
@@ -321,7 +321,8 @@ def _of(group: _Group) -> str:
 
 
 def _finish(group: _Group, axes: Sequence[Axes]) -> None:
-    forces = np.concatenate([run.force for line in group.lines.values() for run in line.runs])
+    """Title and force axes of the panels of a group."""
+    forces = np.concatenate([run.force for experiment in group.lines.values() for run in experiment.runs])
     for ax in axes:
         load_to_the_right(ax, forces)
     axes[0].set_title(group.title, fontsize="medium")

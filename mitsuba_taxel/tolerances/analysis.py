@@ -244,10 +244,12 @@ def nominal_errors(
             of_loaded = mean.taxel == mean.taxel[loaded]
             for mode, both in changed_studies.items():
                 for words, which in (("loaded", of_loaded), ("others", ~of_loaded)):
-                    parts = (study.replicate_power.where(which, mean.replicate_power) for study in both)
-                    changed[(*mode, words)] = [found(mean.assign(replicate_power=part))[name] for part in parts]
-        with np.errstate(invalid="ignore"):  # what is infinite has no error
-            light = standard_error(np.array([replicate[name] for replicate in replicates]))
+                    changed_power = (study.replicate_power.where(which, mean.replicate_power) for study in both)
+                    changed[(*mode, words)] = [
+                        figures_of(mean.assign(replicate_power=power))[name] for power in changed_power
+                    ]
+        with np.errstate(invalid="ignore"):  # infinite figures have no error
+            light = standard_error(np.array([values[name] for values in replicates]))
             errors[name] = with_shape(light, at_mean, changed)
     return errors
 

@@ -65,8 +65,8 @@ def write_report(
             raise
     left_out: list[str] = []
     panels = _panels(scenes, folder, left_out, progress)
-    parts = [_missing(scenes), *outcome, _viewer(panels)]
-    parts += [*(section for name, one in scenes.items() for section in _sections(name, one))]
+    blocks = [_missing(scenes), *outcome, _viewer(panels)]
+    blocks += [*(block for name, child in scenes.items() for block in _sections(name, child))]
     remarks = [paragraph(f"Left out: {line}", "quiet") for line in left_out]
     title, body = folder.resolve().name, "\n".join([*blocks, *remarks])
     page = Template(_asset("page.html")).substitute(
@@ -82,9 +82,12 @@ def write_report(
 
 
 def _missing(scenes: dict[str, xr.Dataset]) -> str:
-    """How many jobs of the scenes have no reading; empty if all have one."""
+    """Paragraph with the number of jobs without a reading; empty if there are none."""
     readings = [scene.power.isnull().any("taxel") for scene in scenes.values()]
-    missing, count = sum(int(reading.sum()) for reading in readings), sum(reading.size for reading in readings)
+    missing, count = (
+        sum(int(is_missing.sum()) for is_missing in readings),
+        sum(is_missing.size for is_missing in readings),
+    )
     return paragraph(f"Jobs without a reading: {missing} of {count}.") if missing else ""
 
 

@@ -104,7 +104,7 @@ def shown_parts(
     if not solids:
         raise InputError("the scene holds no mesh: nothing of it can be shown.")
     ground = min(solid.range(2)[0] for solid in solids)
-    parts = [*solids, *bodies, *(sheet for sheet in sheets if sheet.range(2)[1] > ground + 1e-3 * SHEET)]
+    shown = [*solids, *bodies, *(sheet for sheet in sheets if sheet.range(2)[1] > ground + 1e-3 * SHEET)]
     offset = None if cut == "none" else middle_row(solids) if cut == "middle" else float(cut)
     if offset is not None:
         low, high = min(solid.range(1)[0] for solid in solids), max(solid.range(1)[1] for solid in solids)
