@@ -54,8 +54,8 @@ parameters with noise; fits of a bent curve by a right model, by one with errors
 correlated unknowns, and with a bound near the truth; calibrations by paths with errors that are common to a path or of
 single rows, tested on new paths; exported models of studies with errors; forces read from noisy counts; and differences
 of two variants of a sensor by `taxel compare`, whose readings have errors, common to a path or of a random course,
-that the variants partly share. Errors of figures are counted over random seeds that served for nothing else; 95.4 % should be within
-twice what is stated (intervals are converted to it).
+that the variants partly share. Errors of figures are counted over random seeds that served for nothing else; 95.4 %
+should be within twice what is stated (intervals are converted to it).
 
 **{summary}**
 
