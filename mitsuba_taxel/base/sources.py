@@ -82,7 +82,9 @@ def _code_of(own: type) -> Iterator[str]:
 
 def _instructions(code: CodeType) -> list[object]:
     """Instructions, names and constants of a function, and of those within it."""
-    constants = [_instructions(one) if isinstance(one, CodeType) else repr(one) for one in code.co_consts]
+    constants = [
+        _instructions(constant) if isinstance(constant, CodeType) else repr(constant) for constant in code.co_consts
+    ]
     return [code.co_code.hex(), code.co_names, code.co_varnames, constants]
 
 

@@ -84,7 +84,7 @@ def faces_of(box: Box, openings: Sequence[Rectangle]) -> BoxFaces:
 
 def around(whole: Rectangle, openings: Sequence[Rectangle]) -> list[Rectangle]:
     """Rectangles that cover a whole one but for openings, which may overlap and reach beyond it."""
-    inner = [_within(each, whole) for each in openings]
+    inner = [_within(opening, whole) for opening in openings]
     thin = THIN * max(whole[1] - whole[0], whole[3] - whole[2])
     edges = sorted({*whole[:2], *(x for each in inner for x in each[:2])})
     found = []

@@ -105,7 +105,7 @@ class Mesh:
 
     def by_target(self, vectors: list[np.ndarray]) -> np.ndarray:
         """(T, 3) sums of vectors with components (N,) over the pairs of each target."""
-        return np.stack([np.add.reduceat(part, self.first_pairs[:-1]) for part in vectors], axis=1)
+        return np.stack([np.add.reduceat(vector, self.first_pairs[:-1]) for vector in vectors], axis=1)
 
 
 class Cell:
@@ -242,7 +242,7 @@ class Cell:
     @property
     def _seen_starts(self) -> Starts:
         """Of the walls that LED and phototransistor see."""
-        return Starts(*(getattr(self._starts, each.name)[self._seen] for each in fields(Starts)))
+        return Starts(*(getattr(self._starts, field.name)[self._seen] for field in fields(Starts)))
 
     def _of_all(self, values: np.ndarray) -> np.ndarray:
         """(T, ...) values at all points, 0 at those on the box, from those at the others."""

@@ -130,7 +130,7 @@ class _Parts:
         resolved *= emission.led.fineness
         cuts = np.clip(np.ceil(np.log2(np.maximum(size / resolved, 1))), 0, MOST_CUTS)
         points = [each.points for each in (emission.inside, emission.edge)]
-        face, at = np.concatenate([each.face for each in points]), np.concatenate([each.at for each in points])
+        face, at = np.concatenate([point.face for point in points]), np.concatenate([point.at for point in points])
         # Part (i, j) of n x n, the lower or the upper triangle of its square, but for those above the hypotenuse.
         n = 2.0 ** cuts[face]
         corner = np.clip(np.floor(at * n[:, None]), 0, n[:, None] - 1)

@@ -261,7 +261,7 @@ def _clipped(
     source, face, corners, heights = (np.concatenate(each) for each in zip(*tipped, strict=True))
     tips, rims = _tips(corners, heights)
     found.append((source, face, *tips))
-    return _lit(*zip(*found, strict=True)), _lit((source,), (face,), *((each,) for each in rims))
+    return _lit(*zip(*found, strict=True)), _lit((source,), (face,), *((rim,) for rim in rims))
 
 
 def _tips(corners: np.ndarray, heights: np.ndarray) -> tuple[tuple, tuple]:

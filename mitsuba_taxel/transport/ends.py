@@ -122,7 +122,7 @@ class End:
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, End) and all(
-            np.array_equal(getattr(self, each.name), getattr(other, each.name)) for each in fields(self)
+            np.array_equal(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)
         )
 
     __hash__ = None  # type: ignore[assignment]

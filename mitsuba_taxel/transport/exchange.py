@@ -137,7 +137,7 @@ class Exchange:
             found = [by_end, -factor * per_facing * pair.d, per_leaving * pair.d]
             if self._box is not None:
                 passage = self._passage(self._box)
-                of_end, of_both = (factor * per_facing * pair.facing * each for each in passage.slopes())
+                of_end, of_both = (factor * per_facing * pair.facing * slope for slope in passage.slopes())
                 found = [each * passage.share for each in found]
                 found = [found[0] + of_end, *found[1:], of_both]
             if by_leaving is not None:

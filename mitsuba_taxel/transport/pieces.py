@@ -76,7 +76,7 @@ def cut_near(
     ------
     Targets (N,), numbers of pieces (N,), and these pieces.
     """
-    target, face = (each.ravel() for each in np.indices((len(targets), len(places))))
+    target, face = (index.ravel() for index in np.indices((len(targets), len(places))))
     if own is not None:
         other = own[target] != face
         target, face = target[other], face[other]

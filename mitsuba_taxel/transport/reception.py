@@ -22,7 +22,7 @@ class Reception:
 
     def __init__(self, end: End, starts: Starts) -> None:
         self._end, self._shape = end, (len(starts.at), len(end.points))
-        start, point = (each.ravel() for each in np.indices(self._shape))
+        start, point = (index.ravel() for index in np.indices(self._shape))
         self._exchange = Exchange(starts, end.points, end.weights[:, None] * end.normal, start, point)
         self._away = end.points - starts.at[:, None]
         self._distance = np.linalg.norm(self._away, axis=2)

@@ -117,7 +117,7 @@ class CoverageCase:
         (_write_step if self.file_format == ".step" else _write_stl)(self.sensor.pad, file)
         source = self.sensor.scene().source
         assert isinstance(source, dict)
-        dimensions = {each.name for each in fields(Pad)}
+        dimensions = {field.name for field in fields(Pad)}
         pad = {name: value for name, value in source["pad"].items() if name not in dimensions}
         return Scene({**source, "pad": {**pad, "filename": str(file)}})
 

@@ -74,7 +74,9 @@ def _vcnt2020(pictures: Path) -> str:
     ]
     far = 100 * (1 - model[-3:] / given[-3:]).mean()
     worst = int(np.abs(model - given).argmax())
-    edges = [[word, *(f"{place:.3f}" for place in edge_positions(part, EDGE_HEIGHT, k))] for k, word in enumerate("xy")]
+    edges = [
+        [word, *(f"{position:.3f}" for position in edge_positions(part, EDGE_HEIGHT, k))] for k, word in enumerate("xy")
+    ]
     return f"""\
 ## VCNT2020 under a mirror
 ![Current against the height of the mirror](validation/vcnt2020.png)

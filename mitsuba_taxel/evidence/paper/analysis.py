@@ -73,8 +73,8 @@ def explanations(
 
 def against_slopes(published: np.ndarray, slopes: list[Sensitivity]) -> Fit:
     """Published numbers as a common factor times our maximum slopes."""
-    error = np.array([one.max_slope_error for one in slopes])
-    value = np.array([least(one) for one in slopes])
+    error = np.array([slope.max_slope_error for slope in slopes])
+    value = np.array([least(slope) for slope in slopes])
     return common_scale(published, value, error / value)
 
 
@@ -112,7 +112,7 @@ def skewness(study: xr.Dataset) -> dict[str, Difference]:
         "1, 5, 9": [taxels[taxel] - middle for taxel in (0, 4, 8)],
     }
     found = {
-        name: [Difference(*change(study, "resultant", paper.SHOWN_TANGENTIAL_FORCE, each)) for each in weights]
+        name: [Difference(*change(study, "resultant", paper.SHOWN_TANGENTIAL_FORCE, weight)) for weight in weights]
         for name, weights in sums.items()
     }
     return {name: max(each, key=lambda one: abs(one.value)) for name, each in found.items()}

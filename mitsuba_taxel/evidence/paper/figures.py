@@ -172,7 +172,7 @@ def sensitivities(
             rows = (
                 ("paper", list(values.values()), [0.0] * len(x)),
                 ("here", [one.max_slope for one in found], [one.max_slope_error for one in found]),
-                ("60 000 counted rays", [one.mean for one in counts], [one.spread for one in counts]),
+                ("60 000 counted rays", [count.mean for count in counts], [count.spread for count in counts]),
             )
             for number, (label, y, bar) in enumerate(rows):
                 place = x + 0.15 * (number - 1)
@@ -202,8 +202,8 @@ def choices(found: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: 
         for ax, kind in zip(axes[0], theirs, strict=True):
             for number, cell in enumerate(paper.CELLS):
                 results = [table[kind][cell] for table in found.values()]
-                x = 1e6 * np.array([one.max_slope for one in results])
-                bar = 1e6 * np.array([one.max_slope_error for one in results])
+                x = 1e6 * np.array([result.max_slope for result in results])
+                bar = 1e6 * np.array([result.max_slope_error for result in results])
                 style = {"color": COLOURS[number], "marker": MARKERS[number], "linestyle": "none", "markersize": 4}
                 ax.errorbar(x, rows + 0.15 * (number - 1.5), xerr=bar, label=cell, **style)
                 ax.axvline(1e6 * theirs[kind][cell], color=COLOURS[number], linestyle=DASHES[number], linewidth=0.9)
