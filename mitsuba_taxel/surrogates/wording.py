@@ -20,6 +20,11 @@ def printed_model(model: Polynomial, notes: Sequence[str]) -> Printed:
         The model.
     notes : Sequence[str]
         Notes of `export`.
+
+    Returns
+    -------
+    Printed
+        Lines.
     """
     ranges = zip(model.names, model.low, model.high, model.units, strict=True)
     return [
@@ -30,7 +35,18 @@ def printed_model(model: Polynomial, notes: Sequence[str]) -> Printed:
 
 
 def printed_calibration(calibration: Calibration) -> Printed:
-    """Summary of a calibration: its intervals, their test, and what they do not include."""
+    """Summary of a calibration: its intervals, their test, and what they do not include.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        As :func:`calibrate` returns it.
+
+    Returns
+    -------
+    Printed
+        Lines.
+    """
     widths = zip(calibration.forces, calibration.half_width, strict=True)
     printed: Printed = [f"{name}: +- {width:.3g} N holds {calibration.coverage:.0%}" for name, width in widths]
     printed.append(f"Tested on {calibration.tested}: intervals by the others hold {calibration.covered:.1%}.")
