@@ -56,19 +56,10 @@ Changed = dict[Mode, list]
 def off_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
     """The study with readings, and their derivatives by forces, changed by each mode of the errors of the pads' shape.
 
-    Each twice: up and down.
-
-    Parameters
-    ----------
-    study : xr.Dataset
-        Of one scene.
-
-    Returns
-    -------
-    dict[Mode, list[xr.Dataset]]
-        By mode, the two changed studies.
+    Each twice: up and down. Forces are called as by `with_forces_named`.
     """
-    sizes = _sizes(with_forces_named(study)) if "replicate_power" in study else {}
+    study = with_forces_named(study)
+    sizes = _sizes(study) if "replicate_power" in study else {}
     return {mode: [_changed(study, mode, sign, sizes) for sign in SIGNS] for mode in _modes([study])}
 
 
@@ -137,21 +128,21 @@ def _varied(study: xr.Dataset) -> list[str]:
 def _changed(
     study: xr.Dataset, mode: Mode, sign: float, sizes: Mapping[str, tuple[xr.DataArray, xr.DataArray]] | None = None
 ) -> xr.Dataset:
-    """The study with all readings changed by a mode; ``sizes`` is that of :func:`_sizes`."""
+    """The study with all readings changed by a mode, its forces by name; ``sizes`` is that of :func:`_sizes`."""
     if "replicate_power" not in study or not any(kind in study for kind in KINDS):
         return study
-    named = with_forces_named(study)
-    sizes = _sizes(named) if sizes is None else sizes
+    study = with_forces_named(study)
+    sizes = _sizes(study) if sizes is None else sizes
     kind, *powers = mode
     if kind == RANDOM:
         square = sum(((1 - common**2) * size**2 for size, common in sizes.values()), xr.DataArray(0.0))
-        change = square**0.5 * _course(named, powers)
+        change = square**0.5 * _course(study, powers)
     elif kind in sizes:
         size, common = sizes[kind]
         change = size * common
     else:
         return study
-    return _with_change(study, named, sign * change)
+    return _with_change(study, sign * change)
 
 
 def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
@@ -183,48 +174,23 @@ def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
     return sizes
 
 
-def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
-    """Factor of the sizes of the errors of readings along a path, 1 or more.
-
-    Errors of derivatives by the forces, added up along the path, are another estimate of the same error: in cells of
-    thin roofs, two meshes may agree in the readings alone. The larger one counts.
-    """
-    factor = xr.DataArray(1.0)
-    if "derivative_error" not in study:
-        return factor
-    error = study.derivative_error.fillna(0.0)
-    for dim in {str(dim) for name in _varied(study) for dim in study[name].dims}:
-        names = [name for name in _varied(study) if dim in study[name].dims and name in study.parameter.values]
-        if study.sizes[dim] < 2 or not names:
-            continue
-        ends = (slice(None, -1), slice(1, None))
-        middle = sum((error.isel({dim: end}).drop_vars(dim, errors="ignore") for end in ends), xr.DataArray(0.0)) / 2
-        lengths = {name: abs(_steps(study[name], dim)).isel({dim: ends[1]}) for name in names}
-        parts = (length * middle.sel(parameter=name, drop=True) for name, length in lengths.items())
-        by_slopes = sum(parts, xr.DataArray(0.0)).sum(dim)
-        by_readings = abs(_steps(size, dim)).isel({dim: ends[1]}).sum(dim)
-        ratio = (by_slopes / by_readings.where(by_readings > 0)).fillna(1.0)
-        factor = xr.where(ratio > factor, ratio, factor)
-    return factor
-
-
-def _with_change(study: xr.Dataset, named: xr.Dataset, change: xr.DataArray) -> xr.Dataset:
-    """The study with readings and their derivatives by forces changed; ``named`` is the same with forces by name."""
-    changed = {"replicate_power": named.replicate_power + change}
-    if "derivative" in named:
-        changed |= {"smooth_power": named.smooth_power + change, "derivative": named.derivative}
-        for dim in {str(dim) for name in _varied(named) for dim in named[name].dims}:
-            names = [name for name in _varied(named) if dim in named[name].dims and name in named.parameter.values]
-            if named.sizes[dim] < 2 or not names:
+def _with_change(study: xr.Dataset, change: xr.DataArray) -> xr.Dataset:
+    """The study with readings and their derivatives by forces changed; forces are called by name."""
+    changed = {"replicate_power": study.replicate_power + change}
+    if "derivative" in study:
+        changed |= {"smooth_power": study.smooth_power + change, "derivative": study.derivative}
+        for dim in {str(dim) for name in _varied(study) for dim in study[name].dims}:
+            names = [name for name in _varied(study) if dim in study[name].dims and name in study.parameter.values]
+            if study.sizes[dim] < 2 or not names:
                 continue
             # Along a path in which several forces change, the slope is that in the direction of the step.
-            steps = {name: _steps(named[name], dim) for name in names}
+            steps = {name: _steps(study[name], dim) for name in names}
             square = sum((step**2 for step in steps.values()), xr.DataArray(0.0))
             slope = _steps(change, dim) / square.where(square > 0)
             for name, step in steps.items():
-                which = named.parameter == name
+                which = study.parameter == name
                 changed["derivative"] = changed["derivative"] + (slope * step).fillna(0.0) * which
-    return study.assign({name: array.transpose(*named[name].dims).variable for name, array in changed.items()})
+    return study.assign({name: array.transpose(*study[name].dims).variable for name, array in changed.items()})
 
 
 def _steps(values: xr.DataArray, dim: str) -> xr.DataArray:

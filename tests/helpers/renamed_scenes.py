@@ -47,6 +47,7 @@ def said_of(scene: Path, vary: dict, define: dict, folder: Path, **options) -> d
     """What a study of a scene says: numbers of its tables, and texts of its plots."""
     from mitsuba_taxel import open_study, sweep
     from mitsuba_taxel.characterise import characteristics, sensitivity_table, simulated_experiments
+    from mitsuba_taxel.characterise.summary import slope_summary
     from mitsuba_taxel.plots.curves import plot_curves
     from mitsuba_taxel.plots.maps import has_map, plot_map
 
@@ -54,7 +55,7 @@ def said_of(scene: Path, vary: dict, define: dict, folder: Path, **options) -> d
     study = open_study(folder)
     figures = [plot_curves(study), *([plot_map(study)] if has_map(study) else [])]
     found = simulated_experiments(study, None)
-    tables = [sensitivity_table(study)]
+    tables = [sensitivity_table(study), slope_summary(study)[1]]
     tables += [characteristics(found.experiments, found.off)] if found.experiments else []
     return {
         "export": _exported(study, folder / "model.onnx"),

@@ -11,6 +11,7 @@ import xarray as xr
 
 from mitsuba_taxel.characterise import experiments, sensitivity, sensitivity_table
 from mitsuba_taxel.characterise.roles import force_parameters, with_forces_named
+from mitsuba_taxel.characterise.summary import slope_summary
 from mitsuba_taxel.plots.curves import plot_curves
 from mitsuba_taxel.plots.maps import plane_of
 from mitsuba_taxel.sensing import find_scene
@@ -74,6 +75,9 @@ def test_slopes_are_those_of_the_force_under_its_own_name(studies, name):
     assert list(found.force) == ["fz"] and list(found.columns) == list(expected.columns)
     for column in expected.select_dtypes("number"):
         np.testing.assert_allclose(found[column], expected[column], rtol=1e-12)
+    (_, summary), (_, renamed) = slope_summary(studies["fz"]), slope_summary(studies[name])
+    for column in summary.select_dtypes("number"):
+        np.testing.assert_allclose(renamed[column], summary[column], rtol=1e-12)
     one, other = sensitivity(studies["fz"], "fz"), sensitivity(studies[name], name)
     xr.testing.assert_allclose(one, other, rtol=1e-12)
     (first,), (second,) = experiments(studies["fz"]), experiments(studies[name])
