@@ -13,6 +13,7 @@ import xarray as xr
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.characterise.roles import with_forces_named
 from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
 from mitsuba_taxel.electronics.noise import resolution_notes, total_noise
 from mitsuba_taxel.electronics.response import lit
@@ -234,9 +235,10 @@ def nominal_errors(
     def figures_of(study: xr.Dataset) -> dict[str, np.ndarray]:
         return figures(_readings(plan, study, "replicate_power")[0], force, loaded, plan.batch.circuit)
 
-    value, changed_studies = figures_of(mean), off_by_shape(mean)
-    replicates = [figures_of(mean.isel(replicate=[number])) for number in range(mean.sizes["replicate"])]
-    changed_figures = {mode: [figures_of(study) for study in both] for mode, both in changed_studies.items()}
+    mean = with_forces_named(mean)  # as `off_by_shape` has them
+    value, off = found(mean), off_by_shape(mean)
+    replicates = [found(mean.isel(replicate=[number])) for number in range(mean.sizes["replicate"])]
+    moved = {mode: [found(study) for study in both] for mode, both in off.items()}
     errors = {}
     for name, at_mean in value.items():
         changed = {mode: [values[name] for values in both] for mode, both in changed_figures.items()}
@@ -272,7 +274,8 @@ def _readings(plan: TolerancePlan, study: xr.Dataset, name: str) -> np.ndarray:
         readings = readings.mean("replicate")
     if not plan.force:
         readings = readings.expand_dims("force")
-    return readings.transpose(STEP, plan.force or "force", "taxel").values
+    (along,) = (dim for dim in readings.dims if dim not in (STEP, "taxel"))  # the force, whatever it is called
+    return readings.transpose(STEP, along, "taxel").values
 
 
 def _rates(plan: TolerancePlan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
