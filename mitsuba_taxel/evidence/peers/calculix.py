@@ -28,9 +28,9 @@ class CalculixRun:
     Attributes
     ----------
     displacement : (N, 3) ndarray
-        Of each node in mm, to seven digits, as many as the program prints.
+        Displacement of each node in mm, to the seven digits that the program prints.
     force : (3,) ndarray
-        In N, on the body that is moved; NaN without one.
+        Force in N on the moved body; NaN without a body.
     seconds : float
         Wall time of the whole process: it reads the deck, solves, and writes the displacements.
     increments : int
@@ -64,10 +64,14 @@ def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], thread
 
     Parameters
     ----------
+    mesh : VolumeMesh
+        The undeformed mesh.
+    material : NeoHookean
+        The law.
     force : sequence of float
         (3,) total force in N.
     threads : int
-        Of the program's own.
+        Number of threads of the program.
 
     Raises
     ------
@@ -80,7 +84,27 @@ def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], thread
 
 
 def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
-    """Run the program on its input ``text``, which prints displacements of all ``nodes``, and maybe a force, last."""
+    """Run the program.
+
+    Parameters
+    ----------
+    text : str
+        Input of the program. It must print the displacements of the pad's nodes, and may print a total force last.
+    nodes : int
+        Number of these nodes.
+    threads : int
+        Number of threads of the program.
+
+    Returns
+    -------
+    CalculixRun
+        Its results.
+
+    Raises
+    ------
+    ComputationError
+        if the program fails.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         folder.joinpath(f"{_JOB}.inp").write_text(text)
@@ -118,7 +142,15 @@ def pad_lines(mesh: VolumeMesh, material: NeoHookean) -> list[str]:
 
 
 def node_lines(points: np.ndarray, first: int) -> list[str]:
-    """Lines of nodes (N, 3), numbered from ``first`` on."""
+    """Input lines of nodes.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        Positions in mm.
+    first : int
+        Number of the first node.
+    """
     return [f"{n},{x:.13e},{y:.13e},{z:.13e}" for n, (x, y, z) in enumerate(points, start=first)]
 
 
@@ -134,7 +166,7 @@ def read_force(file: Path) -> np.ndarray:
 
 
 def _rows(file: Path) -> list[list[str]]:
-    """The words of each line that begins with a number."""
+    """The words of each line that starts with a number."""
     lines = [line.split() for line in file.read_text().splitlines()]
     return [row for row in lines if row and row[0].isdigit()]
 

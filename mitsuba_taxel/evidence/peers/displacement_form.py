@@ -1,6 +1,6 @@
-"""The plain quadratic tetrahedron: displacements alone and four quadrature points, as CalculiX's C3D10.
+"""The quadratic tetrahedron with displacements only and four quadrature points, as CalculiX's C3D10.
 
-It verifies the results of such a peer node by node. It locks near incompressibility and is not a reference.
+It verifies the results of CalculiX node by node. It locks near incompressibility, and is not a reference.
 """
 
 from __future__ import annotations
@@ -66,7 +66,20 @@ def held(mesh: VolumeMesh) -> np.ndarray:
 
 
 def nodal_forces(mesh: VolumeMesh, force: Sequence[float]) -> np.ndarray:
-    """(N, 3) consistent forces in N: a third of the force on a flat six-node triangle for each mid-edge node."""
+    """Consistent nodal forces: each mid-edge node takes a third of the force on its flat six-node triangle.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        The undeformed mesh.
+    force : sequence of float
+        (3,) total force in N, spread over the top.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        In N.
+    """
     top = mesh.faces[mesh.face_region == REGIONS["top"]]
     a, b, c = (mesh.points[top[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -75,7 +88,7 @@ def nodal_forces(mesh: VolumeMesh, force: Sequence[float]) -> np.ndarray:
 
 
 def bulk_modulus(material: NeoHookean) -> float:
-    """kappa in MPa; raises `InputError` if the material is incompressible, which displacements alone cannot be."""
+    """Bulk modulus in MPa; raises `InputError` for an incompressible material, which this element cannot represent."""
     if material.compressibility == 0:
         raise InputError(f"poisson_ratio = {material.poisson_ratio} is not allowed: a number below 0.5 is needed.")
     return 1 / material.compressibility

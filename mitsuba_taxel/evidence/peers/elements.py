@@ -23,7 +23,14 @@ COLUMNS = ("nu", "mesh size", "unknowns", "threads", "seconds", "increments", "i
 
 
 def table(mesh_sizes: Sequence[float], poisson_ratios: Sequence[float]) -> Iterator[tuple[object, ...]]:
-    """Rows for every mesh size [mm] and Poisson's ratio, :data:`COLUMNS`, as they are measured.
+    """Yield rows with the columns :data:`COLUMNS` as they are measured.
+
+    Parameters
+    ----------
+    mesh_sizes : sequence of float
+        Mesh sizes in mm.
+    poisson_ratios : sequence of float
+        Poisson's ratios, below 0.5.
 
     Raises
     ------
@@ -37,7 +44,15 @@ def table(mesh_sizes: Sequence[float], poisson_ratios: Sequence[float]) -> Itera
 
 
 def rows_of(material: NeoHookean, mesh_size: float) -> Iterator[tuple[object, ...]]:
-    """Rows of the table for one mesh, :data:`COLUMNS`, as they are measured; if CalculiX fails, the reason."""
+    """Yield rows of one mesh as they are measured; if CalculiX fails, a row has the reason.
+
+    Parameters
+    ----------
+    material : NeoHookean
+        The law.
+    mesh_size : float
+        In mm.
+    """
     mesh = mesh_pad(PAD, mesh_size)
     unknowns = 3 * np.count_nonzero(~displacement_form.held(mesh))
     ours = _own_displacement(mesh, material)
@@ -55,15 +70,17 @@ def rows_of(material: NeoHookean, mesh_size: float) -> Iterator[tuple[object, ..
 
 
 def mean_roof_displacement(mesh: VolumeMesh, displacement: np.ndarray, cell: int) -> float:
-    """Mean over the undeformed roof of a cell of the displacement along z, in mm.
+    """Mean of the displacement along z over the undeformed roof of a cell, in mm.
 
-    Exact for flat roofs, with curved edges too: 5 x 5 Gauss-Legendre nodes on the triangle drawn out to a square
+    It is exact for flat roofs, also with curved edges: 5 x 5 Gauss-Legendre nodes on the triangle, mapped to a square
     (M. G. Duffy, SIAM J. Numer. Anal. 19, 1982).
 
     Parameters
     ----------
+    mesh : VolumeMesh
+        The undeformed mesh.
     displacement : (N, 3) ndarray
-        Of each node, mm.
+        Displacement of each node, mm.
     cell : int
         Number of the cell, from 1.
     """

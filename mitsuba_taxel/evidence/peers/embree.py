@@ -28,7 +28,7 @@ class Triangles:
 
 
 def prepare(case: PeerCase) -> Estimator:
-    """Estimator with the triangles of the loaded scene; tracing does not use Mitsuba."""
+    """Estimator on the triangles of the loaded scene; rays are not traced by Mitsuba."""
     case.require_ideal()
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
@@ -70,12 +70,14 @@ def _triangles(case: PeerCase) -> tuple[np.ndarray, np.ndarray, np.ndarray, floa
 
 
 def _trace(geometry: Triangles, taxel: int, count: int, rng: np.random.Generator) -> float:
-    """Sum over ``count`` paths of the power that each brings to the phototransistor, per W emitted."""
+    """Sum over ``count`` paths of their power on the phototransistor, per W emitted."""
+    # Start at random points of the LED, in directions by the cosine law.
     centre = geometry.centres[taxel]
     origin = centre + np.column_stack([(rng.random((count, 2)) - 0.5) * LED_SIDE, np.full(count, CLEARANCE)])
     origin[:, 0] -= geometry.half_spacing
     direction = _hemisphere(np.tile((0.0, 0, 1), (count, 1)), rng, isotropic=False)
     total = 0.0
+    # Trace until all paths are absorbed or lost; at each reflection, connect to the phototransistor.
     while len(origin):
         hit = geometry.embree.run(origin.astype(np.float32), direction.astype(np.float32), query="INTERSECT", output=1)
         triangle = hit["primID"]
@@ -91,7 +93,7 @@ def _trace(geometry: Triangles, taxel: int, count: int, rng: np.random.Generator
 
 
 def _connect(geometry: Triangles, centre, origin, normal, rng: np.random.Generator) -> float:
-    """Power sent directly to a random point of the phototransistor."""
+    """Power that reaches a random point of the phototransistor directly from ``origin``, unless the way is blocked."""
     target = centre + np.column_stack([(rng.random((len(origin), 2)) - 0.5) * DETECTOR, np.zeros(len(origin))])
     target[:, 0] += geometry.half_spacing
     direction = target - origin

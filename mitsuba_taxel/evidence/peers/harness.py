@@ -31,7 +31,7 @@ class PeerResult:
     bias : float
         Mean relative deviation of all runs and taxels from the truth.
     z : float
-        The bias in standard errors, of runs and truth together.
+        The bias over the combined standard error of runs and truth.
     agrees : bool
         Whether ``z`` passes a t-test at :data:`FALSE_ALARM_RATE`.
     seconds : float
@@ -51,7 +51,20 @@ class PeerResult:
 
 
 def samples_for(estimate: Estimator, seconds: float) -> int:
-    """The number of samples, a power of two, with which a warm run takes about ``seconds``."""
+    """Choose the number of samples of a run.
+
+    Parameters
+    ----------
+    estimate : Estimator
+        The estimator.
+    seconds : float
+        Approximate wall time of a run after warm-up.
+
+    Returns
+    -------
+    int
+        Samples per taxel, a power of two.
+    """
     samples = 1 << 10
     while True:
         estimate(samples, _TRIAL_SEEDS)
@@ -62,10 +75,21 @@ def samples_for(estimate: Estimator, seconds: float) -> int:
 
 
 def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> PeerResult:
-    """Run a warm estimator with ``runs`` seeds.
+    """Run an estimator with several seeds, and compare it with the truth.
 
-    The variance is taken about the truth if that is exact, so that an error common to all runs shows, else about the
+    The variance is computed about the truth if that is exact, so that an error common to all runs shows, else about the
     mean of the runs.
+
+    Parameters
+    ----------
+    estimate : Estimator
+        The estimator, after warm-up.
+    samples : int
+        Samples per taxel.
+    runs : int
+        Number of seeds.
+    truth : Truth
+        Reference.
     """
     timed = [_timed(estimate, samples, seed) for seed in range(runs)]
     deviation = np.array([power for _, power in timed]) / truth.power - 1
@@ -79,9 +103,16 @@ def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> PeerRe
 
 
 def truth_of(case: PeerCase, seconds: float) -> Truth:
-    """Quadrature for the plate; for pads the pooled mean of Mitsuba's own `path`, traced for about ``seconds``.
+    """Reference of a case: a quadrature for the plate; for pads, the mean of many runs of Mitsuba's own `path`.
 
-    Under an isotropic roof, paths from the phototransistor have unbounded variance: `ptracer`, from the LED, is used.
+    Under an isotropic roof, paths from the phototransistor have unbounded variance; `ptracer`, from the LED, is used.
+
+    Parameters
+    ----------
+    case : PeerCase
+        The case.
+    seconds : float
+        Approximate wall time in total.
     """
     if case.single_bounce:
         z, spacing = (float(case.parameters[name]) for name in ("z", "spacing"))

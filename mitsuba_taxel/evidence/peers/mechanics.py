@@ -1,7 +1,7 @@
-"""The pad's mechanics: error against time beside CalculiX, the paper's load paths, growth with the number of cells, and
-what takes the time.
+"""The pad's mechanics: error against time compared with CalculiX, the paper's load paths, growth with the number of
+cells, and time by component.
 
-Every figure is taken in a process of its own, with an empty cache of solutions.
+Every figure is measured in a process of its own, with an empty cache of solutions.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ OBLIQUE_FORCE = (0.5, 0.0, -5.0)
 NORMAL = [(0.0, 0.0, -0.5 * step) for step in range(41)]
 TANGENTIAL = [(0.5 * step, 0.0, -8.0) for step in range(17)]
 REFERENCE_SIZE = 0.28
-"""Mesh size in mm of the reference, for the eighth of the pad that a normal load needs."""
+"""Mesh size in mm of the reference under a normal load, which needs only an eighth of the pad."""
 TANGENTIAL_REFERENCE_SIZE = 0.5
-"""The same for the half that a tangential load needs."""
+"""The same under a tangential load, which needs half of the pad."""
 
 
 def solve_table() -> Iterator[tuple[object, ...]]:
@@ -113,6 +113,7 @@ def paths_table() -> Iterator[tuple[object, ...]]:
 
 
 def _path(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float]:
+    """Seconds of a load path, and its stated relative error at the last step."""
     start = time.perf_counter()
     states = load_path(pad, MATERIAL, steps)
     error = states[-1].error
@@ -120,15 +121,18 @@ def _path(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float]:
 
 
 def _path_errors(pad: Pad, last: tuple[float, ...], size: float) -> tuple[float, float, float]:
-    """Errors of the roofs' nodes under the last force, relative to the largest displacement of any node.
+    """Errors of the roofs' nodes under the last force, relative to the largest displacement of these nodes.
 
-    The largest and the root mean square against a finer mesh, and the largest against a solve at that very force.
+    Returns the largest error and the root mean square against a finer mesh, and the largest error of interpolation,
+    against a solve at exactly that force.
     """
+    # The interpolated state, and a solve at the same force.
     state = load_path(pad, MATERIAL, [last])[0]
     images = node_images(state.mesh)
     group = tuple(mirror for mirror in images if np.array_equal(mirror.image(np.array(last)), last))
     loaded = LoadedPad(state.mesh, MATERIAL, SpreadForce(), group, images)
     exact, _ = loaded.solve(loaded.gather(state.displacement, state.pressure), np.array(last))
+    # The reference on a finer mesh, at the nodes of the roofs.
     fine = load_path(pad, MATERIAL, [last], mesh_size=size)[0]
     roof = np.unique(state.mesh.faces[state.mesh.face_region == REGIONS["roof"]])
     reference = displacement_at(fine.mesh, fine.displacement, state.mesh.points[roof], tolerance=0.1)
@@ -147,6 +151,7 @@ def cells_table() -> Iterator[tuple[object, ...]]:
             unknowns, seconds, memory = _isolated(_grown, side, load)
             timings[load].append((side * side, seconds, memory))
             yield f"{side} x {side}", load, unknowns, f"{seconds:.1f}", f"{memory:.0f}"
+    # Extrapolate by a power law through the three largest pads.
     for load, rows in timings.items():
         cells, seconds, memory = np.log(np.array(rows[-3:], dtype=float)).T
         for quantity, figures in (("seconds", seconds), ("MB", memory)):
@@ -156,6 +161,7 @@ def cells_table() -> Iterator[tuple[object, ...]]:
 
 
 def _grown(side: int, load: str) -> tuple[int, float]:
+    """Number of unknowns and seconds of a load on ``side`` x ``side`` cells, with the same pressure for all sizes."""
     pad = Pad(rows=side, columns=side)
     pressure = 20 / (9.65 * 9.65) * pad.extent[0] * pad.extent[1]
     force = (0.0, 0.0, -pressure) if load == "normal" else (0.2 * pressure, 0.0, -0.4 * pressure)
@@ -165,7 +171,7 @@ def _grown(side: int, load: str) -> tuple[int, float]:
 
 
 def parts_table() -> Iterator[tuple[object, ...]]:
-    """CPU seconds of 41 normal steps and their stated error, to the same force a cell, and what takes them."""
+    """CPU seconds of 41 normal steps with their stated error to one force per cell, and fractions of components."""
     yield "cells", "steps", "CPU seconds", "factorisation", "stability", "second mesh", "MB"
     for side in (1, 3, 6):
         total, *components, memory = _isolated(_parts, Pad(rows=side, columns=side), NORMAL)
@@ -174,7 +180,7 @@ def parts_table() -> Iterator[tuple[object, ...]]:
 
 
 def _parts(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float, float, float]:
-    """CPU seconds in all, of factorisations with their analyses, of checks of stability, and of the second mesh."""
+    """CPU seconds in total, of factorisations with their analyses, of stability checks, and of the second mesh."""
     fraction = len(pad.cell_centres) / 9
     values = [tuple(fraction * component for component in step) for step in steps]
     start = time.process_time()
@@ -187,10 +193,10 @@ def _parts(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float, floa
 
 
 def contact_table() -> Iterator[tuple[object, ...]]:
-    """Factorisations on the way of bodies into a cell, beside those of a plate that is bonded to it.
+    """Number of factorisations when bodies are pressed into a cell, relative to a plate that is bonded to it.
 
-    A ball off the centre leaves no symmetry: beside it stands a plate on a cell that leans. Checks of stability against
-    displacements without the symmetry of a state, which are as many for all, are left out.
+    A ball off the centre leaves no symmetry, and is compared with a plate on a cell that leans. Stability checks with
+    displacements without the symmetry of a state, which are equally many for all, do not count.
     """
     yield "pressed by", "mm", "factorisations", "per mm", "relative to a plate", "CPU seconds"
     cell, ball, down = Pad("hemispheric", rows=1, columns=1), Indenter("sphere", radius=2.5), (0.0, 0.0, -0.8)
@@ -212,7 +218,7 @@ def contact_table() -> Iterator[tuple[object, ...]]:
 
 
 def _factorisations(pad: Pad, body: Indenter | None, path: tuple[float, ...]) -> tuple[int, float]:
-    """Number of them, and CPU seconds, of a way of a body, or of a plate if that is None."""
+    """Number of factorisations, and CPU seconds, for a displacement of a body, or of a plate if the body is None."""
     load = PlateDisplacement() if body is None else IndenterDisplacement(body)
     start = time.process_time()
     with _clocked(LoadedPad, "_factored") as factors:
@@ -222,7 +228,7 @@ def _factorisations(pad: Pad, body: Indenter | None, path: tuple[float, ...]) ->
 
 @contextmanager
 def _clocked(owner: type, method: str) -> Iterator[list[float]]:
-    """Meanwhile, CPU seconds of each call of a method are listed."""
+    """Record the CPU seconds of each call of a method of a class, within this context."""
     original, times = getattr(owner, method), []
 
     def clocked(*arguments: object) -> object:
@@ -240,8 +246,10 @@ def _clocked(owner: type, method: str) -> Iterator[list[float]]:
 
 
 def solvers_table() -> Iterator[tuple[object, ...]]:
-    """One load on each shape's 3 x 3 cells by each linear solver at hand: CPU seconds with one thread, and the largest
-    difference of the displacements, relative to the largest of them."""
+    """CPU seconds of one load by each available linear solver, on 3 x 3 cells of each shape, with one thread.
+
+    The difference is the largest of the displacements, relative to the largest displacement.
+    """
     yield "cells", "solver", "unknowns", "CPU seconds", "relative", "difference", "MB"
     for cell in CELL_SHAPES:
         solved = [(name, *_isolated(_solved_by, name, cell)) for name in available_solvers()]
@@ -253,9 +261,9 @@ def solvers_table() -> Iterator[tuple[object, ...]]:
 
 
 def _solved_by(solver: str, cell: str) -> tuple[np.ndarray, int, float]:
-    """Displacements in mm, number of unknowns, and CPU seconds without meshing: the smaller of two times.
+    """Displacements in mm, number of unknowns, and CPU seconds without meshing, the smaller of two runs.
 
-    The half of the pad is solved that such a load needs, and its stability is judged.
+    Half of the pad is solved, as the load is symmetric, and stability is checked.
     """
     pad = Pad(cell)
     mesh, seconds = mesh_pad(pad, pad.default_mesh_size), math.inf

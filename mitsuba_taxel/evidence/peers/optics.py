@@ -1,4 +1,4 @@
-"""Figure of merit of this project's optics and of its peers on the same cases, side by side."""
+"""Comparison of this project's optics with other programs on the same cases, by figures of merit."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ COLUMNS = ("case", "system", "error/run", "bias", "Z", "s/run", "set-up s", "FoM
 
 
 def table(cases: Sequence[str], peers: Sequence[str], runs: int, seconds: float) -> Iterator[tuple[str, ...]]:
-    """All rows, :data:`COLUMNS`, as they come.
+    """Yield rows with the columns :data:`COLUMNS` as they are measured.
 
     Parameters
     ----------
     cases, peers : sequence of str
-        Names of :data:`CASES` and :data:`PEERS`; all if there are none; the peer ``none`` leaves ours alone.
+        Names from :data:`CASES` and :data:`PEERS`; all if empty. The peer ``none`` selects no peer.
     runs : int
-        Independent seeds of each system.
+        Number of independent seeds of each system.
     seconds : float
-        About how long one run is.
+        Approximate time of one run.
 
     Raises
     ------
     InputError
-        if a name is not known.
+        if a name is unknown.
     """
     for parameter, names, allowed in (("case", cases, [*CASES]), ("peer", peers, [*PEERS, "none"])):
         for name in names:
@@ -55,7 +55,19 @@ def table(cases: Sequence[str], peers: Sequence[str], runs: int, seconds: float)
 
 
 def rows_of(case: PeerCase, peers: Sequence[str], runs: int, seconds: float) -> Iterator[tuple[str, ...]]:
-    """Rows of the table for one case, :data:`COLUMNS`, as they come; ours first. A system left out says why."""
+    """Yield rows of one case as they are measured, this project's first.
+
+    Parameters
+    ----------
+    case : PeerCase
+        The case.
+    peers : sequence of str
+        Names from :data:`PEERS`; the row of a peer that does not support the case has the reason.
+    runs : int
+        Number of independent seeds of each system.
+    seconds : float
+        Approximate time of one run.
+    """
     truth = truth_of(case, 2 * runs * seconds)
     systems: dict[str, Callable[[PeerCase], Estimator]] = {
         **{name: partial(ours.prepare, integrator=name) for name in ours.INTEGRATORS},

@@ -10,9 +10,9 @@ from mitsuba_taxel.evidence.peers.cases import DETECTOR, LED_SIDE
 def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int = 80, exponent: float = 1) -> float:
     """Power in W per W emitted, for a Lambertian LED and one reflection off a Lambertian plate of reflectance 1.
 
-    The share of the light leaving a point of the plate that reaches a parallel rectangle is the closed-form
-    configuration factor F; by reciprocity it also gives the irradiance there, so that the power is the integral of
-    F_led F_detector over the plate, divided by the LED's area: composite Gauss-Legendre, 8 x 8 nodes a panel.
+    The fraction of the light from a point of the plate that reaches a parallel rectangle is the closed-form
+    configuration factor F. By reciprocity F also gives the irradiance at that point, so that the power is the integral
+    of F_led F_detector over the plate, divided by the LED's area: composite Gauss-Legendre, 8 x 8 nodes per panel.
 
     Parameters
     ----------
@@ -42,17 +42,34 @@ def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int =
 
 
 def configuration_factor(x, y, width: float, depth: float, z: float):
-    """From an element at (x, y, z), facing down, to the rectangle width x depth about the origin, facing up [1].
+    """Configuration factor from an element at height z, facing down, to a rectangle about the origin, facing up.
 
     Signed sum over the corners of the element-to-corner formula (J. R. Howell, A Catalog of Radiation
     Configuration Factors, B-3).
+
+    Parameters
+    ----------
+    x, y : ndarray
+        Positions of the element, mm; they are broadcast.
+    width, depth : float
+        Sides of the rectangle along x and y, mm.
+    z : float
+        Height of the element, mm.
     """
     signs = [(sx, sy) for sx in (-1, 1) for sy in (-1, 1)]
     return sum(sx * sy * _to_corner((sx * 0.5 * width - x) / z, (sy * 0.5 * depth - y) / z) for sx, sy in signs)
 
 
 def response_factor(x, y, width: float, depth: float, z: float, exponent: float) -> np.ndarray:
-    """As :func:`configuration_factor`, weighted with cos**(exponent - 1); Gauss-Legendre, 20 x 20 nodes."""
+    """As :func:`configuration_factor`, weighted by cos**(exponent - 1); Gauss-Legendre, 20 x 20 nodes.
+
+    Parameters
+    ----------
+    x, y, width, depth, z
+        As there.
+    exponent : float
+        Of the cosine in the response.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(20)
     total = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)))
     for node_x, weight_x in zip(nodes, weights, strict=True):

@@ -29,9 +29,9 @@ COLUMNS = (
 )  # fmt: skip
 
 STIFFNESS = 2e4
-"""MPa/mm, pressure over penetration: a tenth of a micrometre."""
+"""Penalty stiffness in MPa/mm, pressure over penetration, which is then a tenth of a micrometre."""
 INCREMENT = 0.1
-"""Way of the ball in one increment, in mm."""
+"""Displacement of the ball in one increment, in mm."""
 CUTS = 6
 """Number of halvings of an icosahedron's edges: sides of 0.045 mm, whose facets lean by half a degree."""
 CAP, LARGEST_CAP = 1.06, 0.95
@@ -42,7 +42,12 @@ SHELL = 0.9
 
 
 def table(mesh_sizes: Sequence[float], depths: Sequence[float]) -> Iterator[tuple[object, ...]]:
-    """Rows for every mesh size and depth [mm], :data:`COLUMNS`, as they are measured.
+    """Yield rows with the columns :data:`COLUMNS` as they are measured.
+
+    Parameters
+    ----------
+    mesh_sizes, depths : sequence of float
+        In mm.
 
     Raises
     ------
@@ -56,7 +61,7 @@ def table(mesh_sizes: Sequence[float], depths: Sequence[float]) -> Iterator[tupl
 
 
 def row_of(mesh_size: float, depth: float) -> tuple[object, ...]:
-    """A row of the table."""
+    """The row of a mesh size and a depth, both in mm."""
     (state,) = load_path(PAD, MATERIAL, [(0, 0, -depth)], load=IndenterDisplacement(BALL), mesh_size=mesh_size)
     ours, peer = indentation_of(state)[1].force, press(state.mesh, MATERIAL, BALL, depth)
     difference = np.linalg.norm(peer.force - ours) / np.linalg.norm(ours)
@@ -74,12 +79,18 @@ def row_of(mesh_size: float, depth: float) -> tuple[object, ...]:
 
 
 def rms_apart(displacement: np.ndarray, reference: np.ndarray) -> float:
-    """Difference of two displacements (N, 3), relative to the second, root mean square over the nodes."""
+    """Relative difference of displacements, root mean square over the nodes.
+
+    Parameters
+    ----------
+    displacement, reference : (N, 3) ndarray
+        In the same unit; the difference is relative to the reference.
+    """
     return float(np.linalg.norm(displacement - reference) / np.linalg.norm(reference))
 
 
 def under_same_forces(state: State) -> np.ndarray:
-    """Displacement (N, 3) in mm of the peer's kind of element under the contact forces of a state of ours."""
+    """Displacement (N, 3) in mm under the contact forces of a state, by the element that CalculiX uses."""
     assert isinstance(state.material, NeoHookean)
     element, pushed = DisplacementForm(state.mesh, state.material), indentation_of(state)[1].pushed
     displacement, steps = np.zeros_like(pushed), math.ceil(abs(state.value[2]) / INCREMENT)
@@ -89,22 +100,43 @@ def under_same_forces(state: State) -> np.ndarray:
 
 
 def press(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) -> calculix.CalculixRun:
-    """CalculiX's state of a pad into whose top a ball is moved by a ``depth`` in mm, without friction."""
+    """Press a ball into the top of a pad by CalculiX, without friction.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        The undeformed mesh.
+    material : NeoHookean
+        The law.
+    ball : Indenter
+        The ball.
+    depth : float
+        Its displacement in mm.
+    """
     return calculix.run(deck(mesh, material, ball, depth), len(mesh.points))
 
 
 def deck(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) -> str:
-    """Input of the program. The ball is the lower part of a shell of wedges, all of whose nodes are moved."""
+    """Input of CalculiX. The ball is the lower part of a shell of wedges, whose nodes all have the same displacement.
+
+    Parameters
+    ----------
+    mesh, material, ball, depth
+        As for :func:`press`.
+    """
+    # The mesh of pad and ball.
     points, wedges = _shell(ball, float(mesh.points[:, 2].max()), depth)
     first_node, first_element = 1 + len(mesh.points), 1 + len(mesh.tets)
     lines = calculix.pad_lines(mesh, material)
     lines += ["*NODE, NSET=BALL", *calculix.node_lines(points, first_node), "*ELEMENT, TYPE=C3D6, ELSET=BALL"]
     lines += [",".join(map(str, (n, *nodes))) for n, nodes in enumerate(wedges + first_node, start=first_element)]
     lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", "1e5,0.3", "*SOLID SECTION, ELSET=BALL, MATERIAL=STEEL"]
+    # Contact between the top of the pad and the outside of the shell.
     lines += ["*SURFACE, NAME=TOP, TYPE=ELEMENT", *(f"{n},S{side}" for n, side in _top_sides(mesh))]
     lines += ["*SURFACE, NAME=OUTSIDE, TYPE=ELEMENT", "BALL,S2", "*SURFACE INTERACTION, NAME=FREE"]
     lines += ["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{STIFFNESS:g},1e-6"]
     lines += ["*CONTACT PAIR, INTERACTION=FREE, TYPE=NODE TO SURFACE", "TOP,OUTSIDE"]
+    # The displacement in increments, and what is printed.
     increment = min(1.0, INCREMENT / depth)
     lines += ["*STEP, NLGEOM, INC=1000", "*STATIC", f"{increment:g},1.,1e-5,{increment:g}", "*BOUNDARY"]
     lines += ["BALL,1,2,0.", f"BALL,3,3,{-depth:.13e}"]
@@ -114,9 +146,11 @@ def deck(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) -
 
 
 def _shell(ball: Indenter, lowest: float, depth: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (N, 3) and wedges (W, 6) below a ball whose lowest point is at a height in mm, as far as it meets what is
-    at that height once it is moved; facets outside enclose the volume of the ball, and are the wedges' last three
-    nodes."""
+    """Nodes (N, 3) and wedges (W, 6) of the lower part of a ball, whose lowest point is at the height ``lowest`` in mm.
+
+    The part is a little wider than the ball's section at that height after its displacement by ``depth``. The outer
+    facets, the last three nodes of the wedges, are scaled so that they enclose the volume of the ball.
+    """
     assert ball.radius is not None
     touched = math.sqrt(1 - (1 - min(depth / ball.radius, 1.0)) ** 2)
     cap = min(CAP * touched, LARGEST_CAP)

@@ -7,7 +7,7 @@ import numpy as np
 from mitsuba_taxel.evidence.peers.cases import DETECTOR, LED_SIDE, Estimator, PeerCase
 
 IMPORTANT = 0.8
-"""Share of the plate's directions that are aimed at the LED."""
+"""Fraction of the directions from the plate that are sampled towards the LED."""
 
 
 def prepare(case: PeerCase) -> Estimator:
