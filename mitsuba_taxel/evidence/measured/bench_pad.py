@@ -99,8 +99,8 @@ class Press(NamedTuple):
 
     @property
     def name(self) -> str:
-        place = f"_at_{self.x:g}_{self.y:g}" if self.x or self.y else ""
-        return f"{self.indenter}_{self.radius:g}_on_{self.height:g}{place}"
+        position = f"_at_{self.x:g}_{self.y:g}" if self.x or self.y else ""
+        return f"{self.indenter}_{self.radius:g}_on_{self.height:g}{position}"
 
 
 class Reading(NamedTuple):
@@ -136,8 +136,8 @@ def path(
         if the path ends before the first travel.
     """
     size = mesh_size or MESH_SIZE
-    how = (f"in_{size:g}" if mesh_size else "", "with_errors" if with_errors else "", assumed.name)
-    name = "_".join([f"pressed/{press.name}", *filter(None, how)])
+    settings = (f"in_{size:g}" if mesh_size else "", "with_errors" if with_errors else "", assumed.name)
+    name = "_".join([f"pressed/{press.name}", *filter(None, settings)])
     request = {**press._asdict(), "travels": travels, "points": POINTS, "mesh_size": size, "errors": with_errors}
     file = store.folder / "pressed" / "_".join(filter(None, ("pad", assumed.name)))
     return store.study(
@@ -156,10 +156,10 @@ def _computed(
     for travel in travels:
         try:
             rows.append(read(Scene(file, defines | {"uz": -travel}), at_rest, POINTS, with_errors))
-        except ComputationError as stopped:
+        except ComputationError as error:
             if not rows:
                 raise
-            end = str(stopped)
+            end = str(error)
             break
     study = dataset("travel", rows)
     return study.assign_coords(travel=("travel", np.array(travels[: len(rows)]), {"units": "mm"})).assign_attrs(end=end)
@@ -172,27 +172,27 @@ def defines_of(press: Press, assumed: Assumed = AS_FITTED) -> dict[str, Any]:
 
 def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False) -> Reading:
     """Force and changes of one state, with ``points`` light paths for each taxel and randomisation."""
-    found = measure(scene, points=points, mechanics_error=with_errors)
+    readings = measure(scene, points=points, mechanics_error=with_errors)
     state = deformed_pads(scene.load())[0].state
     force = -indentation_of(state)[1].pushed.sum(axis=0)[2]
     force_error = state.force_error if with_errors else np.nan
-    shares = found.replicates / at_rest.replicates.mean(axis=0) - at_rest.replicates / at_rest.power
-    light = standard_error(shares)
-    shape = np.zeros(len(light)) if found.deviation is None else found.deviation / at_rest.power
-    of_steps = state.memory.error if state.memory else 0.0
-    return Reading(force, force_error, shares.mean(axis=0), np.hypot(light, shape), of_steps)
+    changes = readings.replicates / at_rest.replicates.mean(axis=0) - at_rest.replicates / at_rest.power
+    light = standard_error(changes)
+    mesh_error = np.zeros(len(light)) if readings.deviation is None else readings.deviation / at_rest.power
+    step_error = state.memory.error if state.memory else 0.0
+    return Reading(force, force_error, changes.mean(axis=0), np.hypot(light, mesh_error), step_error)
 
 
 def dataset(dim: str, rows: list[Reading]) -> xr.Dataset:
     """Readings one after the other, by ``dim`` and ``taxel``."""
-    forces, force_errors, changes, errors, of_steps = map(np.array, zip(*rows, strict=True))
+    forces, force_errors, changes, errors, step_errors = map(np.array, zip(*rows, strict=True))
     return xr.Dataset(
         {
             "force": (dim, forces, {"units": "N"}),
             "force_error": (dim, force_errors, {"units": "N"}),
             "change": ((dim, "taxel"), changes),
             "change_error": ((dim, "taxel"), errors),
-            "step_error": (dim, of_steps),
+            "step_error": (dim, step_errors),
         },
         coords={"taxel": np.arange(1, SIDE**2 + 1)},
     )
@@ -234,8 +234,8 @@ def _grid(bottom: float) -> str:
     half = measured.PAD_SIDE / 2
     bars = []
     for low, high in np.concatenate([[-half], edges.ravel(), [half]]).reshape(-1, 2):
-        across, along = ((high - low) / 2, (low + high) / 2), (half, 0.0)
-        for x, y in ((across, along), (along, across)):
+        width, length = ((high - low) / 2, (low + high) / 2), (half, 0.0)
+        for x, y in ((width, length), (length, width)):
             size = f"{x[0]:g}, {y[0]:g}, {-bottom / 2:g}"
             bars.append(_BAR.format(size=size, centre=f"{x[1]:g}, {y[1]:g}, {bottom / 2:g}"))
     return "".join(bars)

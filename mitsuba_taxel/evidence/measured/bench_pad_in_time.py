@@ -46,10 +46,13 @@ def cycle(
     The record begins at a travel of ``late`` mm. Without terms, the pad is elastic. The last row, at no travel, is not
     computed: the indenter leaves the pad there.
     """
-    share = np.concatenate([np.arange(1, STEPS + 1), np.arange(STEPS - 1, 0, -1)]) / STEPS
+    fraction = np.concatenate([np.arange(1, STEPS + 1), np.arange(STEPS - 1, 0, -1)]) / STEPS
     times = measured.CYCLE_SECONDS / 2 * np.arange(1, 2 * STEPS) / STEPS
-    most = CYCLE_TRAVEL + late
-    rows = [TimedTravel(round(float(t), 6), round(float(s) * most, 6)) for t, s in zip(times, share, strict=True)]
+    largest_travel = CYCLE_TRAVEL + late
+    rows = [
+        TimedTravel(round(float(t), 6), round(float(s) * largest_travel, 6))
+        for t, s in zip(times, fraction, strict=True)
+    ]
     return _path(store, "cycle", press, prony, rows, bench_pad.POINTS, friction, mesh_size)
 
 
@@ -59,9 +62,9 @@ def hold_and_release(
     """The same at the times of the record: pressed within 0.1 s, held, and the indenter withdrawn at once."""
     end = REACHED + HELD
     travel = round(measured.HELD_AT + late, 6)
-    held = [TimedTravel(REACHED, travel), *(TimedTravel(REACHED + time, travel) for time in HOLD_TIMES)]
-    left = [TimedTravel(end, 0.0), *(TimedTravel(end + time, 0.0) for time in measured.TAIL_TIMES)]
-    return _path(store, "hold", press, prony, [*held, *left], POINTS, mesh_size=mesh_size)
+    hold = [TimedTravel(REACHED, travel), *(TimedTravel(REACHED + time, travel) for time in HOLD_TIMES)]
+    release = [TimedTravel(end, 0.0), *(TimedTravel(end + time, 0.0) for time in measured.TAIL_TIMES)]
+    return _path(store, "hold", press, prony, [*hold, *release], POINTS, mesh_size=mesh_size)
 
 
 def _path(
@@ -75,11 +78,11 @@ def _path(
     mesh_size: float | None = None,
 ) -> xr.Dataset:
     size = mesh_size or bench_pad.MESH_SIZE
-    terms = "; ".join(f"{share:.5g} {time:g}" for share, time in prony)
+    terms = "; ".join(f"{weight:.5g} {time:g}" for weight, time in prony)
     request = {**press._asdict(), "prony": terms, "rows": rows, "points": points, "friction": friction}
     request |= {"mesh_size": size}
-    how = ("rubbed" if friction else "", f"on {size:g}" if mesh_size else "")
-    name = "_".join(part for part in (kind, *how, *terms.split("; ")) if part)
+    settings = ("rubbed" if friction else "", f"on {size:g}" if mesh_size else "")
+    name = "_".join(word for word in (kind, *settings, *terms.split("; ")) if word)
     return store.study(
         f"pressed/{name.replace(' ', '_in_')}",
         request,
@@ -109,8 +112,8 @@ def _computed(
     history = [f"{row.time!r} 0 0 {-row.travel!r}" for row in rows]
     readings = []
     for number, row in enumerate(rows):
-        now = {"time": row.time if terms else 0.0, "uz": -row.travel, "history": "; ".join(history[:number])}
-        readings.append(bench_pad.read(Scene(file, defines | now), at_rest, points))
+        values = {"time": row.time if terms else 0.0, "uz": -row.travel, "history": "; ".join(history[:number])}
+        readings.append(bench_pad.read(Scene(file, defines | values), at_rest, points))
     times, travels = (np.array(values) for values in zip(*rows, strict=True))
     return bench_pad.dataset("row", readings).assign_coords(
         time=("row", times, {"units": "s"}), travel=("row", travels, {"units": "mm"})

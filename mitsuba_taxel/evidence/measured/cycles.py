@@ -36,13 +36,13 @@ def cycle(store: PaperStudies, cell: str, terms: tuple[tuple[float, float], ...]
 
     The modulus of the paper is taken as the long-term one.
     """
-    share = np.concatenate([np.arange(STEPS + 1), np.arange(STEPS - 1, -1, -1)]) / STEPS
-    forces = -paper.MEASURED_FORCE * PER_FORCE * share
-    times = measured.RAMP_SECONDS * np.arange(len(share)) / STEPS
+    fraction = np.concatenate([np.arange(STEPS + 1), np.arange(STEPS - 1, -1, -1)]) / STEPS
+    forces = -paper.MEASURED_FORCE * PER_FORCE * fraction
+    times = measured.RAMP_SECONDS * np.arange(len(fraction)) / STEPS
     prony = "; ".join(f"{g:.6g} {tau:g}" for g, tau in terms)
     rows = {"time": times.tolist(), "fz": np.round(forces, 6).tolist()}
-    at_once = round(YOUNGS_MODULUS / (1 - sum(g for g, _ in terms)), 4)
-    defines = {"cell": cell, "prony": prony, "youngs_modulus": at_once}
+    instant_modulus = round(YOUNGS_MODULUS / (1 - sum(g for g, _ in terms)), 4)
+    defines = {"cell": cell, "prony": prony, "youngs_modulus": instant_modulus}
     request = {"together": rows, "defines": defines, "points": POINTS}
     return store.study(f"cycle/{cell}", request, lambda: sweep("pad.xml", {}, defines, together=rows, points=POINTS))
 
@@ -60,8 +60,8 @@ def circuit_at_rest(study: xr.Dataset) -> Circuit:
 def figures(study: xr.Dataset) -> Figures:
     """Figures of a cycle behind :func:`circuit_at_rest`."""
     circuit = circuit_at_rest(study)
-    found = simulated_experiments(study, circuit)
-    table = characteristics(found.experiments, found.off)
+    experiments = simulated_experiments(study, circuit)
+    table = characteristics(experiments.experiments, experiments.off)
     table = table[table.reading == "V"]
     slopes = table[(table.figure == "mean_slope") & (table.loading == 1)].set_index("taxel")
     per_force = PER_FORCE * slopes.value.abs()

@@ -119,18 +119,23 @@ def results(store: PaperStudies, press: Press, late: float) -> Memory:
 
 def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer: xr.Dataset) -> Errors:
     """Errors of a hold with its release and of a cycle, from these on finer elements."""
-    one = {"taxel": measured.PRESSED}
-    light = (study.change_error / study.change[len(HOLD_TIMES)]).sel(one).values
-    of_steps = study.step_error.values
-    after, during = slice(-len(measured.TAIL_TIMES), None), slice(1, 1 + len(HOLD_TIMES))
-    tail = np.sqrt((tail_of(finer) - tail_of(study)) ** 2 + light[after] ** 2 + of_steps[after] ** 2)
-    hold = np.hypot(hold_of(finer) - hold_of(study), of_steps[during].max())
-    held = float(np.hypot(held_change_of(finer) - held_change_of(study), light[during].max()))
-    noise = 100 * float((slow.change_error / slow.change.max("row")).sel(one).max())
-    both = 200 * float(slow.step_error.max())
-    noises = both, both, noise, noise
+    pressed = {"taxel": measured.PRESSED}
+    light = (study.change_error / study.change[len(HOLD_TIMES)]).sel(pressed).values
+    step_error = study.step_error.values
+    release, hold_rows = slice(-len(measured.TAIL_TIMES), None), slice(1, 1 + len(HOLD_TIMES))
+    tail = np.sqrt((tail_of(finer) - tail_of(study)) ** 2 + light[release] ** 2 + step_error[release] ** 2)
+    hold = np.hypot(hold_of(finer) - hold_of(study), step_error[hold_rows].max())
+    change_error = float(np.hypot(held_change_of(finer) - held_change_of(study), light[hold_rows].max()))
+    noise = 100 * float((slow.change_error / slow.change.max("row")).sel(pressed).max())
+    step_noise = 200 * float(slow.step_error.max())
+    noises = step_noise, step_noise, noise, noise
     widths = zip(loop_of(slow), loop_of(slow_finer), noises, strict=True)
-    return Errors(tail, hold, held, Loop(*(float(np.hypot(there - here, more)) for here, there, more in widths)))
+    return Errors(
+        tail,
+        hold,
+        change_error,
+        Loop(*(float(np.hypot(finer_value - value, noise)) for value, finer_value, noise in widths)),
+    )
 
 
 def held_change_of(study: xr.Dataset) -> float:
@@ -146,19 +151,21 @@ def slow_term() -> tuple[float, float]:
 
     The solid is linear, and its loop that of a triangle in time.
     """
-    end, held = measured.TAIL_TIMES[-1], measured.HOLD_WINDOWS[-1][-1]
-    left = []
+    end, hold = measured.TAIL_TIMES[-1], measured.HOLD_WINDOWS[-1][-1]
+    remaining = []
     for time in SLOW:
         width, relaxed = _loop_per_share(time)
-        share = measured.FORCE_LOOP / (100 * width + measured.FORCE_LOOP * relaxed)
-        left.append(-share * np.expm1(-held / time) * np.exp(-(1 - share) * end / time) if share < 1 else np.inf)
-    least = int(np.argmin(left))
-    return float(SLOW[least]), float(left[least])
+        weight = measured.FORCE_LOOP / (100 * width + measured.FORCE_LOOP * relaxed)
+        remaining.append(
+            -weight * np.expm1(-hold / time) * np.exp(-(1 - weight) * end / time) if weight < 1 else np.inf
+        )
+    best = int(np.argmin(remaining))
+    return float(SLOW[best]), float(remaining[best])
 
 
 def linear_loop(terms: Prony) -> float:
     """Width of the loop of the force of a linear solid with this series, in percent of the largest force."""
-    shares = np.array([share for share, _ in terms])
+    shares = np.array([weight for weight, _ in terms])
     widths, relaxed = np.array([_loop_per_share(time) for _, time in terms]).T
     return float(100 * (shares @ widths) / (1 - shares @ relaxed))
 
@@ -168,10 +175,10 @@ def _loop_per_share(time: float) -> tuple[float, float]:
     largest force without it, per share."""
     half = measured.CYCLE_SECONDS / 2
     t = np.linspace(0.0, half, 401)
-    down = -time / half * np.expm1(-t / time)
-    back = down[-1] * np.exp(-t / time) + time / half * np.expm1(-t / time)
-    relaxed, relaxed_back = t / half - down, 1 - t / half - back
-    return float((relaxed_back[::-1] - relaxed).max()), float(relaxed[-1])
+    loading = -time / half * np.expm1(-t / time)
+    unloading = loading[-1] * np.exp(-t / time) + time / half * np.expm1(-t / time)
+    relaxed, relaxed_unloading = t / half - loading, 1 - t / half - unloading
+    return float((relaxed_unloading[::-1] - relaxed).max()), float(relaxed[-1])
 
 
 def measured_tail() -> np.ndarray:
@@ -185,18 +192,18 @@ def fit(computed: Callable[[Prony], np.ndarray]) -> tuple[Prony, int]:
     Least squares of the relative errors of :func:`linear_tail`, times the ratio of the computed tail to it at the
     shares before, until the shares settle (space mapping; J. W. Bandler et al., 1994).
     """
-    left, shares = measured_tail(), np.array([0.1, 0.01, 0.01])
-    ratio = np.ones(len(left))
+    target, shares = measured_tail(), np.array([0.1, 0.01, 0.01])
+    ratio = np.ones(len(target))
 
     def misfit(logs: np.ndarray) -> np.ndarray:
-        return linear_tail(np.exp(logs)) * ratio / left - 1
+        return linear_tail(np.exp(logs)) * ratio / target - 1
 
     for count in range(MOST_PATHS + 1):
-        before, shares = shares, np.exp(least_squares(misfit, np.log(shares)).x)
-        terms = tuple((float(f"{share:.4g}"), time) for share, time in zip(shares, TIMES, strict=True))
-        if count == MOST_PATHS or (count and np.all(np.abs(shares - before) <= SETTLED * shares)):
+        previous, shares = shares, np.exp(least_squares(misfit, np.log(shares)).x)
+        terms = tuple((float(f"{weight:.4g}"), time) for weight, time in zip(shares, TIMES, strict=True))
+        if count == MOST_PATHS or (count and np.all(np.abs(shares - previous) <= SETTLED * shares)):
             break
-        ratio = computed(terms) / linear_tail(np.array([share for share, _ in terms]))
+        ratio = computed(terms) / linear_tail(np.array([weight for weight, _ in terms]))
     return terms, count
 
 
@@ -232,8 +239,8 @@ def loop_of(study: xr.Dataset) -> Loop:
     half = len(change) // 2 + 1
     travel = np.insert(study.travel.values[:half], 0, 0.0)
     loading, unloading = (
-        np.stack([np.insert(values[part], 0, 0.0) for values in (study.force.values, change)])
-        for part in (slice(None, half), slice(None, -half - 1, -1))
+        np.stack([np.insert(values[rows], 0, 0.0) for values in (study.force.values, change)])
+        for rows in (slice(None, half), slice(None, -half - 1, -1))
     )
     force, volts = loading - unloading
     return Loop(
@@ -244,9 +251,11 @@ def loop_of(study: xr.Dataset) -> Loop:
     )
 
 
-def _at_equal_force(force: np.ndarray, change: np.ndarray, back: np.ndarray, change_back: np.ndarray) -> np.ndarray:
+def _at_equal_force(
+    force: np.ndarray, change: np.ndarray, force_back: np.ndarray, change_back: np.ndarray
+) -> np.ndarray:
     """Change on the way back less that on the way down, at its forces.
 
     At rest the curves end apart, as the indenter leaves the pad before it is back: that end is left out.
     """
-    return CubicSpline(force, change)(back[1:]) - change_back[1:]
+    return CubicSpline(force, change)(force_back[1:]) - change_back[1:]

@@ -49,19 +49,19 @@ class Tried(NamedTuple):
     rings: np.ndarray
 
 
-def tried(store: PaperStudies, found: Results) -> dict[str, Tried]:
+def tried(store: PaperStudies, results: Results) -> dict[str, Tried]:
     """What each of :data:`OTHERS` leads to; missing paths are computed."""
-    return {words: _tried(store, found, assumed) for words, assumed in OTHERS.items()}
+    return {name: _tried(store, results, assumed) for name, assumed in OTHERS.items()}
 
 
-def _tried(store: PaperStudies, found: Results, assumed: Assumed) -> Tried:
-    there, study = measured_curve(measured.PRESSED), bench_pad.path(store, found.fitted, assumed=assumed)
+def _tried(store: PaperStudies, results: Results, assumed: Assumed) -> Tried:
+    measured_taxel, study = measured_curve(measured.PRESSED), bench_pad.path(store, results.fitted, assumed=assumed)
     curve = curve_of(study, measured.PRESSED)
-    late = lateness(curve, there)
-    misfit = float(np.sqrt(np.mean(residuals(curve, there, late) ** 2)))
-    again = found.found._replace(modulus=modulus(curve, there, late), late=late, misfit=misfit)
-    held = held_map(study.sel(travel=[measured.HELD_AT]))
-    return Tried(compare(study, measured.PRESSED, again, there), rings(held))
+    late = lateness(curve, measured_taxel)
+    misfit = float(np.sqrt(np.mean(residuals(curve, measured_taxel, late) ** 2)))
+    refitted = results.found._replace(modulus=modulus(curve, measured_taxel, late), late=late, misfit=misfit)
+    hold_map = held_map(study.sel(travel=[measured.HELD_AT]))
+    return Tried(compare(study, measured.PRESSED, refitted, measured_taxel), rings(hold_map))
 
 
 def rings(values: np.ndarray) -> np.ndarray:
@@ -71,12 +71,12 @@ def rings(values: np.ndarray) -> np.ndarray:
     """
     row, column = np.indices(values.shape) - bench_pad.SIDE // 2
     distance = np.hypot(row, column).round(6)
-    return np.array([values[distance == one].mean() for one in np.unique(distance)[1:]])
+    return np.array([values[distance == radius].mean() for radius in np.unique(distance)[1:]])
 
 
-def expected_at(found: Results) -> tuple[float, float, float]:
+def expected_at(results: Results) -> tuple[float, float, float]:
     """Of :data:`PREDICTED` in the map: measured, computed, and computed if it is as sensitive as when pressed
     itself."""
-    place = np.unravel_index(PREDICTED - 1, found.moved.shape)
-    computed = float(found.moved[place])
-    return float(np.array(measured.HELD_MAP)[place]), computed, own_sensitivity(found.taxels[PREDICTED]) * computed
+    position = np.unravel_index(PREDICTED - 1, results.moved.shape)
+    computed = float(results.moved[position])
+    return float(np.array(measured.HELD_MAP)[position]), computed, own_sensitivity(results.taxels[PREDICTED]) * computed

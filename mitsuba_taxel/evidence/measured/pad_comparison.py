@@ -106,8 +106,8 @@ def results(store: PaperStudies) -> Results:
     def pressed(height: float, radius: float) -> PressedTaxel:
         return curve_of(bench_pad.path(store, Press(height, INDENTER, radius)), measured.PRESSED)
 
-    found = fit(pressed, curves[measured.PRESSED], START)
-    fitted = _press_of(found)
+    fitted_pad = fit(pressed, curves[measured.PRESSED], START)
+    fitted = _press_of(fitted_pad)
     middle = bench_pad.path(store, fitted)
     studies = {
         taxel: middle
@@ -115,27 +115,27 @@ def results(store: PaperStudies) -> Results:
         else bench_pad.path(store, fitted.moved(*bench_pad.centre_of(taxel)), PREDICTED_TRAVELS)
         for taxel in curves
     }
-    compared = {taxel: compare(studies[taxel], taxel, found, curve) for taxel, curve in curves.items()}
-    held = (found.travel(measured.HELD_AT),)
-    errors = bench_pad.path(store, fitted, held, with_errors=True)
-    finer = bench_pad.path(store, fitted, held, mesh_size=FINER)
+    compared = {taxel: compare(studies[taxel], taxel, fitted_pad, curve) for taxel, curve in curves.items()}
+    hold_travel = (fitted_pad.travel(measured.HELD_AT),)
+    errors = bench_pad.path(store, fitted, hold_travel, with_errors=True)
+    finer = bench_pad.path(store, fitted, hold_travel, mesh_size=FINER)
     centred = held_map(errors)
     offset = offset_from(centred, np.array(measured.HELD_MAP))
-    moved = bench_pad.path(store, fitted.moved(*offset.tolist()), (found.travel(MAP_TRAVEL),))
-    tried = [_wide(bench_pad.path(store, Press(h, INDENTER, r)), h) for h, r in found.tried]
-    there = ring(np.array(measured.HELD_MAP), 1)
-    widest = min(tried, key=lambda wide: abs(wide.near - there))
+    moved_study = bench_pad.path(store, fitted.moved(*offset.tolist()), (fitted_pad.travel(MAP_TRAVEL),))
+    tried = [_wide(bench_pad.path(store, Press(h, INDENTER, r)), h) for h, r in fitted_pad.tried]
+    measured_ring = ring(np.array(measured.HELD_MAP), 1)
+    widest = min(tried, key=lambda wide: abs(wide.near - measured_ring))
     change = float(errors.change.sel(taxel=measured.PRESSED).item())
-    return Results(found, compared, offset, centred, held_map(moved), change, errors, finer, widest)
+    return Results(fitted_pad, compared, offset, centred, held_map(moved_study), change, errors, finer, widest)
 
 
-def _press_of(found: FittedPad) -> Press:
-    return Press(float(found.unknowns[0]), INDENTER, float(found.unknowns[1]))
+def _press_of(fitted_pad: FittedPad) -> Press:
+    return Press(float(fitted_pad.unknowns[0]), INDENTER, float(fitted_pad.unknowns[1]))
 
 
 def _wide(study: xr.Dataset, height: float) -> Wide:
-    held = study.sel(travel=[measured.HELD_AT])
-    return Wide(height, ring(held_map(held), 1), float(held.change.sel(taxel=measured.PRESSED).item()))
+    hold = study.sel(travel=[measured.HELD_AT])
+    return Wide(height, ring(held_map(hold), 1), float(hold.change.sel(taxel=measured.PRESSED).item()))
 
 
 def measured_curve(taxel: int) -> PressedTaxel:
@@ -148,16 +148,17 @@ def curve_of(study: xr.Dataset, taxel: int) -> PressedTaxel:
     return PressedTaxel(study.travel.values, study.force.values, study.change.sel(taxel=taxel).values)
 
 
-def compare(study: xr.Dataset, taxel: int, found: FittedPad, there: PressedTaxel) -> Compared:
+def compare(study: xr.Dataset, taxel: int, fitted_pad: FittedPad, measured_taxel: PressedTaxel) -> Compared:
     """The computed path of a taxel beside its measured curve."""
     computed = curve_of(study, taxel)
-    places = np.linspace(0.0, computed.travel[-1], 200)
-    along, here = (computed.at(travel) for travel in (places, there.travel + found.late))
-    along, here = (
-        one._replace(travel=one.travel - found.late, force=found.modulus * one.force) for one in (along, here)
+    travels = np.linspace(0.0, computed.travel[-1], 200)
+    along, at_measured = (computed.at(travel) for travel in (travels, measured_taxel.travel + fitted_pad.late))
+    along, at_measured = (
+        curve._replace(travel=curve.travel - fitted_pad.late, force=fitted_pad.modulus * curve.force)
+        for curve in (along, at_measured)
     )
-    change = np.interp(there.force, along.force, along.change, right=np.nan)
-    return Compared(there, here, along, change, study.attrs["end"])
+    change = np.interp(measured_taxel.force, along.force, along.change, right=np.nan)
+    return Compared(measured_taxel, at_measured, along, change, study.attrs["end"])
 
 
 def held_map(study: xr.Dataset) -> np.ndarray:
@@ -166,25 +167,27 @@ def held_map(study: xr.Dataset) -> np.ndarray:
     return 100 * (change / change[measured.PRESSED - 1]).reshape(bench_pad.SIDE, bench_pad.SIDE)
 
 
-def offset_from(centred: np.ndarray, there: np.ndarray) -> np.ndarray:
+def offset_from(centred: np.ndarray, measured_map: np.ndarray) -> np.ndarray:
     """x and y in mm by which an indenter stands off the middle, from the asymmetry of the nearest taxels.
 
     That of the centred map, whose dies are off the axes of the cells, is taken off. Changes are taken to depend on the
     distance r from the indenter alone; the slope of their logarithm at one pitch is that of an even quartic in r
     through the computed changes at 0, 1 and 2 pitches.
     """
-    near, far = ring(centred, 1), ring(centred, 2)
-    a, b = np.linalg.solve([[1.0, 1.0], [4.0, 16.0]], np.log([near / 100.0, far / 100.0]))
-    slope = near * (2 * a + 4 * b) / measured.PITCH
-    left = there * near / ring(there, 1) - centred
+    first_ring, second_ring = ring(centred, 1), ring(centred, 2)
+    a, b = np.linalg.solve([[1.0, 1.0], [4.0, 16.0]], np.log([first_ring / 100.0, second_ring / 100.0]))
+    slope = first_ring * (2 * a + 4 * b) / measured.PITCH
+    asymmetry = measured_map * first_ring / ring(measured_map, 1) - centred
     middle = bench_pad.SIDE // 2
-    along_x = left[middle, middle + 1] - left[middle, middle - 1]
-    along_y = left[middle - 1, middle] - left[middle + 1, middle]
+    along_x = asymmetry[middle, middle + 1] - asymmetry[middle, middle - 1]
+    along_y = asymmetry[middle - 1, middle] - asymmetry[middle + 1, middle]
     return np.round(-np.array([along_x, along_y]) / (2 * slope), 2)
 
 
 def ring(values: np.ndarray, steps: int) -> float:
     """Mean in a map of the four taxels some steps away along rows and columns."""
     middle = bench_pad.SIDE // 2
-    low, high = middle - steps, middle + steps
-    return float(np.mean([values[middle, low], values[middle, high], values[low, middle], values[high, middle]]))
+    before, after = middle - steps, middle + steps
+    return float(
+        np.mean([values[middle, before], values[middle, after], values[before, middle], values[after, middle]])
+    )

@@ -48,9 +48,9 @@ class PressedTaxel(NamedTuple):
 
     def at(self, travel: np.ndarray) -> PressedTaxel:
         """The curve at other travels, by a spline through rest; NaN beyond its end."""
-        through = np.insert(self.travel, 0, 0.0)
+        knots = np.insert(self.travel, 0, 0.0)
         values = [
-            CubicSpline(through, np.insert(y, 0, 0.0), bc_type="natural", extrapolate=False)(travel)
+            CubicSpline(knots, np.insert(y, 0, 0.0), bc_type="natural", extrapolate=False)(travel)
             for y in (self.force, self.change)
         ]
         return PressedTaxel(travel, *values)
@@ -89,20 +89,20 @@ class FittedPad(NamedTuple):
 
 def lateness(computed: PressedTaxel, measured: PressedTaxel) -> float:
     """Travel in mm, at most `LATEST`, at which the record begins, by least squares."""
-    found = minimize_scalar(
+    solution = minimize_scalar(
         lambda late: np.square(residuals(computed, measured, late)).sum(),
         bounds=(0.0, LATEST),
         method="bounded",
         options={"xatol": 1e-4},
     )
-    return round(float(found.x), DIGITS)
+    return round(float(solution.x), DIGITS)
 
 
 def modulus(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -> float:
     """The modulus in MPa by least squares of the forces as far as the path computed with 1 MPa goes."""
-    here = computed.at(measured.travel + late).force
-    borne = np.isfinite(here)
-    return float(here[borne] @ measured.force[borne] / (here[borne] @ here[borne]))
+    force = computed.at(measured.travel + late).force
+    borne = np.isfinite(force)
+    return float(force[borne] @ measured.force[borne] / (force[borne] @ force[borne]))
 
 
 def residuals(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -> np.ndarray:
@@ -110,59 +110,59 @@ def residuals(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0)
 
     Beyond the end of the computed path, errors are those at its last travel.
     """
-    here = computed.at(measured.travel + late)
-    scaled = modulus(computed, measured, late) * here.force
-    found = np.stack(
-        [(scaled - measured.force) / measured.force.max(), (here.change - measured.change) / measured.change.max()]
+    curve = computed.at(measured.travel + late)
+    scaled = modulus(computed, measured, late) * curve.force
+    errors = np.stack(
+        [(scaled - measured.force) / measured.force.max(), (curve.change - measured.change) / measured.change.max()]
     )
-    last = np.flatnonzero(np.isfinite(here.force))[-1]
-    found[:, last + 1 :] = found[:, last : last + 1]
-    return found.ravel()
+    last = np.flatnonzero(np.isfinite(curve.force))[-1]
+    errors[:, last + 1 :] = errors[:, last : last + 1]
+    return errors.ravel()
 
 
 def fit(
     pressed: Callable[[float, float], PressedTaxel], measured: PressedTaxel, start: tuple[float, float]
 ) -> FittedPad:
     """Height and radius whose curve, computed by ``pressed(height, radius)``, is nearest to the measured one."""
-    known: dict[tuple[float, ...], PressedTaxel] = {}
+    curves: dict[tuple[float, ...], PressedTaxel] = {}
 
     def computed(logs: np.ndarray) -> PressedTaxel:
         key = tuple(rounded(value) for value in np.exp(logs))
-        if key not in known:
-            known[key] = pressed(*key)
-        return known[key]
+        if key not in curves:
+            curves[key] = pressed(*key)
+        return curves[key]
 
-    here, late = np.log(start), 0.0
-    curve = computed(here)
-    others = [computed(here + row) for row in DIFFERENCE * np.eye(2)]
-    count = min(len(one.travel) for one in (curve, *others))
-    slopes = np.stack([_logs(one, count) - _logs(curve, count) for one in others], axis=-1) / DIFFERENCE
+    logs_now, late = np.log(start), 0.0
+    curve = computed(logs_now)
+    varied = [computed(logs_now + row) for row in DIFFERENCE * np.eye(2)]
+    count = min(len(curve_k.travel) for curve_k in (curve, *varied))
+    slopes = np.stack([_logs(curve_k, count) - _logs(curve, count) for curve_k in varied], axis=-1) / DIFFERENCE
     for _ in range(MOST_STEPS):
 
-        def misfit(unknowns: np.ndarray, here=here, curve=curve, slopes=slopes) -> np.ndarray:
-            values = np.exp(_logs(curve, slopes.shape[1]) + slopes @ (unknowns[:2] - here))
+        def misfit(unknowns: np.ndarray, logs_now=logs_now, curve=curve, slopes=slopes) -> np.ndarray:
+            values = np.exp(_logs(curve, slopes.shape[1]) + slopes @ (unknowns[:2] - logs_now))
             return residuals(PressedTaxel(curve.travel[: slopes.shape[1]], *values), measured, unknowns[2])
 
-        within = [-np.inf, -np.inf, 0.0], [np.inf, np.inf, LATEST]
-        solution = least_squares(misfit, [*here, late], bounds=within)
-        late, step = solution.x[2], solution.x[:2] - here
+        bounds = [-np.inf, -np.inf, 0.0], [np.inf, np.inf, LATEST]
+        solution = least_squares(misfit, [*logs_now, late], bounds=bounds)
+        late, step = solution.x[2], solution.x[:2] - logs_now
         step *= min(1.0, LONGEST / np.abs(step).max())
-        there = computed(here + step)
-        count = min(slopes.shape[1], len(there.travel))
+        next_curve = computed(logs_now + step)
+        count = min(slopes.shape[1], len(next_curve.travel))
         slopes = slopes[:, :count]
-        missed = _logs(there, count) - _logs(curve, count) - slopes @ step
-        slopes = slopes + missed[..., None] * step / (step @ step)
-        here, curve = here + step, there
+        broyden_residual = _logs(next_curve, count) - _logs(curve, count) - slopes @ step
+        slopes = slopes + broyden_residual[..., None] * step / (step @ step)
+        logs_now, curve = logs_now + step, next_curve
         if np.abs(step).max() < SETTLED:
             break
-    lates = {key: lateness(one, measured) for key, one in known.items()}
-    errors = {key: residuals(one, measured, lates[key]) for key, one in known.items()}
+    lates = {key: lateness(curve_k, measured) for key, curve_k in curves.items()}
+    errors = {key: residuals(curve_k, measured, lates[key]) for key, curve_k in curves.items()}
     tried = {key: float(np.sqrt(np.mean(values**2))) for key, values in errors.items()}
     best = min(tried, key=lambda key: tried[key])
     jacobian = np.asarray(solution.jac)
     spread = np.linalg.pinv(jacobian.T @ jacobian) * 2 * solution.cost / (len(solution.fun) - UNKNOWNS)
     deviations = np.sqrt(np.diag(spread)) * [*best, 1.0]
-    stiffness = modulus(known[best], measured, lates[best])
+    stiffness = modulus(curves[best], measured, lates[best])
     return FittedPad(np.array(best), stiffness, lates[best], deviations, tried[best], tried)
 
 

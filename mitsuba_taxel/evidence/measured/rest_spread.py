@@ -82,17 +82,17 @@ def spread(store: PaperStudies) -> Spread:
     """The spread, computed if missing."""
     scene, study = _texts()
     request = {"scene": scene, "study": study}
-    found = store.study("tolerance/rest", request, lambda: _computed(store, scene, study))
-    names = found.parameter.values.tolist()
-    samples = found.sample.values
+    study_data = store.study("tolerance/rest", request, lambda: _computed(store, scene, study))
+    names = study_data.parameter.values.tolist()
+    samples = study_data.sample.values
     return Spread(
-        dict(zip(names, found.law.values.tolist(), strict=True)),
-        dict(zip(names, found.share.values.tolist(), strict=True)),
+        dict(zip(names, study_data.law.values.tolist(), strict=True)),
+        dict(zip(names, study_data.share.values.tolist(), strict=True)),
         _relative(samples),
-        _relative(samples / found.gain.values),
+        _relative(samples / study_data.gain.values),
         _error(samples),
-        _error(samples / found.gain.values),
-        _relative(found.gain.values),
+        _error(samples / study_data.gain.values),
+        _relative(study_data.gain.values),
     )
 
 
@@ -102,8 +102,8 @@ def _relative(values: np.ndarray) -> float:
 
 def _error(values: np.ndarray) -> float:
     """Of :func:`_relative`, by the jackknife (B. Efron and C. Stein, 1981)."""
-    left_out = np.array([_relative(np.delete(values, number)) for number in range(len(values))])
-    return float(np.sqrt((len(values) - 1) * left_out.var()))
+    jackknife = np.array([_relative(np.delete(values, number)) for number in range(len(values))])
+    return float(np.sqrt((len(values) - 1) * jackknife.var()))
 
 
 def _computed(store: PaperStudies, scene: str, study: str) -> xr.Dataset:
@@ -127,21 +127,21 @@ def _computed(store: PaperStudies, scene: str, study: str) -> xr.Dataset:
 
 def _texts() -> tuple[str, str]:
     """Scene and study."""
-    part = read_part("njl5908ar")
-    emitter, detector = part.emitter, part.detector
-    least, typical, most = (
-        read_part("vcnt2020").electrical[f"collector_current_{which}_A"] for which in ("least", "typical", "most")
+    reflector = read_part("njl5908ar")
+    emitter, detector = reflector.emitter, reflector.detector
+    lowest, typical, highest = (
+        read_part("vcnt2020").electrical[f"collector_current_{level}_A"] for level in ("least", "typical", "most")
     )
     values = {
         "core": measured.CORE,
         "core_height": measured.CORE_HEIGHT,
         "spacing": round(detector.x - emitter.x, 6),
         "middle": round((detector.x + emitter.x) / 2, 6),
-        "body": ", ".join(f"{side:g}" for side in part.body),
-        "below": -part.body[2],
+        "body": ", ".join(f"{side:g}" for side in reflector.body),
+        "below": -reflector.body[2],
         "led": emitter.die_width,
         "width": detector.die_width,
         "depth": detector.die_length,
     }
-    study = _STUDY.format(samples=SAMPLES, points=POINTS, low=least / typical, high=most / typical, **values)
+    study = _STUDY.format(samples=SAMPLES, points=POINTS, low=lowest / typical, high=highest / typical, **values)
     return scene_text("measured_cell").format(**values), study

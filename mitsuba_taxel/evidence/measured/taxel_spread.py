@@ -54,28 +54,28 @@ class Band(NamedTuple):
         """
         from scipy.stats import chi2, norm
 
-        degrees, likely = len(self.own) - 1, (np.arange(400) + 0.5) / 400
-        spread = self.spread * np.sqrt(degrees / chi2.ppf(likely, degrees))[:, None, None]
-        pressed = norm.ppf(likely)[:, None]
-        moved = self.moved[self.deviation > 0]
-        sd = np.hypot(spread * moved, ROUNDING)
-        within = norm.cdf((target + spread * pressed * moved) / sd) - norm.cdf(
-            (-target + spread * pressed * moved) / sd
+        degrees, quantiles = len(self.own) - 1, (np.arange(400) + 0.5) / 400
+        spread = self.spread * np.sqrt(degrees / chi2.ppf(quantiles, degrees))[:, None, None]
+        pressed = norm.ppf(quantiles)[:, None]
+        map_values = self.moved[self.deviation > 0]
+        sd = np.hypot(spread * map_values, ROUNDING)
+        within = norm.cdf((target + spread * pressed * map_values) / sd) - norm.cdf(
+            (-target + spread * pressed * map_values) / sd
         )
         return float(np.prod(within, axis=-1).mean())
 
 
-def band(found: Results) -> Band:
+def band(results: Results) -> Band:
     """The band of the computed map; each of its numbers is a ratio of two taxels, which both differ."""
-    own = {taxel: own_sensitivity(one) for taxel, one in found.taxels.items()}
-    spread = float(np.std(np.log(list(own.values())), ddof=1))
-    deviation = np.hypot(math.sqrt(2) * spread * found.moved, ROUNDING)
+    sensitivities = {taxel: own_sensitivity(compared) for taxel, compared in results.taxels.items()}
+    spread = float(np.std(np.log(list(sensitivities.values())), ddof=1))
+    deviation = np.hypot(math.sqrt(2) * spread * results.moved, ROUNDING)
     deviation[np.unravel_index(measured.PRESSED - 1, deviation.shape)] = 0.0
-    return Band(own, spread, found.moved, deviation)
+    return Band(sensitivities, spread, results.moved, deviation)
 
 
-def own_sensitivity(one: Compared) -> float:
+def own_sensitivity(compared: Compared) -> float:
     """Changes of a taxel that is pressed itself, relative to those computed at equal force, by least squares."""
-    borne = np.isfinite(one.change_at_force)
-    here, there = one.change_at_force[borne], one.measured.change[borne]
-    return float(here @ there / (here @ here))
+    borne = np.isfinite(compared.change_at_force)
+    computed, observed = compared.change_at_force[borne], compared.measured.change[borne]
+    return float(computed @ observed / (computed @ computed))

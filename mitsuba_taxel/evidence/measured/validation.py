@@ -46,12 +46,12 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
     """Compute missing studies, and write ``validation.md`` and the figures in ``validation/``; returns the page."""
     pictures = docs / "validation"
     make_folder(pictures)
-    found = results(store)
-    memory = memory_fit.results(store, found.fitted, found.found.late)
+    fitted = results(store)
+    memory = memory_fit.results(store, fitted.fitted, fitted.found.late)
     sections = [
         _HEAD.format(command=command, minutes=MINUTES),
-        pad_section(found, pictures),
-        assumptions_section(found, tried(store, found)),
+        pad_section(fitted, pictures),
+        assumptions_section(fitted, tried(store, fitted)),
         memory_section(memory, pictures),
         rest_section(spread(store)),
         _vcnt2020(pictures),
@@ -63,19 +63,20 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
 
 
 def _vcnt2020(pictures: Path) -> str:
-    part = read_part("vcnt2020")
-    heights, given = np.array(part.distance_curve).T
-    curve = mirror_curve(part, _FINE)
-    model, curve = mirror_curve(part, heights) / curve.max(), curve / curve.max()
-    validation_figures.mirror(heights, given, _FINE, curve, pictures / "vcnt2020.png")
+    reflector = read_part("vcnt2020")
+    heights, sheet = np.array(reflector.distance_curve).T
+    curve = mirror_curve(reflector, _FINE)
+    model, curve = mirror_curve(reflector, heights) / curve.max(), curve / curve.max()
+    validation_figures.mirror(heights, sheet, _FINE, curve, pictures / "vcnt2020.png")
     rows = [
         [f"{z:g}", f"{100 * a:.1f}", f"{100 * b:.1f}", f"{100 * (b - a):+.1f}"]
-        for z, a, b in zip(heights, given, model, strict=True)
+        for z, a, b in zip(heights, sheet, model, strict=True)
     ]
-    far = 100 * (1 - model[-3:] / given[-3:]).mean()
-    worst = int(np.abs(model - given).argmax())
+    deficit = 100 * (1 - model[-3:] / sheet[-3:]).mean()
+    worst = int(np.abs(model - sheet).argmax())
     edges = [
-        [word, *(f"{position:.3f}" for position in edge_positions(part, EDGE_HEIGHT, k))] for k, word in enumerate("xy")
+        [word, *(f"{position:.3f}" for position in edge_positions(reflector, EDGE_HEIGHT, k))]
+        for k, word in enumerate("xy")
     ]
     return f"""\
 ## VCNT2020 under a mirror
@@ -86,8 +87,8 @@ current:
 
 {markdown_table(["height [mm]", "datasheet", "here", "difference"], rows)}
 
-The largest difference is {100 * (model - given)[worst]:+.1f} % of the peak, at {heights[worst]:g} mm. Beyond 4 mm we
-are too {"low" if far > 0 else "high"} by {abs(far):.0f} % of the value.
+The largest difference is {100 * (model - sheet)[worst]:+.1f} % of the peak, at {heights[worst]:g} mm. Beyond 4 mm we
+are too {"low" if deficit > 0 else "high"} by {abs(deficit):.0f} % of the value.
 
 Predicted, without a measurement: position of the edge of a mirror at {EDGE_HEIGHT:g} mm, from the centre of the
 body, for 10, 50 and 90 % of the current (`taxel parts vcnt2020 --edges {EDGE_HEIGHT:g}`):
@@ -98,29 +99,35 @@ body, for 10, 50 and 90 % of the current (`taxel parts vcnt2020 --edges {EDGE_HE
 
 def _tables(store: PaperStudies, terms: Prony, pictures: Path) -> str:
     cycles = {cell: cycle(store, cell, terms) for cell in paper.MEASURED_NORMAL}
-    found = {cell: figures(study) for cell, study in cycles.items()}
-    ranges = {cell: (both, (found[cell].least, found[cell].most)) for cell, both in paper.MEASURED_NORMAL.items()}
+    cell_figures = {cell: figures(study) for cell, study in cycles.items()}
+    ranges = {
+        cell: (ranges_measured, (cell_figures[cell].least, cell_figures[cell].most))
+        for cell, ranges_measured in paper.MEASURED_NORMAL.items()
+    }
     validation_figures.sensitivities(ranges, pictures / "sensitivities.png")
     rows = []
-    for cell, ours in found.items():
+    for cell, simulated in cell_figures.items():
         low, high = paper.MEASURED_NORMAL[cell]
         rows.append(
             [
                 cell,
                 f"{1e3 * low:.2f} to {1e3 * high:.2f}",
-                f"{1e3 * ours.least:.2f} to {1e3 * ours.most:.2f}",
+                f"{1e3 * simulated.least:.2f} to {1e3 * simulated.most:.2f}",
                 f"{paper.MEASURED_NONLINEARITY[cell]:g}",
-                _resolved(*ours.nonlinearity),
+                _resolved(*simulated.nonlinearity),
                 f"{measured.MEASURED_HYSTERESIS[cell]:g}",
-                _resolved(*ours.hysteresis),
+                _resolved(*simulated.hysteresis),
             ]
         )
     heads = ["shape", "mV/N measured", "here", "e_nl [%] measured", "here", "e_h [%] measured", "here"]
     electronics = f"{measured.LOAD_RESISTANCE / 1e3:g} kOhm, {measured.ADC_BITS} bit at {measured.ADC_REFERENCE:g} V"
     sideways_heads = ["shape", "along x: mV/N measured", "here", "along y: mV/N measured", "here"]
-    first = found["parallelepiped"]
-    shares = ", ".join(f"{100 * found[cell].most / max(both):.0f} %" for cell, both in paper.MEASURED_NORMAL.items())
-    hysteresis = f"{100 * first.hysteresis[0] / measured.MEASURED_HYSTERESIS['parallelepiped']:.0f}"
+    flat = cell_figures["parallelepiped"]
+    shares = ", ".join(
+        f"{100 * cell_figures[cell].most / max(ranges_measured):.0f} %"
+        for cell, ranges_measured in paper.MEASURED_NORMAL.items()
+    )
+    hysteresis = f"{100 * flat.hysteresis[0] / measured.MEASURED_HYSTERESIS['parallelepiped']:.0f}"
     return f"""\
 ## The paper's Tables 2 to 4 in volts, and its hysteresis
 ![Sensitivities of the taxels of three shapes](validation/sensitivities.png)
@@ -153,11 +160,11 @@ normal sensitivity:
 def _sideways(store: PaperStudies, cycles: Mapping[str, xr.Dataset]) -> list[list[str]]:
     """Rows of Table 3, with the circuits of the cycles."""
     rows = []
-    for cell, both in paper.MEASURED_TANGENTIAL.items():
+    for cell, slopes in paper.MEASURED_TANGENTIAL.items():
         row, circuit = [cell], circuit_at_rest(cycles[cell])
-        for along, slope in zip(("fx", "fy"), both, strict=True):
-            here = (1e3 * value for value in largest_slope(pushed(store, cell, along), circuit))
-            row += [f"{1e3 * slope:.2f}", _resolved(*here)]
+        for along, slope in zip(("fx", "fy"), slopes, strict=True):
+            simulated = (1e3 * value for value in largest_slope(pushed(store, cell, along), circuit))
+            row += [f"{1e3 * slope:.2f}", _resolved(*simulated)]
         rows.append(row)
     return rows
 

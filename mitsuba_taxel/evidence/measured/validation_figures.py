@@ -13,11 +13,11 @@ from mitsuba_taxel.evidence.measured.pad_comparison import Compared, Results
 from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_small
 
 
-def mirror(heights: np.ndarray, given: np.ndarray, places: np.ndarray, curve: np.ndarray, file: Path) -> None:
+def mirror(heights: np.ndarray, datasheet: np.ndarray, fine_heights: np.ndarray, curve: np.ndarray, file: Path) -> None:
     """Current under a mirror against its height, in percent of the largest."""
     ax = axes_of((6, 3.6), 1, 1)[0, 0]
-    ax.plot(places, 100 * curve, color=COLOURS[0], label="here")
-    ax.plot(heights, 100 * given, MARKERS[0], color=COLOURS[1], label="datasheet")
+    ax.plot(fine_heights, 100 * curve, color=COLOURS[0], label="here")
+    ax.plot(heights, 100 * datasheet, MARKERS[0], color=COLOURS[1], label="datasheet")
     _finished(ax, "height of the mirror [mm]", "current / largest [%]", file)
 
 
@@ -48,23 +48,25 @@ def memory(tail: np.ndarray, hold: np.ndarray, file: Path) -> None:
 def pressed(taxels: Mapping[int, Compared], file: Path) -> None:
     """Force against travel, and change of the reading against force, of the taxels that were pressed."""
     force, change = axes_of((10, 4), 1, 2)[0]
-    for number, (taxel, one) in enumerate(taxels.items()):
+    for number, (taxel, compared) in enumerate(taxels.items()):
         colour = COLOURS[number]
         label = f"taxel {taxel}, {'fitted' if taxel == measured.PRESSED else 'predicted'}"
-        force.plot(one.along.travel, one.along.force, color=colour, label=label)
-        force.plot(one.measured.travel, one.measured.force, MARKERS[number], color=colour, markersize=5)
-        change.plot(one.along.force, 100 * one.along.change, color=colour)
-        change.plot(one.measured.force, 100 * one.measured.change, MARKERS[number], color=colour, markersize=5)
+        force.plot(compared.along.travel, compared.along.force, color=colour, label=label)
+        force.plot(compared.measured.travel, compared.measured.force, MARKERS[number], color=colour, markersize=5)
+        change.plot(compared.along.force, 100 * compared.along.change, color=colour)
+        change.plot(
+            compared.measured.force, 100 * compared.measured.change, MARKERS[number], color=colour, markersize=5
+        )
     _labelled(force, "travel [mm]", "force [N]")
     change.grid(alpha=0.3)
     change.set(xlabel="force [N]", ylabel="change of the voltage [% of that at rest]")
     save_small(change.figure, file)
 
 
-def maps(found: Results, file: Path) -> None:
+def maps(results: Results, file: Path) -> None:
     """Changes of all taxels while the middle one is held: measured, and computed with the offset."""
     axes = axes_of((8, 4), 1, 2)[0]
-    for ax, title, values in zip(axes, ("measured", "here"), (np.array(measured.HELD_MAP), found.moved), strict=True):
+    for ax, title, values in zip(axes, ("measured", "here"), (np.array(measured.HELD_MAP), results.moved), strict=True):
         image = ax.imshow(values, cmap="viridis", vmin=0, vmax=100)
         for (row, column), value in np.ndenumerate(values):
             ax.text(column, row, f"{round(value)}", ha="center", va="center", color="k" if value > 60 else "w")
@@ -77,11 +79,11 @@ def sensitivities(ranges: Mapping[str, tuple[tuple[float, float], tuple[float, f
     """Sensitivities in V/N from the least to the most sensitive taxel of each shape: measured, and computed."""
     ax = axes_of((6, 3.4), 1, 1)[0, 0]
     for side, label in enumerate(("measured", "here")):
-        low, high = 1e3 * np.array([both[side] for both in ranges.values()]).T
-        place = np.arange(len(ranges)) + (0.1, -0.1)[side]
+        low, high = 1e3 * np.array([pair[side] for pair in ranges.values()]).T
+        position = np.arange(len(ranges)) + (0.1, -0.1)[side]
         colour, marker = COLOURS[1 - side], MARKERS[side]
-        ax.vlines(place, low, high, color=colour, linewidth=2)
-        ax.plot(np.tile(place, 2), np.concatenate([low, high]), marker, color=colour, label=label)
+        ax.vlines(position, low, high, color=colour, linewidth=2)
+        ax.plot(np.tile(position, 2), np.concatenate([low, high]), marker, color=colour, label=label)
     ax.set_xticks(range(len(ranges)), list(ranges))
     ax.set_yscale("log")
     _finished(ax, "shape of the cells", "sensitivity [mV/N]", file)

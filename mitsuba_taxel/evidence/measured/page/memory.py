@@ -25,33 +25,33 @@ _LOOPS = (
 )
 
 
-def memory_section(found: Memory, pictures: Path) -> str:
+def memory_section(fit: Memory, pictures: Path) -> str:
     """The section of the page; its figure is written to the folder ``pictures``."""
-    left = measured_tail()
+    tail = measured_tail()
     forces, scatters = np.array(measured.HOLD_FORCES).T / measured.HOLD_FORCES[-1][0]
-    tails, holds = 100 * np.array([left, found.tail]), np.array([forces, scatters, found.hold])
+    tails, holds = 100 * np.array([tail, fit.tail]), np.array([forces, scatters, fit.hold])
     validation_figures.memory(tails, holds, pictures / "memory.png")
-    series = ", ".join(f"{share:.3f} in {time:g} s" for share, time in found.terms)
+    series = ", ".join(f"{weight:.3f} in {time:g} s" for weight, time in fit.terms)
     tail_rows = [
         [f"{time:g}", f"{100 * a:.2f}", _with(100 * b, 100 * error)]
-        for time, a, b, error in zip(measured.TAIL_TIMES, left, found.tail, found.errors.tail, strict=True)
+        for time, a, b, error in zip(measured.TAIL_TIMES, tail, fit.tail, fit.errors.tail, strict=True)
     ]
     hold_rows = [
-        [f"{low:g} to {high:g}", f"{force:.3f} ± {scatter:.3f}", f"{ours:.3f} ± {error:.3f}"]
-        for (low, high), force, scatter, ours, error in zip(
-            measured.HOLD_WINDOWS, forces, scatters, found.hold, found.errors.hold, strict=True
+        [f"{low:g} to {high:g}", f"{force:.3f} ± {scatter:.3f}", f"{computed:.3f} ± {error:.3f}"]
+        for (low, high), force, scatter, computed, error in zip(
+            measured.HOLD_WINDOWS, forces, scatters, fit.hold, fit.errors.hold, strict=True
         )
     ]
     loop_rows = [
         [
-            words,
-            f"{there:g}",
-            _with(getattr(found.loop, name), getattr(found.errors.loop, name)),
-            f"{getattr(found.rubbed, name):.2f}",
+            name,
+            f"{observed:g}",
+            _with(getattr(fit.loop, name), getattr(fit.errors.loop, name)),
+            f"{getattr(fit.rubbed, name):.2f}",
         ]
-        for words, name, there in _LOOPS
+        for name, name, observed in _LOOPS
     ]
-    worst = 100 * np.abs(found.tail / left - 1).max()
+    worst = 100 * np.abs(fit.tail / tail - 1).max()
     travel = f"{max(measured.PRESSES[measured.PRESSED].travels):g} mm"
     duration = f"{measured.CYCLE_SECONDS:g} s"
     return f"""\
@@ -62,7 +62,7 @@ All of this is computed with the pad and the indenter found above, of viscoelast
 modulus found is the long-term one, as the press was slow. Errors are those of the computation: the difference to
 elements of {FINER:g} mm, the estimated error of time steps, and the noise of the light.
 
-**Fitted to the voltage after release alone**, by {found.paths} paths of finite elements: the shares of three relaxation
+**Fitted to the voltage after release alone**, by {fit.paths} paths of finite elements: the shares of three relaxation
 times, {series}. Here the indenter is withdrawn at once, which takes time on the
 bench: the first share is due to the release as much as to the silicone. Percent of the change during the hold:
 
@@ -74,7 +74,7 @@ Predicted: the force during the hold, relative to that at the end. Measured valu
 
 {markdown_table(["s", "measured", "here"], hold_rows)}
 
-{paragraph(_hold_words(found, forces, scatters))}
+{paragraph(_hold_words(fit, forces, scatters))}
 
 Predicted: a cycle to {travel} in {duration}. Widths in percent of the largest force or change, energy of that of
 loading; beside them those of an elastic pad under an indenter with a coefficient of friction of {FRICTION:g}, which is
@@ -82,7 +82,7 @@ assumed, and stated without an error:
 
 {markdown_table(["loop", "measured", "viscoelastic", "elastic, with friction"], loop_rows)}
 
-{paragraph(_loop_words(found))}
+{paragraph(_loop_words(fit))}
 """
 
 
@@ -90,10 +90,10 @@ def _with(value: float, error: float) -> str:
     return f"{value:.2f} ± {error:.2f}"
 
 
-def _hold_words(found: Memory, forces: np.ndarray, scatters: np.ndarray) -> str:
-    within = np.all(np.abs(found.hold - forces) <= np.hypot(scatters, found.errors.hold))
+def _hold_words(memory: Memory, forces: np.ndarray, scatters: np.ndarray) -> str:
+    within = np.all(np.abs(memory.hold - forces) <= np.hypot(scatters, memory.errors.hold))
     hold = "agrees" if within else "**does not agree**"
-    change, error = 100 * found.held_change, 100 * found.errors.held_change
+    change, error = 100 * memory.held_change, 100 * memory.errors.held_change
     alike = "as" if change - error <= measured.HELD_CHANGE else "**not** as"
     if error > measured.HELD_CHANGE:
         alike = "which does not resolve what is"
@@ -103,40 +103,46 @@ def _hold_words(found: Memory, forces: np.ndarray, scatters: np.ndarray) -> str:
     )
 
 
-def _loop_words(found: Memory) -> str:
-    told = [one for one in _LOOPS if getattr(found.loop, one[1]) > RESOLVED * getattr(found.errors.loop, one[1])]
-    if not told:
+def _loop_words(memory: Memory) -> str:
+    resolved = [
+        entry for entry in _LOOPS if getattr(memory.loop, entry[1]) > RESOLVED * getattr(memory.errors.loop, entry[1])
+    ]
+    if not resolved:
         return "No width of the loop is resolved."
-    ratios = [there / getattr(found.loop, name) for _, name, there in told]
+    ratios = [observed / getattr(memory.loop, name) for _, name, observed in resolved]
     low, high = min(ratios), max(ratios)
-    rest = f" ({len(_LOOPS) - len(told)} of {len(_LOOPS)} widths are not resolved)" if len(told) < len(_LOOPS) else ""
+    unresolved = (
+        f" ({len(_LOOPS) - len(resolved)} of {len(_LOOPS)} widths are not resolved)"
+        if len(resolved) < len(_LOOPS)
+        else ""
+    )
     if 1 / ALIKE <= low and high <= ALIKE:
-        return f"**The loop agrees** within {100 * (ALIKE - 1):.0f} %{rest}."
+        return f"**The loop agrees** within {100 * (ALIKE - 1):.0f} %{unresolved}."
     verdict = (
-        f"**The loop does not agree**: the measured ones are {low:.2g} to {high:.2g} times as wide as predicted{rest}. "
-        f"Friction below the indenter opens {found.rubbed.force:.2f} of {measured.FORCE_LOOP:g} % and changes the "
-        f"largest force by {100 * (found.stiffer - 1):+.0f} %."
+        f"**The loop does not agree**: the measured ones are {low:.2g} to {high:.2g} times as wide as "
+        f"predicted{unresolved}. Friction below the indenter opens {memory.rubbed.force:.2f} of "
+        f"{measured.FORCE_LOOP:g} % and changes the largest force by {100 * (memory.stiffer - 1):+.0f} %."
     )
-    own = (
+    linear_note = (
         "Of a linear solid with the fitted series, in closed form, that of the force is "
-        f"{linear_loop(found.terms):.2f} % wide: no error of the computation makes it narrow."
+        f"{linear_loop(memory.terms):.2f} % wide: no error of the computation makes it narrow."
     )
-    return f"{verdict} {own} {_missing()}" if low > ALIKE else verdict
+    return f"{verdict} {linear_note} {_missing()}" if low > ALIKE else verdict
 
 
 def _missing() -> str:
     """What could widen loops that are too narrow."""
-    time, left = slow_term()
+    time, residue = slow_term()
     there = measured_tail()[-1]
     verdict = "does not exclude it"
-    if left > ALIKE * there:
+    if residue > ALIKE * there:
         verdict = (
             "excludes it. No sum of terms leaves less, as widths and remainders of small shares add up: no linear "
             "viscosity, whatever its constants, makes both records"
         )
     return (
         f"A further term of the series that opens such a loop, at best one of {time:.0f} s, would leave at least "
-        f"{100 * left:.1f} % of the change {measured.TAIL_TIMES[-1]:g} s after the release (a linear solid), where "
+        f"{100 * residue:.1f} % of the change {measured.TAIL_TIMES[-1]:g} s after the release (a linear solid), where "
         f"{100 * there:.2f} % is measured: that {verdict}. {_widths_alone()}"
     )
 

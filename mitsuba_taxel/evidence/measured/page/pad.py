@@ -19,16 +19,16 @@ ALIKE = 1.5
 """Misfit, relative to the least, of pairs of unknowns that the page tells too."""
 
 
-def pad_section(found: Results, pictures: Path) -> str:
+def pad_section(results: Results, pictures: Path) -> str:
     """The section of the page; its figures are written to the folder ``pictures``."""
-    validation_figures.pressed(found.taxels, pictures / "pressed.png")
-    validation_figures.maps(found, pictures / "map.png")
-    taxels = ", ".join(map(str, found.taxels))
+    validation_figures.pressed(results.taxels, pictures / "pressed.png")
+    validation_figures.maps(results, pictures / "map.png")
+    taxels = ", ".join(map(str, results.taxels))
     fitted, collar = measured.PRESSED, f"{measured.COLLAR_HEIGHT:g} mm"
     points = len(measured.PRESSES[fitted].forces)
-    tried = len(found.found.tried)
-    x, y = (f"{place:+.2f} mm" for place in found.offset)
-    held = f"{100 * measured.HELD_SHARE:.1f} %; here by {100 * found.held:.1f} %"
+    tried = len(results.found.tried)
+    x, y = (f"{offset:+.2f} mm" for offset in results.offset)
+    hold_change = f"{100 * measured.HELD_SHARE:.1f} %; here by {100 * results.held:.1f} %"
     below = measured.CORE_HEIGHT - measured.COLLAR_HEIGHT
     heads = ["", *(f"column {number}" for number in range(1, bench_pad.SIDE + 1))]
     return f"""\
@@ -42,9 +42,9 @@ its taxels {taxels}. Its height, its silicone and the indenter are not stated.
 finite elements; the modulus has a closed form, as forces are proportional to it. A record begins where the robot
 noticed the contact, and how late that is, is found as well:
 
-{markdown_table(["unknown", "value"], _unknowns(found))}
+{markdown_table(["unknown", "value"], _unknowns(results))}
 
-{paragraph(_valley(found))}
+{paragraph(_valley(results))}
 
 The indenter is taken as a ball of that radius without friction, the silicone as neo-Hookean with nu = 0.49. Collars of
 the rigid grid reach {collar} into the cells and hold the walls between them: the model is glued at their
@@ -55,75 +55,80 @@ around the grid below the tops of the collars, friction, gaps beside the collars
 compliance of the robot. Voltages are compared relative to rest: the circuit is linear up to 3 V of its 3.3 V, so no
 gain is needed, and no reading comes near saturation.
 
-{"".join(_pressed(taxel, one) for taxel, one in found.taxels.items())}
-{paragraph(_spread(found))}
+{"".join(_pressed(taxel, compared) for taxel, compared in results.taxels.items())}
+{paragraph(_spread(results))}
 
-{paragraph(_errors(found))}
+{paragraph(_errors(results))}
 
 ### All taxels
 ![Changes of all taxels while taxel 13 is held](validation/map.png)
 
-While taxel {fitted} is held at {measured.HELD_AT:g} mm its voltage changes by {held}. All taxels in percent
+While taxel {fitted} is held at {measured.HELD_AT:g} mm its voltage changes by {hold_change}. All taxels in percent
 of that, in their places, measured / here (at {MAP_TRAVEL:g} mm), with ± one standard deviation of what is told below:
 
-{markdown_table(heads, _map_rows(found))}
+{markdown_table(heads, _map_rows(results))}
 
 Fitted to the asymmetry of the four nearest taxels: the indenter stands {x} along x and {y} along y off the
 middle of taxel {fitted}. All else in the map is predicted.
 
-{paragraph(_map_words(found))}
+{paragraph(_map_words(results))}
 
-{paragraph(_band_words(found))}
+{paragraph(_band_words(results))}
 """
 
 
-def _unknowns(found: Results) -> list[list[str]]:
+def _unknowns(results: Results) -> list[list[str]]:
     height, radius, late = (
         with_error(value, error)
-        for value, error in zip([*found.found.unknowns, found.found.late], found.found.deviations, strict=True)
+        for value, error in zip([*results.found.unknowns, results.found.late], results.found.deviations, strict=True)
     )
     return [
         ["height of the silicone above the dies", f"{height} mm"],
         ["radius of the end of the indenter", f"{radius} mm"],
-        ["Young's modulus", f"{found.found.modulus:.3g} MPa"],
+        ["Young's modulus", f"{results.found.modulus:.3g} MPa"],
         ["travel from the first contact to where the record begins", f"{late} mm"],
     ]
 
 
-def _valley(found: Results) -> str:
+def _valley(results: Results) -> str:
     """What else was tried and fits nearly as well."""
-    best = tuple(found.found.unknowns)
-    others = [
+    best = tuple(results.found.unknowns)
+    alternatives = [
         f"{height:g} mm with {radius:g} mm ({100 * misfit:.1f} %)"
-        for (height, radius), misfit in found.found.tried.items()
-        if (height, radius) != best and misfit < ALIKE * found.found.misfit
+        for (height, radius), misfit in results.found.tried.items()
+        if (height, radius) != best and misfit < ALIKE * results.found.misfit
     ]
-    alike = f"; nearly as well: {', '.join(others)}. Height and radius are hardly told apart" if others else ""
-    return f"Root mean square of the residuals, of the largest values: {100 * found.found.misfit:.1f} %{alike}."
+    alike = (
+        f"; nearly as well: {', '.join(alternatives)}. Height and radius are hardly told apart" if alternatives else ""
+    )
+    return f"Root mean square of the residuals, of the largest values: {100 * results.found.misfit:.1f} %{alike}."
 
 
-def _pressed(taxel: int, one: Compared) -> str:
+def _pressed(taxel: int, compared: Compared) -> str:
     fitted = taxel == measured.PRESSED
     force_target, change_target = (FORCE_TARGET, CHANGE_TARGET) if fitted else (PREDICTED_TARGET, PREDICTED_TARGET)
     columns = [
-        (one.measured.travel, ".3f"),
-        (one.measured.force, ".2f"),
-        (one.computed.force, ".2f"),
-        (one.force_error, "+.1f"),
-        (100 * one.measured.change, ".2f"),
-        (100 * one.change_at_force, ".2f"),
-        (one.change_error, "+.1f"),
+        (compared.measured.travel, ".3f"),
+        (compared.measured.force, ".2f"),
+        (compared.computed.force, ".2f"),
+        (compared.force_error, "+.1f"),
+        (100 * compared.measured.change, ".2f"),
+        (100 * compared.change_at_force, ".2f"),
+        (compared.change_error, "+.1f"),
     ]
     rows = np.transpose([[_shown(value, form) for value in values] for values, form in columns]).tolist()
     half = ["measured", "here", "difference [%]"]
     heads = ["travel [mm]", f"force [N] {half[0]}", *half[1:], f"change [%] {half[0]}", *half[1:]]
-    end = f" The computed path ends early: {one.end}" if one.end else ""
+    end = f" The computed path ends early: {compared.end}" if compared.end else ""
     verdicts = " ".join(
-        [_verdict("force", one.force_error, force_target), _verdict("change", one.change_error, change_target)]
+        [
+            _verdict("force", compared.force_error, force_target),
+            _verdict("change", compared.change_error, change_target),
+        ]
     )
-    how = "fitted" if fitted else "predicted"
+    kind = "fitted" if fitted else "predicted"
     return f"""\
-**Taxel {taxel}, {how}.** Force at equal travel, and change of the voltage at equal force in percent of that at
+**Taxel {taxel}, {kind}.** Force at equal travel, and change of the voltage at equal force in percent of that at
 rest, {measured.PRESSES[taxel].at_rest:g} V; differences in percent of the largest:
 
 {markdown_table(heads, rows)}
@@ -133,34 +138,39 @@ rest, {measured.PRESSES[taxel].at_rest:g} V; differences in percent of the large
 """
 
 
-def _spread(found: Results) -> str:
+def _spread(results: Results) -> str:
     """How taxels differ at one force that all reach."""
-    at = min(one.measured.force[np.isfinite(one.change_at_force)].max() for one in found.taxels.values())
-    both = np.array(
+    at = min(
+        compared.measured.force[np.isfinite(compared.change_at_force)].max() for compared in results.taxels.values()
+    )
+    changes = np.array(
         [
-            (np.interp(at, one.measured.force, one.measured.change), np.interp(at, one.along.force, one.along.change))
-            for one in found.taxels.values()
+            (
+                np.interp(at, compared.measured.force, compared.measured.change),
+                np.interp(at, compared.along.force, compared.along.change),
+            )
+            for compared in results.taxels.values()
         ]
     ).T
-    at_rest = np.array([measured.PRESSES[taxel].at_rest for taxel in found.taxels])
-    volts = both * [at_rest, np.full(len(at_rest), measured.PRESSES[measured.PRESSED].at_rest)]
-    there, here = (" / ".join(f"{100 * value:.1f}" for value in values) for values in both)
-    there_volts, here_volts = (" / ".join(f"{value:.3f}" for value in values) for values in volts)
+    at_rest = np.array([measured.PRESSES[taxel].at_rest for taxel in results.taxels])
+    volts = changes * [at_rest, np.full(len(at_rest), measured.PRESSES[measured.PRESSED].at_rest)]
+    bench, model = (" / ".join(f"{100 * value:.1f}" for value in values) for values in changes)
+    volts_there, volts_here = (" / ".join(f"{value:.3f}" for value in values) for values in volts)
     return (
-        f"At {at:.2f} N the changes of taxels {' / '.join(map(str, found.taxels))} are {there} % measured, {here} % "
+        f"At {at:.2f} N the changes of taxels {' / '.join(map(str, results.taxels))} are {bench} % measured, {model} % "
         "here. The model knows no differences between parts and their places in the cells, nor where the indenter "
         "stood over the taxels that are predicted: it is put over the middle. In volts they are "
-        f"{there_volts} V measured, {here_volts} V here if all have the rest voltage of taxel {measured.PRESSED}: off "
+        f"{volts_there} V measured, {volts_here} V here if all have the rest voltage of taxel {measured.PRESSED}: off "
         f"by {' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in volts.T)} %, instead of "
-        f"{' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in both.T)} % relative to rest. Parts of another gain would "
-        f"change the voltage at rest and its change alike. {_light_at_rest(both, volts)}"
+        f"{' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in changes.T)} % relative to rest. Parts of another gain "
+        f"would change the voltage at rest and its change alike. {_light_at_rest(changes, volts)}"
     )
 
 
-def _light_at_rest(shares: np.ndarray, volts: np.ndarray) -> str:
+def _light_at_rest(changes: np.ndarray, volts: np.ndarray) -> str:
     """What changes relative to rest, and in volts, (2, taxels) measured and here, tell about the light at rest."""
-    off, off_in_volts = (float(np.abs(values[1] / values[0] - 1).max()) for values in (shares, volts))
-    if off_in_volts >= off:
+    relative_error, volt_error = (float(np.abs(values[1] / values[0] - 1).max()) for values in (changes, volts))
+    if volt_error >= relative_error:
         return "Changes in volts differ no less than those relative to rest, so the light at rest does not explain it."
     return (
         "As the changes in volts differ less than those relative to rest, it may rather be a part of the light at rest "
@@ -169,53 +179,54 @@ def _light_at_rest(shares: np.ndarray, volts: np.ndarray) -> str:
     )
 
 
-def _verdict(what: str, error: np.ndarray, target: float) -> str:
+def _verdict(label: str, error: np.ndarray, target: float) -> str:
     worst = float(error[np.nanargmax(np.abs(error))])
     within = "within" if abs(worst) <= target else "**not within**"
     reached = np.isfinite(error).sum()
-    part = "" if reached == len(error) else f", at the {reached} of {len(error)} points that the path reaches"
-    return f"The {what} is off by {worst:+.1f} % at most{part}, {within} the target of {target:g} %."
+    note = "" if reached == len(error) else f", at the {reached} of {len(error)} points that the path reaches"
+    return f"The {label} is off by {worst:+.1f} % at most{note}, {within} the target of {target:g} %."
 
 
 def _shown(value: float, form: str) -> str:
     return format(value, form) if np.isfinite(value) else "-"
 
 
-def _errors(found: Results) -> str:
+def _errors(results: Results) -> str:
     """Numerical errors of the fitted path."""
-    held = found.errors.isel(travel=-1)
-    force = 100 * float(held.force_error / held.force)
-    shares = (100 * np.abs(held.change_error / held.change)).values.reshape(bench_pad.SIDE, bench_pad.SIDE)
-    middle, near = shares[bench_pad.SIDE // 2, bench_pad.SIDE // 2], ring(shares, 1)
-    words = (
+    state = results.errors.isel(travel=-1)
+    force = 100 * float(state.force_error / state.force)
+    shares = (100 * np.abs(state.change_error / state.change)).values.reshape(bench_pad.SIDE, bench_pad.SIDE)
+    middle, nearby = shares[bench_pad.SIDE // 2, bench_pad.SIDE // 2], ring(shares, 1)
+    text = (
         f"Errors of the computation itself while taxel {measured.PRESSED} is held, from a second mesh and the noise of "
-        f"the light: {force:.1f} % of the force, {middle:.1f} % of the change, {near:.1f} % of those of its neighbours."
+        f"the light: {force:.1f} % of the force, {middle:.1f} % of the change, {nearby:.1f} % of those of its "
+        "neighbours."
     )
-    there = found.finer.isel(travel=-1)
-    further = 100 * float(there.force / held.force - 1)
-    change = 100 * float((there.change / held.change).sel(taxel=measured.PRESSED) - 1)
+    finer = results.finer.isel(travel=-1)
+    rise = 100 * float(finer.force / state.force - 1)
+    change = 100 * float((finer.change / state.change).sel(taxel=measured.PRESSED) - 1)
     return (
-        f"{words} On elements of {FINER:g} mm in place of {bench_pad.MESH_SIZE:g} mm the force in fact differs by "
-        f"{further:+.1f} % and the change by {change:+.1f} %. The fitted height takes up an error in proportion to the "
+        f"{text} On elements of {FINER:g} mm in place of {bench_pad.MESH_SIZE:g} mm the force in fact differs by "
+        f"{rise:+.1f} % and the change by {change:+.1f} %. The fitted height takes up an error in proportion to the "
         "change."
     )
 
 
-def _map_rows(found: Results) -> list[list[str]]:
-    rows = zip(measured.HELD_MAP, found.moved, band(found).deviation, strict=True)
+def _map_rows(results: Results) -> list[list[str]]:
+    rows = zip(measured.HELD_MAP, results.moved, band(results).deviation, strict=True)
     return [
         [f"row {number}", *(f"{a} / {round(b)} ± {c:.1f}" for a, b, c in zip(*row, strict=True))]
         for number, row in enumerate(rows, start=1)
     ]
 
 
-def _map_words(found: Results) -> str:
-    difference = found.moved - np.array(measured.HELD_MAP)
+def _map_words(results: Results) -> str:
+    difference = results.moved - np.array(measured.HELD_MAP)
     middle = bench_pad.SIDE // 2
-    near = np.abs(difference[middle - 1 : middle + 2, middle - 1 : middle + 2])
-    centred = np.abs(found.centred - np.array(measured.HELD_MAP)).max()
+    neighbours = np.abs(difference[middle - 1 : middle + 2, middle - 1 : middle + 2])
+    centred = np.abs(results.centred - np.array(measured.HELD_MAP)).max()
     worst = np.unravel_index(int(np.abs(difference).argmax()), difference.shape)
-    where = f"row {worst[0] + 1}, column {worst[1] + 1}"
+    site = f"row {worst[0] + 1}, column {worst[1] + 1}"
     count = int((np.abs(difference) > MAP_TARGET).sum())
     verdict = (
         f"{count} of {difference.size - 1} differ by more than the target of {MAP_TARGET:g} points"
@@ -223,42 +234,44 @@ def _map_words(found: Results) -> str:
         else (f"all are within the target of {MAP_TARGET:g} points")
     )
     return (
-        f"The largest difference is {difference[worst]:+.0f} points, in {where}; among the eight neighbours it is "
-        f"{near.max():.0f}; {verdict}. Without the offset the largest would be {centred:.0f}. {_widest(found)}"
+        f"The largest difference is {difference[worst]:+.0f} points, in {site}; among the eight neighbours it is "
+        f"{neighbours.max():.0f}; {verdict}. Without the offset the largest would be {centred:.0f}. {_widest(results)}"
     )
 
 
-def _band_words(found: Results) -> str:
+def _band_words(results: Results) -> str:
     """What differences between taxels explain of the map."""
-    one, difference = band(found), np.abs(found.moved - np.array(measured.HELD_MAP))
-    times = difference / np.maximum(one.deviation, ROUNDING)
+    limits, difference = band(results), np.abs(results.moved - np.array(measured.HELD_MAP))
+    times = difference / np.maximum(limits.deviation, ROUNDING)
     row, column = np.unravel_index(int(times.argmax()), times.shape)
-    shares = " / ".join(f"{share:.2f}" for share in one.own.values())
-    missed = [f"{off:.1f} ({100 * one.chance(off):.0f} %)" for off in np.sort(times[difference > MAP_TARGET])]
-    beyond = f" Those that are, are off by {', '.join(missed)} times the ±." if missed else ""
+    shares = " / ".join(f"{value:.2f}" for value in limits.own.values())
+    beyond_list = [
+        f"{ratio:.1f} ({100 * limits.chance(ratio):.0f} %)" for ratio in np.sort(times[difference > MAP_TARGET])
+    ]
+    beyond = f" Those that are, are off by {', '.join(beyond_list)} times the ±." if beyond_list else ""
     return (
-        f"Pressed themselves, taxels {' / '.join(map(str, one.own))} change {shares} times as much as computed: their "
-        f"sensitivities differ by {100 * one.spread:.0f} % (one standard deviation). A number of the map is a ratio of "
-        "two taxels, so that it may be off by the root of two times as much, and by the rounding of what is measured: "
-        f"the ± of the table. By these, {one.expected_beyond(MAP_TARGET):.1f} taxels would be further off than "
-        f"{MAP_TARGET:g} points, and a model that is exact but for them would have all within the target with a chance "
-        f"of {100 * one.chance_of_none_beyond(MAP_TARGET):.1f} % only. In brackets is the chance of as much or more, "
-        f"by Student's distribution, as {len(one.own)} taxels tell little of a spread.{beyond} By most times it is the "
-        f"taxel in row {row + 1}, column {column + 1}, that is off: {times[row, column]:.1f} "
-        f"({100 * one.chance(times[row, column]):.0f} %), "
+        f"Pressed themselves, taxels {' / '.join(map(str, limits.own))} change {shares} times as much as computed: "
+        f"their sensitivities differ by {100 * limits.spread:.0f} % (one standard deviation). A number of the map is a "
+        "ratio of two taxels, so that it may be off by the root of two times as much, and by the rounding of what is "
+        f"measured: the ± of the table. By these, {limits.expected_beyond(MAP_TARGET):.1f} taxels would be further off "
+        f"than {MAP_TARGET:g} points, and a model that is exact but for them would have all within the target with a "
+        f"chance of {100 * limits.chance_of_none_beyond(MAP_TARGET):.1f} % only. In brackets is the chance of as much "
+        f"or more, by Student's distribution, as {len(limits.own)} taxels tell little of a spread.{beyond} By most "
+        f"times it is the taxel in row {row + 1}, column {column + 1}, that is off: {times[row, column]:.1f} "
+        f"({100 * limits.chance(times[row, column]):.0f} %), "
         "where voltages hardly change."
     )
 
 
-def _widest(found: Results) -> str:
+def _widest(results: Results) -> str:
     """What the pads that were tried tell about a map that is too narrow or too wide."""
-    there, here = (ring(np.array(values), 1) for values in (measured.HELD_MAP, found.centred))
-    height, near, held = found.widest
-    means = f"The mean of the four nearest taxels is {there:.0f} % measured and {here:.0f} % here."
-    if height == found.found.unknowns[0] or abs(there - here) <= MAP_TARGET:
+    bench, model = (ring(np.array(values), 1) for values in (measured.HELD_MAP, results.centred))
+    height, mean, change = results.widest
+    means = f"The mean of the four nearest taxels is {bench:.0f} % measured and {model:.0f} % here."
+    if height == results.found.unknowns[0] or abs(bench - model) <= MAP_TARGET:
         return means
     return (
-        f"{means} Of the pads tried, that of {height:g} mm comes nearest with {near:.0f} %, but its taxel "
-        f"{measured.PRESSED} changes by {100 * held:.1f} % while it is held. Which assumption is wrong, these data do "
-        "not tell."
+        f"{means} Of the pads tried, that of {height:g} mm comes nearest with {mean:.0f} %, but its taxel "
+        f"{measured.PRESSED} changes by {100 * change:.1f} % while it is held. Which assumption is wrong, these data "
+        "do not tell."
     )

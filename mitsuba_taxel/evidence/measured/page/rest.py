@@ -8,9 +8,9 @@ from mitsuba_taxel.evidence.measured.rest_spread import SAMPLES, SOURCES, Spread
 from mitsuba_taxel.evidence.paper.page.words import paragraph
 
 
-def rest_section(found: Spread) -> str:
+def rest_section(spread: Spread) -> str:
     """The section of the page."""
-    rows = [[name, found.laws[name], SOURCES[name], f"{100 * found.shares[name]:.1f}"] for name in SOURCES]
+    rows = [[name, spread.laws[name], SOURCES[name], f"{100 * spread.shares[name]:.1f}"] for name in SOURCES]
     return f"""\
 ## Spread of the voltages at rest
 One cell of the pad, its parameters drawn {SAMPLES} times from the distributions below and each sample computed
@@ -20,28 +20,28 @@ of another part stand.
 
 {markdown_table(["parameter", "distribution", "what, and source", "share of the variance [%]"], rows)}
 
-{paragraph(_words(found))}
+{paragraph(_words(spread))}
 """
 
 
-def _words(found: Spread) -> str:
-    low, high, there = found.without_gain, found.all, measured.REST_SPREAD
-    inside = low <= there <= high
-    least, most = measured.REST_VOLTAGES
+def _words(spread: Spread) -> str:
+    low, high, actual = spread.without_gain, spread.all, measured.REST_SPREAD
+    inside = low <= actual <= high
+    bottom, top = measured.REST_VOLTAGES
     figures = (
         "Standard deviation of the reading at rest, in percent of its mean: "
-        f"**{high:.0f} ± {found.all_error:.0f} % with all of these**, "
-        f"{low:.0f} ± {found.without_gain_error:.0f} % without the gain of the parts; measured, {there:g} % among 25 "
-        f"taxels (from {least:g} to {most:g} V). Errors are those of finitely many samples, noise of the light "
+        f"**{high:.0f} ± {spread.all_error:.0f} % with all of these**, "
+        f"{low:.0f} ± {spread.without_gain_error:.0f} % without the gain of the parts; measured, {actual:g} % among 25 "
+        f"taxels (from {bottom:g} to {top:g} V). Errors are those of finitely many samples, noise of the light "
         "included; at rest there is none of elements or time steps. The measured spread "
         f"{'lies between the two' if inside else '**does not lie between the two**'}"
     )
-    gain = found.gain_for(there)
+    gain = spread.gain_for(actual)
     if not inside:
         return f"{figures}."
-    narrower = "is narrower than" if gain < found.gain else "is **not** narrower than"
+    narrower = "is narrower than" if gain < spread.gain else "is **not** narrower than"
     return (
         f"{figures}: with the other tolerances as assumed, a gain that varies by {gain:.0f} % would explain it. That "
-        f"{narrower} the {found.gain:.0f} % of the datasheet, as parts of one delivery are, and it is no test: one "
+        f"{narrower} the {spread.gain:.0f} % of the datasheet, as parts of one delivery are, and it is no test: one "
         "number is met by many sets of tolerances."
     )
