@@ -45,9 +45,9 @@ def counted(store: PaperStudies, cell: str) -> xr.Dataset:
 
 def _repetitions(scene: Path, defines: dict[str, object], number: int) -> np.ndarray:
     """Readings (32 x RUNS,) of one scene; ``number`` selects its random numbers."""
-    ready = prepare(Scene(scene, {**defines, "integrator": "analog_tracer"}))
+    prepared = prepare(Scene(scene, {**defines, "integrator": "analog_tracer"}))
     seeds = range(number * RUNS, (number + 1) * RUNS)
-    return np.concatenate([measure(ready, points=RAYS, seed=seed).replicates[:, 0] for seed in seeds])
+    return np.concatenate([measure(prepared, points=RAYS, seed=seed).replicates[:, 0] for seed in seeds])
 
 
 class Emulated(NamedTuple):
@@ -126,6 +126,6 @@ def counting_test(samples: np.ndarray, rays: int) -> CountingTest:
 
 def emulated(study: xr.Dataset, force: str) -> Emulated:
     """The paper's procedure on a study's curves of all taxels, with 60 000 rays for each reading."""
-    along = curves(study, force)
-    forces = np.arange(along.force[0], along.force[-1] + paper.FORCE_STEP / 2, paper.FORCE_STEP)
-    return summary(max_slopes(forces, binomial(along.power(forces), paper.RAYS, REPETITIONS)))
+    curve = curves(study, force)
+    forces = np.arange(curve.force[0], curve.force[-1] + paper.FORCE_STEP / 2, paper.FORCE_STEP)
+    return summary(max_slopes(forces, binomial(curve.power(forces), paper.RAYS, REPETITIONS)))

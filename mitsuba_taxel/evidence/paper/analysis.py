@@ -86,7 +86,7 @@ def least(slope: Sensitivity) -> float:
 def against_table_one(table: Mapping[str, Mapping[str, Sensitivity]]) -> Fit:
     """All eight numbers of Table 1 as one common factor times ours, of equal weight: they differ by much more than our
     errors."""
-    pairs = [(PUBLISHED[kind][cell], least(one)) for kind in PUBLISHED for cell, one in table[kind].items()]
+    pairs = [(PUBLISHED[kind][cell], least(slope)) for kind in PUBLISHED for cell, slope in table[kind].items()]
     published, slopes = np.array(pairs).T
     return common_scale(published, slopes, np.ones(len(slopes)))
 
@@ -111,11 +111,11 @@ def skewness(study: xr.Dataset) -> dict[str, Difference]:
         "(2 + 6 - 4 - 8) / 2": [(taxels[1] + taxels[5] - taxels[3] - taxels[7]) / 2],
         "1, 5, 9": [taxels[taxel] - middle for taxel in (0, 4, 8)],
     }
-    found = {
+    differences = {
         name: [Difference(*change(study, "resultant", paper.SHOWN_TANGENTIAL_FORCE, weight)) for weight in weights]
         for name, weights in sums.items()
     }
-    return {name: max(each, key=lambda one: abs(one.value)) for name, each in found.items()}
+    return {name: max(weight, key=lambda difference: abs(difference.value)) for name, weight in differences.items()}
 
 
 def nonlinearity_of(study: xr.Dataset) -> tuple[float, float]:
@@ -123,13 +123,13 @@ def nonlinearity_of(study: xr.Dataset) -> tuple[float, float]:
 
     The error is its change with slopes changed by their errors, with opposite signs at no force and at the end.
     """
-    along = curves(study, "fz")
+    curve = curves(study, "fz")
     force = np.linspace(0, -paper.MEASURED_FORCE, PLACES)
-    power = along.power(force)
+    power = curve.power(force)
     values = power - power[0]
     taxel = int(np.abs(values[-1]).argmax())
     largest = np.abs(values[:, taxel]).max()
     line = values[-1, taxel] * force / force[-1]
-    slope_error = np.interp(force[::-1], along.force, along.slope_error[:, taxel]).mean()
-    off = slope_error * paper.MEASURED_FORCE / 4
-    return float(100 * np.abs(values[:, taxel] - line).max() / largest), float(100 * off / largest)
+    slope_error = np.interp(force[::-1], curve.force, curve.slope_error[:, taxel]).mean()
+    power_error = slope_error * paper.MEASURED_FORCE / 4
+    return float(100 * np.abs(values[:, taxel] - line).max() / largest), float(100 * power_error / largest)

@@ -35,11 +35,13 @@ def order(values: Mapping[str, float], errors: Mapping[str, float]) -> Order:
     return Order(names, float(np.mean(np.all(np.diff(draws, axis=1) < 0, axis=1))))
 
 
-def pairs_in_order(values: Mapping[str, float], others: Mapping[str, float]) -> tuple[int, int]:
+def pairs_in_order(values: Mapping[str, float], references: Mapping[str, float]) -> tuple[int, int]:
     """Number of pairs of shapes in the same order in both sets, and number of all pairs."""
-    pairs = list(combinations([name for name in values if name in others], 2))
-    same = sum((values[one] - values[two]) * (others[one] - others[two]) > 0 for one, two in pairs)
-    return same, len(pairs)
+    pairs = list(combinations([name for name in values if name in references], 2))
+    count = sum(
+        (values[first] - values[second]) * (references[first] - references[second]) > 0 for first, second in pairs
+    )
+    return count, len(pairs)
 
 
 class Fit(NamedTuple):
@@ -71,10 +73,10 @@ def common_scale(numbers: np.ndarray, expected: np.ndarray, spread: np.ndarray) 
     difference = np.log(numbers / expected)
     weights = 1 / np.asarray(spread) ** 2
     shift = float(np.average(difference, weights=weights))
-    rest = difference - shift
-    chi_square = float(np.sum(weights * rest**2))
-    freedom = len(rest) - 1
+    residual = difference - shift
+    chi_square = float(np.sum(weights * residual**2))
+    freedom = len(residual) - 1
     error = math.exp(shift) / math.sqrt(weights.sum())
-    plain = difference - difference.mean()
-    misfit = math.exp(math.sqrt(float(np.mean(plain**2))))
+    centred = difference - difference.mean()
+    misfit = math.exp(math.sqrt(float(np.mean(centred**2))))
     return Fit(math.exp(shift), error, chi_square, freedom, float(chi2.sf(chi_square, freedom)), misfit)

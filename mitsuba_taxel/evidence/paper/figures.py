@@ -34,9 +34,9 @@ def _figure(file: Path, rows: int, columns: int, size: tuple[float, float], **op
 
 def _curves(study: xr.Dataset, path: str) -> tuple[np.ndarray, np.ndarray]:
     """Forces, and readings (forces, taxels) there."""
-    along = curves(study, path)
-    places = np.linspace(along.force[0], along.force[-1], PLACES)
-    return places, along.power(places)
+    curve = curves(study, path)
+    forces = np.linspace(curve.force[0], curve.force[-1], PLACES)
+    return forces, curve.power(forces)
 
 
 def plate_curves(studies: Mapping[float, xr.Dataset], dim: str, abscissa: str, label: str, file: Path) -> None:
@@ -51,9 +51,9 @@ def plate_curves(studies: Mapping[float, xr.Dataset], dim: str, abscissa: str, l
     """
     with _figure(file, 1, len(studies), (11, 3.4), sharey=True) as axes:
         for ax, (spacing, study) in zip(axes[0], studies.items(), strict=True):
-            share, error = normalised(study, dim)
+            fraction, error = normalised(study, dim)
             for number, law in enumerate(study.law.values):
-                y, bar = share.sel(law=law), error.sel(law=law)
+                y, bar = fraction.sel(law=law), error.sel(law=law)
                 style = {"color": COLOURS[number], "linestyle": DASHES[number]}
                 ax.plot(study[abscissa], y, label=str(law).replace("_", " "), **style)
                 ax.fill_between(study[abscissa].values, y - 2 * bar, y + 2 * bar, color=COLOURS[number], alpha=0.2)
@@ -67,14 +67,14 @@ def plate_curves(studies: Mapping[float, xr.Dataset], dim: str, abscissa: str, l
         axes[0, 0].figure.legend(*handles, loc="outside upper center", ncols=len(LAWS), frameon=False)
 
 
-def peak_positions(found: Mapping[str, Mapping[float, Peak]], file: Path) -> None:
+def peak_positions(peaks_by_law: Mapping[str, Mapping[float, Peak]], file: Path) -> None:
     """Height of the peak against die spacing, by emission law."""
     with _figure(file, 1, 1, (6, 4)) as axes:
         ax = axes[0, 0]
-        for number, (law, peaks) in enumerate(found.items()):
-            at, error = np.array([[peak.at, peak.error] for peak in peaks.values()]).T
+        for number, (law, peaks) in enumerate(peaks_by_law.items()):
+            position, error = np.array([[peak.at, peak.error] for peak in peaks.values()]).T
             style = {"color": COLOURS[number], "linestyle": DASHES[number], "marker": MARKERS[number]}
-            ax.errorbar(list(peaks), at, error, label=law.replace("_", " "), markersize=4, capsize=2, **style)
+            ax.errorbar(list(peaks), position, error, label=law.replace("_", " "), markersize=4, capsize=2, **style)
         ax.axhline(paper.PEAK_HEIGHT, color="0.5", linewidth=0.8, label="datasheet's peak")
         ax.set_xlabel("die spacing [mm]")
         ax.set_ylabel("height of the peak [mm]")
@@ -86,12 +86,14 @@ def normal_curves(studies: Mapping[str, xr.Dataset], file: Path) -> None:
     """Fig. 9 for all shapes: power of the nine taxels against normal force."""
     with _figure(file, 2, 2, (10, 7), sharex=True) as axes:
         for ax, (cell, study) in zip(axes.flat, studies.items(), strict=True):
-            places, smooth = _curves(study, "fz")
+            forces, smooth = _curves(study, "fz")
             for number, taxel in enumerate(study.taxel.values):
-                one, style = study.sel(taxel=taxel), {"color": COLOURS[number], "linestyle": DASHES[number // 3]}
-                ax.plot(places, smooth[:, number], linewidth=0.8, label=str(taxel), **style)
+                reading, style = study.sel(taxel=taxel), {"color": COLOURS[number], "linestyle": DASHES[number // 3]}
+                ax.plot(forces, smooth[:, number], linewidth=0.8, label=str(taxel), **style)
                 marks = {"color": COLOURS[number], "marker": MARKERS[number], "linestyle": "none", "markersize": 3}
-                ax.errorbar(study.fz.values, one.power.values, one.standard_error.values, elinewidth=0.6, **marks)
+                ax.errorbar(
+                    study.fz.values, reading.power.values, reading.standard_error.values, elinewidth=0.6, **marks
+                )
             ax.set_title(cell, fontsize=10)
             ax.grid(alpha=0.3)
         for ax in axes[:, 0]:
@@ -114,15 +116,15 @@ def tangential_curves(
             for row, path in enumerate(paths):
                 ax = axes[row, column]
                 runs = [(studies[path], "-"), *([(beyond[cell][path], "--")] if beyond else [])]
-                reached = 0.0
+                last_change = 0.0
                 for study, dash in runs:
-                    places, power = _curves(study, path)
-                    change = reached + power - power[0]
-                    reached = change[-1]
+                    forces, power = _curves(study, path)
+                    change = last_change + power - power[0]
+                    last_change = change[-1]
                     for number, taxel in enumerate((CORNER, CENTRE)):
                         style = {"color": COLOURS[number], "linestyle": dash, "linewidth": 0.9}
                         label = f"taxel {taxel}" if dash == "-" else None
-                        ax.plot(places, change[:, taxel - 1], label=label, **style)
+                        ax.plot(forces, change[:, taxel - 1], label=label, **style)
                 ax.grid(alpha=0.3)
                 ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
                 ax.set_xlabel(ABSCISSAE[path])
@@ -167,17 +169,17 @@ def sensitivities(
     with _figure(file, 1, 2, (10, 4), sharey=True) as axes:
         for ax, (kind, values) in zip(axes[0], theirs.items(), strict=True):
             x = np.arange(len(paper.CELLS))
-            found = [ours[kind][cell] for cell in paper.CELLS]
+            slopes = [ours[kind][cell] for cell in paper.CELLS]
             counts = [expected[kind][cell] for cell in paper.CELLS]
             rows = (
                 ("paper", list(values.values()), [0.0] * len(x)),
-                ("here", [one.max_slope for one in found], [one.max_slope_error for one in found]),
-                ("60 000 counted rays", [count.mean for count in counts], [count.spread for count in counts]),
+                ("here", [result.max_slope for result in slopes], [result.max_slope_error for result in slopes]),
+                ("60 000 counted rays", [result.mean for result in counts], [result.spread for result in counts]),
             )
             for number, (label, y, bar) in enumerate(rows):
-                place = x + 0.15 * (number - 1)
+                positions = x + 0.15 * (number - 1)
                 style = {"color": COLOURS[number], "marker": MARKERS[number], "linestyle": "none", "capsize": 3}
-                ax.errorbar(place, 1e6 * np.array(y), 1e6 * np.array(bar), label=label, **style)
+                ax.errorbar(positions, 1e6 * np.array(y), 1e6 * np.array(bar), label=label, **style)
             ax.set_xticks(x, paper.CELLS, fontsize=8)
             ax.set_yscale("log")
             ax.set_yticks(TICKS, [f"{tick:g}" for tick in TICKS])
@@ -188,7 +190,7 @@ def sensitivities(
         axes[0, 0].legend(frameon=False)
 
 
-def choices(found: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: Path) -> None:
+def choices(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: Path) -> None:
     """Sensitivities under each choice (rows), normal and tangential, of the four shapes, and the paper's.
 
     Parameters
@@ -197,11 +199,11 @@ def choices(found: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: 
         By choice, then ``normal`` and ``tangential``, then shape.
     """
     theirs = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
-    rows, ticks = np.arange(len(found)), (10, 100, 1000, 10_000)
-    with _figure(file, 1, 2, (11, 0.32 * len(found) + 1.8), sharey=True) as axes:
+    rows, ticks = np.arange(len(tables)), (10, 100, 1000, 10_000)
+    with _figure(file, 1, 2, (11, 0.32 * len(tables) + 1.8), sharey=True) as axes:
         for ax, kind in zip(axes[0], theirs, strict=True):
             for number, cell in enumerate(paper.CELLS):
-                results = [table[kind][cell] for table in found.values()]
+                results = [table[kind][cell] for table in tables.values()]
                 x = 1e6 * np.array([result.max_slope for result in results])
                 bar = 1e6 * np.array([result.max_slope_error for result in results])
                 style = {"color": COLOURS[number], "marker": MARKERS[number], "linestyle": "none", "markersize": 4}
@@ -213,7 +215,7 @@ def choices(found: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: 
             ax.set_title(f"{kind} force (lines: paper)", fontsize=10)
             ax.set_xlabel("steepest slope [µW/N]")
             ax.grid(alpha=0.3)
-        axes[0, 0].set_yticks(rows, list(found))
+        axes[0, 0].set_yticks(rows, list(tables))
         axes[0, 0].invert_yaxis()
         handles = axes[0, 0].get_legend_handles_labels()
         axes[0, 0].figure.legend(*handles, loc="outside upper center", ncols=len(paper.CELLS), frameon=False)

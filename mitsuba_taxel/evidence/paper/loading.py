@@ -121,9 +121,12 @@ def roof_heights(store: PaperStudies, cell: str) -> xr.Dataset:
         normal = -paper.CONSTANT_NORMAL_FORCE
         states = load_path(pad, silicone, [(0, 0, normal), (component, component, normal)], mesh_size=mesh_size)
         tops = np.column_stack([pad.cell_centres, np.full(len(pad.cell_centres), pad.top_of_cell)])
-        moved = [displacement_at(state.mesh, state.displacement, tops)[:, 2] for state in states]
+        displacements = [displacement_at(state.mesh, state.displacement, tops)[:, 2] for state in states]
         return xr.Dataset(
-            {name: ("taxel", z, {"units": "mm"}) for name, z in zip(("normal", "diagonal"), moved, strict=True)},
+            {
+                name: ("taxel", z, {"units": "mm"})
+                for name, z in zip(("normal", "diagonal"), displacements, strict=True)
+            },
             coords={"taxel": np.arange(1, len(tops) + 1)},
         )
 

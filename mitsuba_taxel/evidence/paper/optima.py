@@ -115,26 +115,28 @@ def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None) 
         write_study(folder, purpose, cell)
         return _dataset(optimise(folder / "study.toml", folder / "found", workers=workers))
 
-    found = store.study(name, {"study": _study(purpose, cell), "taxels": list(PURPOSES[purpose][0])}, compute)
-    reach = _reach(store, name, dict(zip(found.variables_variable.values, found.variables_best.values, strict=True)))
-    return found.assign_attrs(reach.attrs)
+    optimum = store.study(name, {"study": _study(purpose, cell), "taxels": list(PURPOSES[purpose][0])}, compute)
+    reach = _reach(
+        store, name, dict(zip(optimum.variables_variable.values, optimum.variables_best.values, strict=True))
+    )
+    return optimum.assign_attrs(reach.attrs)
 
 
 def _reach(store: PaperStudies, name: str, values: Mapping[str, float]) -> xr.Dataset:
     """Up to which normal force in N, of `RANGE`, the best pad touches nothing, and what ends it there, if anything."""
-    given = {str(parameter): repr(float(value)) for parameter, value in values.items()}
+    defines = {str(parameter): repr(float(value)) for parameter, value in values.items()}
 
     def compute() -> xr.Dataset:
         from mitsuba_taxel.sensing.derivatives.first_contact import first_contact
 
         def at(force: float) -> Scene:
-            return Scene(store.folder / name / "sensor.xml", given | {"fz": repr(float(force))}, MESH_SIZE)
+            return Scene(store.folder / name / "sensor.xml", defines | {"fz": repr(float(force))}, MESH_SIZE)
 
         end = first_contact(at, "fz", -1.0, -RANGE)
-        why = f"it touches {end.touched}" if end.touched else end.ended
-        return xr.Dataset(attrs={"reach": abs(end.value), "reach_ended": why})
+        reason = f"it touches {end.touched}" if end.touched else end.ended
+        return xr.Dataset(attrs={"reach": abs(end.value), "reach_ended": reason})
 
-    return store.study(f"{name}_reach", given, compute)
+    return store.study(f"{name}_reach", defines, compute)
 
 
 def _study(purpose: str, cell: str) -> str:
@@ -164,53 +166,53 @@ def write_study(folder: Path, purpose: str, cell: str) -> None:
     shape = cell.split()[-1]
     numbers = {name: start for name, (start, _, _) in POINTS.items()} if cell in PROFILES else {}
     section = "square" if cell == SQUARE else "round"
-    given = f' <string name="section" value="{section}"/> <string name="profile" value="$r1 $z1; $r2 $z2; 0 $z3"/>'
+    attributes = f' <string name="section" value="{section}"/> <string name="profile" value="$r1 $z1; $r2 $z2; 0 $z3"/>'
     if cell == LEANING:
-        numbers, given = {"top_x": 0}, ' <float name="top_x" value="$top_x"/>'
+        numbers, attributes = {"top_x": 0}, ' <float name="top_x" value="$top_x"/>'
     scene = scene_text("optimised").format(
         shape=shape,
         cells=cells,
         cell_height=HEIGHTS.get(shape, PROFILE_HEIGHT),
         reflectors=reflectors,
         numbers="".join(f' <default name="{name}" value="{start}"/>' for name, start in numbers.items()),
-        given=given if numbers else "",
+        given=attributes if numbers else "",
     )
     for file, text in (("sensor.xml", scene), ("study.toml", _study(purpose, cell))):
         write_text(folder / file, text)
 
 
-def _dataset(found: Any) -> xr.Dataset:
+def _dataset(optimum: Any) -> xr.Dataset:
     """Tables of an ``Optimum`` as variables, and its numbers as attributes."""
     variables = {}
     for name in TABLES:
-        for column in getattr(found, name):
-            values = getattr(found, name)[column].to_numpy()
+        for column in getattr(optimum, name):
+            values = getattr(optimum, name)[column].to_numpy()
             variables[f"{name}_{column}"] = (name, values if values.dtype.kind == "f" else values.astype(str))
     numbers = (
         "gain", "gain_error", "probability", "unbalanced", "unbalanced_error", "gradients", "beyond", "beyond_ended",
         "load_steps", "seconds",
     )  # fmt: skip
-    attributes: dict[str, Any] = {name: float(getattr(found, name)) for name in numbers}
-    words = json.dumps([*found.warnings, *found.notes])
-    failed = int(np.sum(found.history["failed"].notna())) if "failed" in found.history else 0
-    attributes |= {"designs": len(found.history), "failed": failed, "said": words}
-    return xr.Dataset(variables | _descents(found), attrs=attributes)
+    attributes: dict[str, Any] = {name: float(getattr(optimum, name)) for name in numbers}
+    messages = json.dumps([*optimum.warnings, *optimum.notes])
+    failed = int(np.sum(optimum.history["failed"].notna())) if "failed" in optimum.history else 0
+    attributes |= {"designs": len(optimum.history), "failed": failed, "said": messages}
+    return xr.Dataset(variables | _descents(optimum), attrs=attributes)
 
 
-def _descents(found: Any) -> dict[str, tuple[str, np.ndarray]]:
+def _descents(optimum: Any) -> dict[str, tuple[str, np.ndarray]]:
     """The numbers of designs of each descent, the initial ones excepted, and of those that failed; the seconds of all;
     the best that is allowed; and how many it took to come within 1 % of the best of all, NaN if it did not."""
-    history, goal = found.history, found.figures.figure[0].split(" ", 1)[1]
-    sign = -1 if found.figures.figure[0].startswith("maximise") else 1
+    history, goal = optimum.history, optimum.figures.figure[0].split(" ", 1)[1]
+    sign = -1 if optimum.figures.figure[0].startswith("maximise") else 1
     loss = sign * history[goal].where(history.allowed == True)  # noqa: E712  (others are missing)
     failed = history["failed"].notna() if "failed" in history else False
     close = loss <= loss.min() + NEARLY * abs(loss.min())
-    rows = history.assign(loss=loss, failed=failed, close=close, seconds=found.design_seconds)[history.descent > 0]
+    rows = history.assign(loss=loss, failed=failed, close=close, seconds=optimum.design_seconds)[history.descent > 0]
     columns: dict[str, list[float]] = {"designs": [], "failed": [], "seconds": [], "best": [], "close": []}
-    for _, of in rows.groupby("descent"):
-        columns["designs"].append(len(of))
-        columns["failed"].append(of.failed.sum())
-        columns["seconds"].append(of.seconds.sum())
-        columns["best"].append(sign * of.loss.min())
-        columns["close"].append(1 + int(of.close.to_numpy().argmax()) if of.close.any() else np.nan)
+    for _, group in rows.groupby("descent"):
+        columns["designs"].append(len(group))
+        columns["failed"].append(group.failed.sum())
+        columns["seconds"].append(group.seconds.sum())
+        columns["best"].append(sign * group.loss.min())
+        columns["close"].append(1 + int(group.close.to_numpy().argmax()) if group.close.any() else np.nan)
     return {f"descent_{name}": ("descent", np.array(column, dtype=float)) for name, column in columns.items()}

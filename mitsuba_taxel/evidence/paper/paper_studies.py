@@ -57,10 +57,10 @@ class PaperStudies:
         MissingStudy
             if there is no file, and the store is read-only.
         """
-        file, asked = self.folder / f"{name}.nc", json.dumps(request, sort_keys=True)
+        file, request_text = self.folder / f"{name}.nc", json.dumps(request, sort_keys=True)
         if file.is_file():
             stored = xr.load_dataset(file, engine="scipy")
-            if stored.attrs["request"] != asked:
+            if stored.attrs["request"] != request_text:
                 raise InputError(f"{file} answers another request: a new folder is needed.")
             return stored
         if self.announce is None:
@@ -68,7 +68,7 @@ class PaperStudies:
         self.announce(name)
         start = time.perf_counter()
         study = compute()
-        study.attrs.update(request=asked, wall_seconds=time.perf_counter() - start)
+        study.attrs.update(request=request_text, wall_seconds=time.perf_counter() - start)
         if "stage" in study.dims:
             add_seconds(self.seconds, stage_totals(study))
         make_folder(file.parent)

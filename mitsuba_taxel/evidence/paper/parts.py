@@ -25,15 +25,15 @@ OF_SHAPES: dict[str, ShapePart] = {
 
 def _stages(names: Sequence[str]) -> list[list[ShapePart]]:
     """Computations of parts for one shape, ordered in stages that depend only on earlier ones."""
-    others = [part for name, part in OF_SHAPES.items() if name in names and name != "nominal"]
+    independent = [computation for name, computation in OF_SHAPES.items() if name in names and name != "nominal"]
     stages: list[list[ShapePart]] = []
     if set(names) - {"analog"}:
         stages = [[loading.normal], [loading.along_x], [loading.along_y, loading.along_diagonal]]
-    return [*stages, others] if others else stages
+    return [*stages, independent] if independent else stages
 
 
-def _of_all_shapes(part: ShapePart, store: PaperStudies, *, workers: int | None) -> dict[str, Any]:
-    return {cell: part(store, cell) for cell in paper.CELLS}
+def _of_all_shapes(computation: ShapePart, store: PaperStudies, *, workers: int | None) -> dict[str, Any]:
+    return {cell: computation(store, cell) for cell in paper.CELLS}
 
 
 PARTS: dict[str, Part] = {
@@ -60,13 +60,13 @@ def chosen(only: str | None) -> list[str]:
     """
     if only is None:
         return list(PARTS)
-    wanted: list[str] = []
+    selected: list[str] = []
     for word in (word.strip() for word in only.split(",")):
         if word not in PARTS and word not in GROUPS:
             allowed = ", ".join(dict.fromkeys([*GROUPS, *PARTS]))
             raise InputError(f"only = {word!r} is not allowed: some of {allowed} are needed.")
-        wanted.extend(GROUPS.get(word, (word,)))
-    return [name for name in PARTS if name in wanted]
+        selected.extend(GROUPS.get(word, (word,)))
+    return [name for name in PARTS if name in selected]
 
 
 def compute(
@@ -96,10 +96,10 @@ def compute(
 
 def complete(folder: Path) -> dict[str, Any]:
     """The studies of every part that is complete in ``folder``, by the name of the part."""
-    store, found = PaperStudies(folder), {}
-    for name, part in PARTS.items():
+    store, studies = PaperStudies(folder), {}
+    for name, computation in PARTS.items():
         try:
-            found[name] = part(store, workers=None)
+            studies[name] = computation(store, workers=None)
         except MissingStudy:
             continue
-    return found
+    return studies

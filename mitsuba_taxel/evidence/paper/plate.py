@@ -94,16 +94,16 @@ def peak(height: np.ndarray, samples: np.ndarray) -> Peak:
     samples : (H, replicates) ndarray
         W.
     """
-    near = samples.mean(axis=1) > NEAR_PEAK * samples.mean(axis=1).max()
-    if near[0] or near[-1] or near.sum() < 5:
+    fitted = samples.mean(axis=1) > NEAR_PEAK * samples.mean(axis=1).max()
+    if fitted[0] or fitted[-1] or fitted.sum() < 5:
         return Peak(np.nan, np.nan)
-    x, count = np.log(height[near]), samples.shape[1]
-    total = samples[near].sum(axis=1, keepdims=True)
-    left_out = (total - samples[near]) / (count - 1)
-    curves = np.log(np.concatenate([total / count, left_out], axis=1))
-    places = np.array([_largest(x, curve) for curve in curves.T])
-    spread = places[1:].std() * np.sqrt(count - 1)
-    return Peak(float(places[0]), float(spread))
+    x, count = np.log(height[fitted]), samples.shape[1]
+    total = samples[fitted].sum(axis=1, keepdims=True)
+    jackknife = (total - samples[fitted]) / (count - 1)
+    curves = np.log(np.concatenate([total / count, jackknife], axis=1))
+    positions = np.array([_largest(x, curve) for curve in curves.T])
+    spread = positions[1:].std() * np.sqrt(count - 1)
+    return Peak(float(positions[0]), float(spread))
 
 
 def _largest(x: np.ndarray, y: np.ndarray) -> float:
@@ -115,14 +115,14 @@ def _largest(x: np.ndarray, y: np.ndarray) -> float:
 
 def peaks(study: xr.Dataset) -> dict[str, dict[float, Peak]]:
     """Height of the peak for each law and die spacing; NaN if outside the heights."""
-    found = {}
+    peaks_by_law = {}
     for law in study.law.values:
         curves = study.replicate_power.sel(law=law, taxel=1).transpose("spacing", "z", "replicate")
-        found[str(law)] = {
+        peaks_by_law[str(law)] = {
             float(spacing): peak(study.z.values, curve.values)
             for spacing, curve in zip(study.spacing.values, curves, strict=True)
         }
-    return found
+    return peaks_by_law
 
 
 def spacing_for(peaks_by_spacing: dict[float, Peak], height: float) -> Peak:
@@ -130,17 +130,17 @@ def spacing_for(peaks_by_spacing: dict[float, Peak], height: float) -> Peak:
 
     The root of a monotone cubic through the peaks; its error is that of a nearby peak over the slope there.
     """
-    known = {spacing: at for spacing, at in peaks_by_spacing.items() if np.isfinite(at.at)}
-    if len(known) < 2:
+    finite = {spacing: position for spacing, position in peaks_by_spacing.items() if np.isfinite(position.at)}
+    if len(finite) < 2:
         return Peak(np.nan, np.nan)
-    spacing = np.array(list(known))
-    curve = PchipInterpolator(spacing, [at.at - height for at in known.values()])
+    spacing = np.array(list(finite))
+    curve = PchipInterpolator(spacing, [position.at - height for position in finite.values()])
     roots = curve.roots(extrapolate=False)
     if not len(roots):
         return Peak(np.nan, np.nan)
     root = float(roots[0])
-    near = known[float(spacing[np.argmin(np.abs(spacing - root))])]
-    return Peak(root, near.error / abs(float(curve.derivative()(root))))
+    nearest = finite[float(spacing[np.argmin(np.abs(spacing - root))])]
+    return Peak(root, nearest.error / abs(float(curve.derivative()(root))))
 
 
 def normalised(study: xr.Dataset, dim: str) -> tuple[xr.DataArray, xr.DataArray]:

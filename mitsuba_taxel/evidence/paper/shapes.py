@@ -50,8 +50,8 @@ def compute_shapes(
 
     def advance(cell: str) -> None:
         while waiting[cell] and cell not in running.values():
-            for part in waiting[cell].pop(0):
-                running[executor.submit(_computed, folder, part, cell, announce)] = cell
+            for computation in waiting[cell].pop(0):
+                running[executor.submit(_computed, folder, computation, cell, announce)] = cell
 
     try:
         for cell in COSTLIEST_FIRST:
@@ -68,7 +68,7 @@ def compute_shapes(
     return seconds
 
 
-def _computed(folder: Path, part: ShapePart, cell: str, announce: Callable[[str], None]) -> dict[str, float]:
+def _computed(folder: Path, computation: ShapePart, cell: str, announce: Callable[[str], None]) -> dict[str, float]:
     store = PaperStudies(folder, announce)
-    part(store, cell)
+    computation(store, cell)
     return store.seconds

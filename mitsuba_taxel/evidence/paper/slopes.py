@@ -39,9 +39,9 @@ def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
     From the cubic curves through readings without random numbers and their derivatives; without derivatives, between
     the forces of the study.
     """
-    found = characterise.sensitivity(study, force)
-    steepest = found.isel(taxel=int(np.abs(found.max_slope.values).argmax()))
-    mean = found.isel(taxel=int(np.abs(found.mean_slope.values).argmax()))
+    slopes = characterise.sensitivity(study, force)
+    steepest = slopes.isel(taxel=int(np.abs(slopes.max_slope.values).argmax()))
+    mean = slopes.isel(taxel=int(np.abs(slopes.mean_slope.values).argmax()))
     return Sensitivity(
         abs(steepest.max_slope.item()),
         steepest.max_slope_error.item(),
@@ -106,8 +106,8 @@ def change(study: xr.Dataset, force: str, shown: float, weights: np.ndarray) -> 
 
     The error is that of the slopes in between, with those of all taxels taken as fully correlated.
     """
-    along = curves(study, force)
-    zero, there = along.power(np.array([0.0, shown])) @ weights
-    places = np.unique(np.append(along.force[(along.force >= 0) & (along.force <= shown)], [0.0, shown]))
-    errors = [np.interp(places, along.force, column) for column in along.slope_error.T]
-    return float(there - zero), float(np.trapezoid(np.abs(weights) @ errors, places))
+    curve = curves(study, force)
+    zero, final = curve.power(np.array([0.0, shown])) @ weights
+    forces = np.unique(np.append(curve.force[(curve.force >= 0) & (curve.force <= shown)], [0.0, shown]))
+    errors = [np.interp(forces, curve.force, column) for column in curve.slope_error.T]
+    return float(final - zero), float(np.trapezoid(np.abs(weights) @ errors, forces))

@@ -57,7 +57,7 @@ def choices() -> list[Variation]:
     spacings = [Variation(f"spacing {s:g} mm", {"spacing": s}) for s in SPACINGS if s != NOMINAL_SPACING]
     laws = [Variation(f"LED {law}", {"law": law}) for law in LAWS if law != NOMINAL_LAW]
     roofs = [Variation(f"{word} roof", {"scattering": value}) for value, word in ROOFS.items() if value != "isotropic"]
-    others = [
+    further = [
         Variation("phototransistor along y", {"detector_width": 0.3, "detector_depth": 0.52}),
         Variation("no dark centre", {"hole": 0}),
         Variation("dark centre 0.15 mm", {"hole": 0.15}),
@@ -65,13 +65,13 @@ def choices() -> list[Variation]:
         Variation("Mooney-Rivlin, c10 = c01", moduli(0.49, share_of_c01=0.5)),
         Variation("package reflects 50%", {"body_reflectance": 0.5}),
     ]
-    pairs = [both(one, other) for first in (spacings, roofs) for one in first for other in laws]
-    return [Variation(NOMINAL, {}, single=False), *spacings, *laws, *roofs, *others, *pairs]
+    pairs = [both(variation, law) for first in (spacings, roofs) for variation in first for law in laws]
+    return [Variation(NOMINAL, {}, single=False), *spacings, *laws, *roofs, *further, *pairs]
 
 
-def both(one: Variation, other: Variation) -> Variation:
+def both(first: Variation, second: Variation) -> Variation:
     """Two choices at once."""
-    return Variation(f"{one.words}, {other.words}", one.values | other.values, single=False)
+    return Variation(f"{first.words}, {second.words}", first.values | second.values, single=False)
 
 
 def vary(store: PaperStudies, workers: int | None) -> dict[str, dict[str, dict[str, xr.Dataset]]]:
@@ -87,14 +87,14 @@ def vary(store: PaperStudies, workers: int | None) -> dict[str, dict[str, dict[s
         if the nominal sensor is missing.
     """
     scene = store.folder / "variations" / "choices.xml"
-    found = {}
+    studies = {}
     for choice in sorted(choices(), key=lambda choice: choice.cost):
         try:
-            found[choice.words] = {cell: _loads(store, scene, choice, cell, workers) for cell in paper.CELLS}
+            studies[choice.words] = {cell: _loads(store, scene, choice, cell, workers) for cell in paper.CELLS}
         except MissingStudy:
-            if NOMINAL not in found:
+            if NOMINAL not in studies:
                 raise
-    return {choice.words: found[choice.words] for choice in choices() if choice.words in found}
+    return {choice.words: studies[choice.words] for choice in choices() if choice.words in studies}
 
 
 def _loads(

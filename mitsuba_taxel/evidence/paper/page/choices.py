@@ -22,11 +22,11 @@ NEAR_THE_DATASHEET = 0.03
 """Largest distance in mm of a peak from the datasheet's to count as consistent."""
 
 
-def variations(found: Found, pictures: Path) -> str:
-    tables = {words: table_one(cells) for words, cells in found["variations"].items()}
+def variations(studies: Found, pictures: Path) -> str:
+    tables = {words: table_one(cells) for words, cells in studies["variations"].items()}
     fits = {words: against_table_one(table) for words, table in tables.items()}
     figures.choices(tables, pictures / "choices.png")
-    heights = _heights(found)
+    heights = _heights(studies)
     columns = [(kind, cell) for kind in PUBLISHED for cell in paper.CELLS]
     head = [
         "choice",
@@ -40,9 +40,16 @@ def variations(found: Found, pictures: Path) -> str:
     for words, table in tables.items():
         slopes = [steepest(table[kind][cell]) for kind, cell in columns]
         orders = [pairs_in_order({c: s.max_slope for c, s in table[k].items()}, PUBLISHED[k]) for k in PUBLISHED]
-        same = "+".join(str(one) for one, _ in orders)
+        order_counts = "+".join(str(count) for count, _ in orders)
         rows.append(
-            [words, *slopes, same, f"{fits[words].scale:.3g}", f"{fits[words].misfit:.2f}", _height(heights[words])]
+            [
+                words,
+                *slopes,
+                order_counts,
+                f"{fits[words].scale:.3g}",
+                f"{fits[words].misfit:.2f}",
+                _height(heights[words]),
+            ]
         )
     return f"""\
 ## Which unstated choices move Table 1
@@ -74,9 +81,9 @@ def _computed(tables: Mapping[str, Any]) -> str:
     return paragraph(f"{len(tables)} of {len(choices())} choices and pairs.{missing}")
 
 
-def _heights(found: Found) -> dict[str, plate.Peak]:
+def _heights(studies: Found) -> dict[str, plate.Peak]:
     """Height of the peak for die spacing and law of each choice; NaN if unknown."""
-    peaks = plate.peaks(found["peak"]) if "peak" in found else {}
+    peaks = plate.peaks(studies["peak"]) if "peak" in studies else {}
 
     def height(values: Mapping[str, Any]) -> plate.Peak:
         if not peaks or {"hole", "detector_width", "body_reflectance"} & set(values):
@@ -94,7 +101,7 @@ def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) ->
     """The single choices, ranked by their effect on the eight slopes."""
     nominal = tables[NOMINAL]
 
-    def moved(words: str) -> float:
+    def typical_factor(words: str) -> float:
         logs = [
             math.log(least(tables[words][kind][cell]) / least(nominal[kind][cell]))
             for kind in PUBLISHED
@@ -103,8 +110,8 @@ def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) ->
         return math.exp(math.sqrt(float(np.mean(np.square(logs)))))
 
     single = [choice.words for choice in choices() if choice.single and choice.words in tables]
-    ranked = sorted(single, key=moved, reverse=True)
-    listed = ", ".join(f"{words} ({moved(words):.2f})" for words in ranked)
+    ranked = sorted(single, key=typical_factor, reverse=True)
+    listed = ", ".join(f"{words} ({typical_factor(words):.2f})" for words in ranked)
     return f"Single choices by the typical factor by which they change a slope: {listed}."
 
 
@@ -116,13 +123,13 @@ def _unexplained(tables: Mapping[str, Any], fits: Mapping[str, Fit], heights: Ma
     for group, names in groups.items():
         if names:
             best = min(names, key=lambda words: fits[words].misfit)
-            ours = {(kind, cell): one for kind in PUBLISHED for cell, one in tables[best][kind].items()}
-            rest = ", ".join(
-                f"{cell} {kind} {PUBLISHED[kind][cell] / (fits[best].scale * least(one)):.2f}"
-                for (kind, cell), one in ours.items()
+            simulated = {(kind, cell): slope for kind in PUBLISHED for cell, slope in tables[best][kind].items()}
+            ratios = ", ".join(
+                f"{cell} {kind} {PUBLISHED[kind][cell] / (fits[best].scale * least(slope)):.2f}"
+                for (kind, cell), slope in simulated.items()
             )
             lines.append(
                 f"- {group}, the least misfit has *{best}*: {fits[best].misfit:.2f}, with a factor of "
-                f"{fits[best].scale:.3g}. The paper's numbers are still these multiples of it: {rest}."
+                f"{fits[best].scale:.3g}. The paper's numbers are still these multiples of it: {ratios}."
             )
     return "**What is left**\n\n" + "\n".join(lines)

@@ -12,8 +12,8 @@ from mitsuba_taxel.evidence.paper.comparison import pairs_in_order
 from mitsuba_taxel.evidence.paper.page.words import Found
 
 
-def experiments(found: Found, pictures: Path) -> str:
-    table = table_one(found["nominal"])
+def experiments(studies: Found, pictures: Path) -> str:
+    table = table_one(studies["nominal"])
     measured = {
         "normal": {cell: max(values) for cell, values in paper.MEASURED_NORMAL.items()},
         "tangential": {cell: max(values) for cell, values in paper.MEASURED_TANGENTIAL.items()},
@@ -22,19 +22,19 @@ def experiments(found: Found, pictures: Path) -> str:
     for cell in paper.MEASURED_NORMAL:
         row = [cell]
         for kind, values in measured.items():
-            one, first = table[kind][cell], table[kind]["parallelepiped"]
+            slope, first = table[kind][cell], table[kind]["parallelepiped"]
             row.append(f"{values[cell] / values['parallelepiped']:.3f}")
-            row.append(f"{one.max_slope / first.max_slope:.3f}")
-        percent = nonlinearity_of(found["nominal"][cell]["fz"])
+            row.append(f"{slope.max_slope / first.max_slope:.3f}")
+        percent = nonlinearity_of(studies["nominal"][cell]["fz"])
         rows.append([*row, f"{paper.MEASURED_NONLINEARITY[cell]:g}", with_error(*percent)])
     lines = []
     for kind, values in measured.items():
-        for who, others in (
-            ("ours", {cell: one.max_slope for cell, one in table[kind].items()}),
+        for source, values_of in (
+            ("ours", {cell: slope.max_slope for cell, slope in table[kind].items()}),
             ("the paper's simulation", PUBLISHED[kind]),
         ):
-            same, pairs = pairs_in_order(values, others)
-            lines.append(f"- {kind}: {same} of {pairs} pairs in the order of the experiments by {who}.")
+            in_order, pairs = pairs_in_order(values, values_of)
+            lines.append(f"- {kind}: {in_order} of {pairs} pairs in the order of the experiments by {source}.")
     head = ["shape", "normal: measured", "here", "tangential: measured", "here", "e_nl measured [%]", "here [%]"]
     return f"""\
 ## The paper's experiments (Tables 2 to 4)

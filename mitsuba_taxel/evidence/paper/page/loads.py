@@ -19,21 +19,21 @@ from mitsuba_taxel.pads.parametric.pad import DEFAULT_MESH_SIZE
 from mitsuba_taxel.studies import stage_totals
 
 
-def nominal(found: Found, pictures: Path) -> str:
-    nominal, table = found["nominal"], table_one(found["nominal"])
+def nominal(studies: Found, pictures: Path) -> str:
+    nominal, table = studies["nominal"], table_one(studies["nominal"])
     expected = expected_of_counting(nominal)
     figures.normal_curves({cell: paths["fz"] for cell, paths in nominal.items()}, pictures / "fig9.png")
-    figures.tangential_curves(nominal, found.get("beyond"), pictures / "tangential.png")
+    figures.tangential_curves(nominal, studies.get("beyond"), pictures / "tangential.png")
     figures.sensitivities(table, expected, pictures / "table1.png")
     head = ["shape", "force", "paper [µW/N]", "here [µW/N]", "here / paper", "mean slope here [µW/N]", "steepest at"]
     rows = []
     for kind, published in PUBLISHED.items():
         for cell in paper.CELLS:
-            one = table[kind][cell]
-            ratio = with_error(one.max_slope / published[cell], one.max_slope_error / published[cell])
-            mean = micro(one.mean_slope, one.mean_slope_error)
-            place = f"taxel {one.taxel}, {one.at:g} N"
-            rows.append([cell, kind, f"{1e6 * published[cell]:.3g}", steepest(one), ratio, mean, place])
+            slope = table[kind][cell]
+            ratio = with_error(slope.max_slope / published[cell], slope.max_slope_error / published[cell])
+            mean = micro(slope.mean_slope, slope.mean_slope_error)
+            location = f"taxel {slope.taxel}, {slope.at:g} N"
+            rows.append([cell, kind, f"{1e6 * published[cell]:.3g}", steepest(slope), ratio, mean, location])
     direction = [[cell, *(steepest(table[path][cell]) for path in TANGENTIAL)] for cell in paper.CELLS]
     return f"""\
 ## Fig. 9 and Table 1: four shapes under load
@@ -64,13 +64,13 @@ def _orders(table: Mapping[str, Mapping[str, Sensitivity]]) -> str:
     """Sentences that compare the order of the shapes with the paper's."""
     lines = []
     for kind, published in PUBLISHED.items():
-        values = {cell: one.max_slope for cell, one in table[kind].items()}
-        ours = order(values, {cell: one.max_slope_error for cell, one in table[kind].items()})
-        theirs = sorted(published, key=lambda cell: -published[cell])
-        same, pairs = pairs_in_order(values, published)
+        values = {cell: slope.max_slope for cell, slope in table[kind].items()}
+        simulated = order(values, {cell: slope.max_slope_error for cell, slope in table[kind].items()})
+        expected = sorted(published, key=lambda cell: -published[cell])
+        in_order, pairs = pairs_in_order(values, published)
         lines.append(
-            f"- **{kind}**: here {' > '.join(ours.names)} (probability {ours.certainty:.3f}, errors taken as "
-            f"independent); paper {' > '.join(theirs)}. {same} of {pairs} pairs of shapes come in the same order."
+            f"- **{kind}**: here {' > '.join(simulated.names)} (probability {simulated.certainty:.3f}, errors taken as "
+            f"independent); paper {' > '.join(expected)}. {in_order} of {pairs} pairs of shapes come in the same order."
         )
     return "\n".join(lines)
 
@@ -98,13 +98,13 @@ def _cost(nominal: Mapping[str, Mapping[str, Any]]) -> str:
     )
 
 
-def roofs(found: Found, pictures: Path) -> str:
-    nominal = found["nominal"]
-    figures.diagonal_maps(nominal, found["roofs"], pictures / "fig10.png")
+def roofs(studies: Found, pictures: Path) -> str:
+    nominal = studies["nominal"]
+    figures.diagonal_maps(nominal, studies["roofs"], pictures / "fig10.png")
     rows = []
     for cell in paper.CELLS:
-        parts = skewness(nominal[cell]["resultant"])
-        rows.append([cell, *(micro(*part) for part in parts.values())])
+        differences = skewness(nominal[cell]["resultant"])
+        rows.append([cell, *(micro(*difference) for difference in differences.values())])
     return f"""\
 ## Fig. 10: a force along the secondary diagonal
 ![Roofs and powers](paper/fig10.png)
@@ -117,14 +117,14 @@ on the main diagonal:
 """
 
 
-def beyond(found: Found, pictures: Path) -> str:
+def beyond(studies: Found, pictures: Path) -> str:
     rows = []
     for cell in paper.CELLS:
-        ends = [float(study[path].max()) for path, study in found["beyond"][cell].items()]
+        ends = [float(study[path].max()) for path, study in studies["beyond"][cell].items()]
         rows.append([cell, f"{paper.TANGENTIAL_LIMIT[cell]:g}", *(f"{end:g}" for end in ends)])
-    said = "\n".join(
+    reasons = "\n".join(
         f"- {cell}, {NAMES[path]}: {_shorter(reason)}"
-        for cell, paths in found["beyond"].items()
+        for cell, paths in studies["beyond"].items()
         for path, study in paths.items()
         for reason in study.attrs["failures"].splitlines()[:1]
     )
@@ -135,7 +135,7 @@ Largest tangential force in N that the pad bears at -8 N, in steps of 1 N, and t
 {markdown_table(["shape", "paper", *(NAMES[path] for path in TANGENTIAL)], rows)}
 
 What stops them, at the first step that fails:
-{said}
+{reasons}
 """
 
 

@@ -21,8 +21,8 @@ from mitsuba_taxel.evidence.paper.page.words import Found, micro, steepest
 from mitsuba_taxel.evidence.paper.slopes import curves, sensitivity
 
 
-def analog(found: Found, pictures: Path) -> str:
-    nominal, counted = found["nominal"], found["analog"]
+def analog(studies: Found, pictures: Path) -> str:
+    nominal, counted = studies["nominal"], studies["analog"]
     slopes, drawn, true, rows = {}, {}, {}, []
     for cell, study in counted.items():
         force, power = study.fz.values, study.power.values
@@ -30,16 +30,16 @@ def analog(found: Found, pictures: Path) -> str:
         reading = curves(centre, "fz").power(force)
         binomial = counting.binomial(reading, counting.RAYS, counting.REPETITIONS)
         slopes[cell], drawn[cell] = (counting.max_slopes(force, samples) for samples in (power, binomial))
-        one = sensitivity(centre, "fz")
-        true[cell] = one.max_slope
+        slope = sensitivity(centre, "fz")
+        true[cell] = slope.max_slope
         answer, test = counting.summary(slopes[cell]), counting.counting_test(power, counting.RAYS)
         rows.append(
             [
                 cell,
-                steepest(one),
+                steepest(slope),
                 micro(answer.mean, answer.error),
                 f"{1e6 * answer.spread:.0f}",
-                f"{answer.mean / least(one):.3g}",
+                f"{answer.mean / least(slope):.3g}",
                 f"{1e6 * counting.summary(drawn[cell]).mean:.0f}",
                 f"{test.ratio:.3f} (p = {test.p:.2g})",
             ]
@@ -70,8 +70,8 @@ noise.
 """
 
 
-def hypotheses(found: Found, pictures: Path) -> str:
-    nominal = found["nominal"]
+def hypotheses(studies: Found, pictures: Path) -> str:
+    nominal = studies["nominal"]
     table, means, expected = table_one(nominal), readings(nominal), expected_of_counting(nominal)
     rows, lines, factors = [], [], []
     for kind, published in PUBLISHED.items():
@@ -95,13 +95,16 @@ def hypotheses(found: Found, pictures: Path) -> str:
                 for values in (
                     PUBLISHED[kind],
                     {c: math.sqrt(value) for c, value in means[kind].items()},
-                    {c: one.mean for c, one in expected[kind].items()},
+                    {c: count.mean for c, count in expected[kind].items()},
                 )
             ),
         ]
         for cell in paper.CELLS
     ]
-    head = ["shape", *(f"{kind}: {what}" for kind in PUBLISHED for what in ("paper", "root of reading", "counting"))]
+    head = [
+        "shape",
+        *(f"{kind}: {column}" for kind in PUBLISHED for column in ("paper", "root of reading", "counting")),
+    ]
     return f"""\
 ## Is Table 1 counting noise?
 With {paper.RAYS} rays a reading p scatters by sqrt(p (1 - p) / n). The largest of many steps of 0.5 N is then mostly

@@ -84,11 +84,11 @@ ASKED = {
 SCALES = {"normal": (1e6, "µW/N"), "tangential": (1e6, "µW/N"), "resolution": (1e3, "mN")}
 
 
-def write_optima(found: Optima, docs: Path, command: str) -> Path:
+def write_optima(optima: Optima, docs: Path, command: str) -> Path:
     """Write ``optimum.md`` and its picture; returns the page."""
     pictures = docs / "optimum"
     make_folder(pictures)
-    _draw(found, pictures / "optima.png")
+    _draw(optima, pictures / "optima.png")
     ranges = {name: f"{low:g} to {high:g}" for name, (low, high) in VARIABLES.items()}
     head = _HEAD.format(
         command=command,
@@ -105,84 +105,92 @@ def write_optima(found: Optima, docs: Path, command: str) -> Path:
         r1=POINTS["r1"][1],
         r2=POINTS["r2"][1],
         profile_height=PROFILE_HEIGHT,
-        evaluations=", ".join(f"{most} ({purpose})" for purpose, most in EVALUATIONS.items()),
+        evaluations=", ".join(f"{limit} ({purpose})" for purpose, limit in EVALUATIONS.items()),
         effort="; ".join(
             f"for the most sensitive {cell} to {purpose} force, {starts} descents, all but one from points of a Sobol' "
-            f"set, of at most {most} designs each"
-            for (purpose, cell), (starts, most) in EFFORT.items()
+            f"set, of at most {limit} designs each"
+            for (purpose, cell), (starts, limit) in EFFORT.items()
         ),
     )
     page = docs / "optimum.md"
-    write_text(page, "\n".join([head, *(_section(name, of) for name, of in found.items()), _cost(found)]))
+    write_text(page, "\n".join([head, *(_section(name, shapes) for name, shapes in optima.items()), _cost(optima)]))
     return page
 
 
-def _section(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
+def _section(purpose: str, shapes: Mapping[str, xr.Dataset]) -> str:
     scale, unit = SCALES[purpose]
     names = ("cell_height", *VARIABLES)
     head, rows = ["shape", f"paper's [{unit}]", f"best [{unit}]", "better by", *names], []
-    for cell, one in found.items():
-        before, best = (scale * value for value in _goal(one))
-        at = [f"{name} ({end})" for name, end in zip(_words(one, "variable"), _words(one, "at"), strict=True) if end]
-        values = _values(one)
+    for cell, optimum in shapes.items():
+        before, best = (scale * value for value in _goal(optimum))
+        at = [
+            f"{name} ({end})"
+            for name, end in zip(_words(optimum, "variable"), _words(optimum, "at"), strict=True)
+            if end
+        ]
+        values = _values(optimum)
         rows.append(
             [
                 cell,
                 f"{before:.3g}",
                 f"{best:.3g}",
-                f"{one.attrs['gain']:.0%} ± {one.attrs['gain_error']:.0%}",
+                f"{optimum.attrs['gain']:.0%} ± {optimum.attrs['gain_error']:.0%}",
                 *(f"{values[name]:.3g}" if name in values else "" for name in names),
                 ", ".join(at),
-                _left(one),
-                _optimal(one),
+                _left(optimum),
+                _optimal(optimum),
             ]
         )
     lines = [
         f"- {cell}: {line}"
-        for cell, one in found.items()
-        for line in (*_roof(one), *_lean(one), *json.loads(one.attrs["said"]))
+        for cell, optimum in shapes.items()
+        for line in (*_roof(optimum), *_lean(optimum), *json.loads(optimum.attrs["said"]))
     ]
-    lines += [f"- {cell}: {_descents(purpose, cell, one)}" for cell, one in found.items() if one.sizes["descent"] > 1]
-    said = "\n".join(lines) + "\n\n" if lines else ""
+    lines += [
+        f"- {cell}: {_descents(purpose, cell, optimum)}"
+        for cell, optimum in shapes.items()
+        if optimum.sizes["descent"] > 1
+    ]
+    notes = "\n".join(lines) + "\n\n" if lines else ""
     table = markdown_table([*head, "held by", "left", "optimum"], rows)
-    about = f"{_best_of(purpose, found)} {_reach_of(found)}"
-    return f"## {TITLES[purpose]}\n{ASKED[purpose]}\n\n{table}\n\n{said}{about}\n"
+    about = f"{_best_of(purpose, shapes)} {_reach_of(shapes)}"
+    return f"## {TITLES[purpose]}\n{ASKED[purpose]}\n\n{table}\n\n{notes}{about}\n"
 
 
-def _reach_of(found: Mapping[str, xr.Dataset]) -> str:
+def _reach_of(shapes: Mapping[str, xr.Dataset]) -> str:
     """How far the best pads may be loaded."""
     ends = [
-        f"the {cell} one to {one.attrs['reach']:.3g} N ({one.attrs['reach_ended']})"
-        for cell, one in found.items()
-        if one.attrs["reach"] < RANGE
+        f"the {cell} one to {optimum.attrs['reach']:.3g} N ({optimum.attrs['reach_ended']})"
+        for cell, optimum in shapes.items()
+        if optimum.attrs["reach"] < RANGE
     ]
-    whole = f"Under normal force alone, the best pads touch nothing up to {RANGE} N, the range of the sensor"
-    return f"{whole}, but {', '.join(ends)}." if ends else f"{whole}."
+    sentence = f"Under normal force alone, the best pads touch nothing up to {RANGE} N, the range of the sensor"
+    return f"{sentence}, but {', '.join(ends)}." if ends else f"{sentence}."
 
 
-def _best_of(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
+def _best_of(purpose: str, shapes: Mapping[str, xr.Dataset]) -> str:
     """The best of the paper's shapes compared with the best of all."""
     scale, unit = SCALES[purpose]
     sign = -1 if purpose == "resolution" else 1
-    before = max(paper.CELLS, key=lambda cell: sign * _goal(found[cell])[0])
-    best = max(found, key=lambda cell: sign * _goal(found[cell])[1])
-    values = _goal(found[before])[0], _goal(found[best])[1]
+    before = max(paper.CELLS, key=lambda cell: sign * _goal(shapes[cell])[0])
+    best = max(shapes, key=lambda cell: sign * _goal(shapes[cell])[1])
+    values = _goal(shapes[before])[0], _goal(shapes[best])[1]
     ratio = max(values) / min(values)
     nonlinear = ""
     if purpose == "normal":
-        of = found[before].figures_before_finer.values[1], found[best].figures_best_finer.values[1]
-        nonlinear = f", with a nonlinearity of {of[1]:.1%} instead of {of[0]:.1%}"
+        ratios = shapes[before].figures_before_finer.values[1], shapes[best].figures_best_finer.values[1]
+        nonlinear = f", with a nonlinearity of {ratios[1]:.1%} instead of {ratios[0]:.1%}"
     return (
         f"Of the paper's four the {before} one is best, with {scale * values[0]:.3g} {unit}; of those found the {best} "
-        f"one, with {scale * values[1]:.3g} {unit}: {ratio:.2f} times better{nonlinear}.{_profiles_of(found)}"
+        f"one, with {scale * values[1]:.3g} {unit}: {ratio:.2f} times better{nonlinear}.{_profiles_of(shapes)}"
     )
 
 
-def _profiles_of(found: Mapping[str, xr.Dataset]) -> str:
+def _profiles_of(shapes: Mapping[str, xr.Dataset]) -> str:
     """The best profiles compared with the paper's shapes, before and after."""
-    ends = [(cell, *_goal(found[cell])) for cell in paper.CELLS]
+    ends = [(cell, *_goal(shapes[cell])) for cell in paper.CELLS]
     (first, before, _), (second, _, after) = max(ends, key=lambda row: row[1]), max(ends, key=lambda row: row[2])
-    best = {cell: _goal(found[cell])[1] for cell in PROFILES if cell in found}
+    best = {cell: _goal(shapes[cell])[1] for cell in PROFILES if cell in shapes}
     return "".join(
         f" The best {cell} is {value / before:.2f} times as sensitive as the paper's {first} cells, and "
         f"{value / after:.2f} times as sensitive as the best {second} ones."
@@ -190,13 +198,13 @@ def _profiles_of(found: Mapping[str, xr.Dataset]) -> str:
     )
 
 
-def _values(one: xr.Dataset) -> dict[str, float]:
-    return dict(zip(_words(one, "variable"), one.variables_best.values.tolist(), strict=True))
+def _values(optimum: xr.Dataset) -> dict[str, float]:
+    return dict(zip(_words(optimum, "variable"), optimum.variables_best.values.tolist(), strict=True))
 
 
-def _roof(one: xr.Dataset) -> list[str]:
+def _roof(optimum: xr.Dataset) -> list[str]:
     """Where the points of a profile are."""
-    values = _values(one)
+    values = _values(optimum)
     if "r1" not in values:
         return []
     points = [(values.get(f"r{k}", 0.0), values[f"z{k}"]) for k in (1, 2, 3)]
@@ -204,67 +212,69 @@ def _roof(one: xr.Dataset) -> list[str]:
     return [f"points (r, z) of the roof in mm, from the rim to the crown: {shown}"]
 
 
-def _lean(one: xr.Dataset) -> list[str]:
+def _lean(optimum: xr.Dataset) -> list[str]:
     """By how much tops of cells lean."""
-    values = _values(one)
+    values = _values(optimum)
     if "top_x" not in values:
         return []
     lean = round(values["top_x"], 6)
-    said = f"tops of cells lie {lean:.3g} mm off their axes along x, by which the outer wall is thinner there"
-    return [said if lean else "it does not lean, as the outer wall would be thinner by as much"]
+    text = f"tops of cells lie {lean:.3g} mm off their axes along x, by which the outer wall is thinner there"
+    return [text if lean else "it does not lean, as the outer wall would be thinner by as much"]
 
 
-def _optimal(one: xr.Dataset) -> str:
+def _optimal(optimum: xr.Dataset) -> str:
     """Whether it is a local optimum, or how far from one at most."""
-    if one.attrs["unbalanced"] + one.attrs["unbalanced_error"] <= BALANCED:
+    if optimum.attrs["unbalanced"] + optimum.attrs["unbalanced_error"] <= BALANCED:
         return "yes"
-    if np.isnan(one.attrs["beyond"]):
+    if np.isnan(optimum.attrs["beyond"]):
         return "not shown"
-    if one.attrs["beyond_ended"]:
-        return f"within {math.ceil(1e3 * one.attrs['beyond']) / 1e3:.1%}"
-    return f"{one.attrs['beyond']:.1%} or more off"
+    if optimum.attrs["beyond_ended"]:
+        return f"within {math.ceil(1e3 * optimum.attrs['beyond']) / 1e3:.1%}"
+    return f"{optimum.attrs['beyond']:.1%} or more off"
 
 
-def _left(one: xr.Dataset) -> str:
+def _left(optimum: xr.Dataset) -> str:
     """The slope that is left, with its error if more than one gradient is known."""
-    error = one.attrs["unbalanced_error"]
-    return f"{one.attrs['unbalanced']:.1%}{f' ± {error:.1%}' if np.isfinite(error) else ''}"
+    error = optimum.attrs["unbalanced_error"]
+    return f"{optimum.attrs['unbalanced']:.1%}{f' ± {error:.1%}' if np.isfinite(error) else ''}"
 
 
-def _descents(purpose: str, cell: str, one: xr.Dataset) -> str:
+def _descents(purpose: str, cell: str, optimum: xr.Dataset) -> str:
     """Where each of several descents ended, and whether it could have gone on."""
     scale, unit = SCALES[purpose]
-    _, most = EFFORT[purpose, cell]
-    columns = (one[f"descent_{name}"].values for name in ("best", "designs", "failed", "seconds", "close"))
+    _, limit = EFFORT[purpose, cell]
+    columns = (optimum[f"descent_{name}"].values for name in ("best", "designs", "failed", "seconds", "close"))
     shown = []
     for best, count, failed, seconds, close in zip(*columns, strict=True):
         value = f"{scale * best:.3g} {unit}" if np.isfinite(best) else "no allowed design"
-        ended = "as no more was allowed" if count >= most else "as its steps gained no more"
-        near = f", within {NEARLY:.0%} of the best of all after {close:.0f}" if np.isfinite(close) else ""
-        shown.append(f"{value} ({count:.0f} designs in {seconds:.0f} s{near}, {failed:.0f} failed; {ended})")
+        ended = "as no more was allowed" if count >= limit else "as its steps gained no more"
+        close_note = f", within {NEARLY:.0%} of the best of all after {close:.0f}" if np.isfinite(close) else ""
+        shown.append(f"{value} ({count:.0f} designs in {seconds:.0f} s{close_note}, {failed:.0f} failed; {ended})")
     return f"its descents ended at {', '.join(shown)}"
 
 
-def _goal(one: xr.Dataset) -> tuple[float, float]:
+def _goal(optimum: xr.Dataset) -> tuple[float, float]:
     """The objective before and after, on the finer mesh if possible."""
-    ends = (f"figures_{when}{'_finer' if 'figures_best_finer' in one else ''}" for when in ("before", "best"))
-    before, best = (float(one[name].values[0]) for name in ends)
+    ends = (f"figures_{when}{'_finer' if 'figures_best_finer' in optimum else ''}" for when in ("before", "best"))
+    before, best = (float(optimum[name].values[0]) for name in ends)
     return before, best
 
 
-def _words(one: xr.Dataset, column: str) -> list[str]:
-    return [str(word) for word in one[f"variables_{column}"].values.astype(str)]
+def _words(optimum: xr.Dataset, column: str) -> list[str]:
+    return [str(word) for word in optimum[f"variables_{column}"].values.astype(str)]
 
 
-def _cost(found: Optima) -> str:
-    every = [one for of in found.values() for one in of.values()]
-    total = {name: sum(float(one.attrs[name]) for one in every) for name in ("designs", "load_steps", "seconds")}
+def _cost(optima: Optima) -> str:
+    all_optima = [optimum for shapes in optima.values() for optimum in shapes.values()]
+    total = {
+        name: sum(float(optimum.attrs[name]) for optimum in all_optima) for name in ("designs", "load_steps", "seconds")
+    }
     head = ["purpose", "shape", "designs", "failed", "load steps", "s"]
     names = ("designs", "failed", "load_steps", "seconds")
     rows = [
-        [purpose, cell, *(f"{float(one.attrs[name]):.0f}" for name in names)]
-        for purpose, of in found.items()
-        for cell, one in of.items()
+        [purpose, cell, *(f"{float(optimum.attrs[name]):.0f}" for name in names)]
+        for purpose, shapes in optima.items()
+        for cell, optimum in shapes.items()
     ]
     return (
         f"## Cost\n{total['designs']:.0f} designs with {total['load_steps']:.0f} load steps took "
@@ -273,20 +283,20 @@ def _cost(found: Optima) -> str:
     )
 
 
-def _draw(found: Optima, file: Path) -> None:
-    axes = panel_axes(1, len(found), size=(3.6, 3.0), sharex=False)
-    for ax, (purpose, of) in zip(axes[0], found.items(), strict=True):
-        _draw_bars(ax, purpose, of)
+def _draw(optima: Optima, file: Path) -> None:
+    axes = panel_axes(1, len(optima), size=(3.6, 3.0), sharex=False)
+    for ax, (purpose, shapes) in zip(axes[0], optima.items(), strict=True):
+        _draw_bars(ax, purpose, shapes)
     axes[0, 0].legend(fontsize="small")
     save_small(axes[0, 0].figure, file)
 
 
-def _draw_bars(ax: Any, purpose: str, of: Mapping[str, xr.Dataset]) -> None:
+def _draw_bars(ax: Any, purpose: str, shapes: Mapping[str, xr.Dataset]) -> None:
     scale, unit = SCALES[purpose]
-    goals, place = scale * np.array([_goal(one) for one in of.values()]), np.arange(len(of))
+    goals, positions = scale * np.array([_goal(optimum) for optimum in shapes.values()]), np.arange(len(shapes))
     for shift, values, label, colour in ((-0.2, goals[:, 0], "paper", 7), (0.2, goals[:, 1], "best", 1)):
-        ax.bar(place + shift, values, 0.4, label=label, color=COLOURS[colour])
-    ax.set_xticks(place, [_short(cell) for cell in of], fontsize="small")
+        ax.bar(positions + shift, values, 0.4, label=label, color=COLOURS[colour])
+    ax.set_xticks(positions, [_short(cell) for cell in shapes], fontsize="small")
     ax.set_title(TITLES[purpose], fontsize="small")
     ax.set_ylabel(f"[{unit}]")
 

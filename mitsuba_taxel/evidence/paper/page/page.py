@@ -45,20 +45,20 @@ SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Found, Path], str]], ...] = (
 """Sections of the page, and the parts that each needs."""
 
 
-def write_pages(found: Found, docs: Path, command: str) -> list[Path]:
+def write_pages(studies: Found, docs: Path, command: str) -> list[Path]:
     """Write the pages with any complete part: ``paper.md``, and ``optimum.md`` for the best sensors."""
-    pages = [write_page(found, docs, command)] if set(found) - {"optimum"} else []
-    return [*pages, *([write_optima(found["optimum"], docs, command)] if "optimum" in found else [])]
+    pages = [write_page(studies, docs, command)] if set(studies) - {"optimum"} else []
+    return [*pages, *([write_optima(studies["optimum"], docs, command)] if "optimum" in studies else [])]
 
 
-def write_page(found: Found, docs: Path, command: str) -> Path:
+def write_page(studies: Found, docs: Path, command: str) -> Path:
     """Write ``paper.md`` and, in ``paper/``, the figures of the complete parts; returns the page."""
     pictures = docs / "paper"
     make_folder(pictures)
     sections = [_HEAD.format(command=command, spacing=NOMINAL_SPACING)]
-    for wanted, section in SECTIONS:
-        if all(name in found for name in wanted):
-            sections.append(section(found, pictures))
+    for needed, section in SECTIONS:
+        if all(name in studies for name in needed):
+            sections.append(section(studies, pictures))
     page = docs / "paper.md"
     write_text(page, "\n".join(sections))
     return page

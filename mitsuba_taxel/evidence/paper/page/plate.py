@@ -11,11 +11,11 @@ from mitsuba_taxel.evidence.paper import figures, paper, plate
 from mitsuba_taxel.evidence.paper.page.words import Found
 
 
-def optics(found: Found, pictures: Path) -> str:
-    figures.plate_curves(found["fig4"], "z", "z", "height z [mm]", pictures / "fig4.png")
-    for part, axis in (("fig5", "x"), ("fig6", "y")):
+def optics(studies: Found, pictures: Path) -> str:
+    figures.plate_curves(studies["fig4"], "z", "z", "height z [mm]", pictures / "fig4.png")
+    for figure, axis in (("fig5", "x"), ("fig6", "y")):
         label = f"edge distance along {axis} [mm]"
-        figures.plate_curves(found[part], f"offset_{axis}", "edge", label, pictures / f"{part}.png")
+        figures.plate_curves(studies[figure], f"offset_{axis}", "edge", label, pictures / f"{figure}.png")
     return f"""\
 ## Figs. 4 to 6: the photo-reflector under a mirror plate
 ![Power over height](paper/fig4.png)
@@ -33,8 +33,8 @@ the plate's edge from the package's own edge, inwards, along x from the LED's si
 """
 
 
-def peaks(found: Found, pictures: Path) -> str:
-    peaks = plate.peaks(found["peak"])
+def peaks(studies: Found, pictures: Path) -> str:
+    peaks = plate.peaks(studies["peak"])
     figures.peak_positions(peaks, pictures / "peak.png")
     shown = [*plate.SPACINGS]
     rows = [
@@ -46,15 +46,15 @@ def peaks(found: Found, pictures: Path) -> str:
         for law, by_spacing in peaks.items()
     ]
     head = ["LED", *(f"peak [mm] at {spacing:g} mm" for spacing in shown), "spacing [mm] for a peak at 0.30 mm"]
-    least, most = min(plate.PEAK_SPACINGS), max(plate.PEAK_SPACINGS)
+    low, high = min(plate.PEAK_SPACINGS), max(plate.PEAK_SPACINGS)
     return f"""\
 ### Die spacing and emission law go together
 ![Height of the peak](paper/peak.png)
 
 {markdown_table(head, rows)}
 
-The peak of a cubic in ln z through ln(power) above {plate.NEAR_PEAK:.0%} of the largest; die spacings from {least:g} to
-{most:g} mm, the range that fits into the package. The datasheet's peak is a property of the part; all pairs in the last
+The peak of a cubic in ln z through ln(power) above {plate.NEAR_PEAK:.0%} of the largest; die spacings from {low:g} to
+{high:g} mm, the range that fits into the package. The datasheet's peak is a property of the part; all pairs in the last
 column reproduce it, so it cannot distinguish between them.
 """
 

@@ -25,6 +25,6 @@ def micro(value: float, error: float) -> str:
     return with_error(1e6 * value, 1e6 * error)
 
 
-def steepest(one: Sensitivity) -> str:
+def steepest(slope: Sensitivity) -> str:
     """Maximum slope in µW/N with its error."""
-    return micro(one.max_slope, one.max_slope_error)
+    return micro(slope.max_slope, slope.max_slope_error)
