@@ -44,12 +44,12 @@ def memory_section(fit: Memory, pictures: Path) -> str:
     ]
     loop_rows = [
         [
-            name,
+            label,
             f"{observed:g}",
             _with(getattr(fit.loop, name), getattr(fit.errors.loop, name)),
             f"{getattr(fit.rubbed, name):.2f}",
         ]
-        for name, name, observed in _LOOPS
+        for label, name, observed in _LOOPS
     ]
     worst = 100 * np.abs(fit.tail / tail - 1).max()
     travel = f"{max(measured.PRESSES[measured.PRESSED].travels):g} mm"
