@@ -57,6 +57,16 @@ def off_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
     """The study with readings, and their derivatives by forces, changed by each mode of the errors of the pads' shape.
 
     Each twice: up and down. Forces are called as by `with_forces_named`.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of one scene.
+
+    Returns
+    -------
+    dict[Mode, list[xr.Dataset]]
+        By mode, the two changed studies.
     """
     study = with_forces_named(study)
     sizes = _sizes(study) if "replicate_power" in study else {}
@@ -172,6 +182,31 @@ def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
         alike = [dim for dim in (study.attrs["curve"], "taxel") if dim in share.dims]
         sizes["geometry_error"] = (power * share.mean(alike).fillna(0.0), xr.DataArray(COMMON))
     return sizes
+
+
+def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
+    """Factor of the sizes of the errors of readings along a path, 1 or more.
+
+    Errors of derivatives by the forces, added up along the path, are another estimate of the same error: in cells of
+    thin roofs, two meshes may agree in the readings alone. The larger one counts.
+    """
+    factor = xr.DataArray(1.0)
+    if "derivative_error" not in study:
+        return factor
+    error = study.derivative_error.fillna(0.0)
+    for dim in {str(dim) for name in _varied(study) for dim in study[name].dims}:
+        names = [name for name in _varied(study) if dim in study[name].dims and name in study.parameter.values]
+        if study.sizes[dim] < 2 or not names:
+            continue
+        ends = (slice(None, -1), slice(1, None))
+        middle = sum((error.isel({dim: end}).drop_vars(dim, errors="ignore") for end in ends), xr.DataArray(0.0)) / 2
+        lengths = {name: abs(_steps(study[name], dim)).isel({dim: ends[1]}) for name in names}
+        parts = (length * middle.sel(parameter=name, drop=True) for name, length in lengths.items())
+        by_slopes = sum(parts, xr.DataArray(0.0)).sum(dim)
+        by_readings = abs(_steps(size, dim)).isel({dim: ends[1]}).sum(dim)
+        ratio = (by_slopes / by_readings.where(by_readings > 0)).fillna(1.0)
+        factor = xr.where(ratio > factor, ratio, factor)
+    return factor
 
 
 def _with_change(study: xr.Dataset, change: xr.DataArray) -> xr.Dataset:

@@ -236,9 +236,9 @@ def nominal_errors(
         return figures(_readings(plan, study, "replicate_power")[0], force, loaded, plan.batch.circuit)
 
     mean = with_forces_named(mean)  # as `off_by_shape` has them
-    value, off = found(mean), off_by_shape(mean)
-    replicates = [found(mean.isel(replicate=[number])) for number in range(mean.sizes["replicate"])]
-    moved = {mode: [found(study) for study in both] for mode, both in off.items()}
+    value, changed_studies = figures_of(mean), off_by_shape(mean)
+    replicates = [figures_of(mean.isel(replicate=[number])) for number in range(mean.sizes["replicate"])]
+    changed_figures = {mode: [figures_of(study) for study in both] for mode, both in changed_studies.items()}
     errors = {}
     for name, at_mean in value.items():
         changed = {mode: [values[name] for values in both] for mode, both in changed_figures.items()}
