@@ -1,4 +1,4 @@
-"""Quick check of an installation: one known reading, one known deformation."""
+"""Quick check of an installation: a reading and a deformation are compared with their exact values."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Check(NamedTuple):
 
 
 def run_checks() -> list[Check]:
-    """Run all checks, in about a second; a check that raises has failed.
+    """Run all checks, in about a second; a check that raises an exception counts as failed.
 
     Returns
     -------
@@ -64,6 +64,7 @@ def check_mechanics() -> Check:
     from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
     from mitsuba_taxel.mechanics.elements.solvers import make_solver
 
+    # The mesh: one quadratic tetrahedron, with nodes at its corners and in the middle of its edges.
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.2, 1]])
     points = np.concatenate([corners, [corners[list(edge)].mean(axis=0) for edge in TET_EDGES]])
     middle = {frozenset(edge): 4 + number for number, edge in enumerate(TET_EDGES)}
@@ -72,6 +73,7 @@ def check_mechanics() -> Check:
     marks = np.zeros(4, dtype=int)
     mesh = VolumeMesh(points, np.arange(10)[None], np.concatenate([triangles, edges], axis=1), marks, marks.copy())
 
+    # Nodal forces of the exact stress. Shape functions of the mid-edge nodes integrate to a third of a face's area.
     material = NeoHookean()
     gradient = np.array([[1, 0, 0.2], [0, 1, 0], [0, 0, 1]])
     inverse_transpose = np.linalg.inv(gradient).T
@@ -79,8 +81,9 @@ def check_mechanics() -> Check:
     forces = np.zeros((10, 3))
     for face in mesh.faces:
         a, b, c = points[face[:3]]
-        forces[face[3:]] += stress @ np.cross(b - a, c - a) / 6  # a third of area x traction on each mid-edge node
+        forces[face[3:]] += stress @ np.cross(b - a, c - a) / 6
 
+    # Newton's method for the free nodes, and comparison with the exact motion.
     fixed = points[:, 2] == 0
     assembly, solver = Assembly(mesh, material, number_unknowns(mesh, fixed)), make_solver()
     load = np.concatenate([forces[~fixed].ravel(), np.zeros(assembly.numbering.pressures)])
