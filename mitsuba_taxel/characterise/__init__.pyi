@@ -1,10 +1,4 @@
 from .characteristics import characteristics as characteristics
-from .comparison import (
-    Comparison as Comparison,
-)
-from .comparison import (
-    compare as compare,
-)
 from .equations import (
     Deviation as Deviation,
 )
@@ -24,22 +18,28 @@ from .experiment import (
     Experiment as Experiment,
 )
 from .load_lines import experiments as experiments
-from .measurement import (
-    Measurement as Measurement,
+from .ranking.comparison import (
+    Comparison as Comparison,
 )
-from .measurement import (
-    read_measurement as read_measurement,
+from .ranking.comparison import (
+    compare as compare,
 )
-from .ranking_rows import (
+from .ranking.ranking_rows import (
     comparison_rows as comparison_rows,
 )
-from .ranking_rows import (
+from .ranking.ranking_rows import (
     printed_comparison as printed_comparison,
 )
-from .ranking_rows import (
+from .ranking.ranking_rows import (
     ranking_notes as ranking_notes,
 )
-from .recorded_runs import recorded_experiment as recorded_experiment
+from .recorded.measurement import (
+    Measurement as Measurement,
+)
+from .recorded.measurement import (
+    read_measurement as read_measurement,
+)
+from .recorded.recorded_runs import recorded_experiment as recorded_experiment
 from .resolution import resolution as resolution
 from .sensitivity import (
     sensitivity as sensitivity,

@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 from xml.parsers import expat
 
-from mitsuba_taxel.base.text import read_bytes
+from mitsuba_taxel.base.files.text import read_bytes
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.sensing.scene.description import is_file
 from mitsuba_taxel.sensing.scene.left_out import used_by

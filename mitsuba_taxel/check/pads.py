@@ -38,7 +38,7 @@ def extents_in_file(pad: PadFile, mesh_size: float | None) -> tuple[np.ndarray, 
         as `mesh_pad_file`.
     """
     from mitsuba_taxel.geometry.geometry_error import GeometryError
-    from mitsuba_taxel.geometry.triangles import volume
+    from mitsuba_taxel.geometry.surfaces.triangles import volume
     from mitsuba_taxel.pads.imported.regions import extents_of
     from mitsuba_taxel.pads.imported.surface_meshing import surface_of
     from mitsuba_taxel.pads.imported.surfaces import check_mesh_size

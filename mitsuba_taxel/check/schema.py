@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from mitsuba_taxel.backend import plugin_kind
-from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.check.document import ELEMENTS, KINDS
 from mitsuba_taxel.parameters import Choice, Parameter, Switch
 from mitsuba_taxel.specification import specification_of

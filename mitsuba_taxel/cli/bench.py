@@ -300,7 +300,7 @@ def speed_command(target_error: float) -> None:
 @debug_option
 def omitted_work_command(scenes: tuple[str, ...], markdown: Path | None) -> None:
     """Read shipped scenes as they are, and with unneeded work added."""
-    from mitsuba_taxel.base.atomic import write_text
+    from mitsuba_taxel.base.files.atomic import write_text
     from mitsuba_taxel.evidence.accuracy.omitted_work import HEADINGS, page, table
 
     rows = []

@@ -90,7 +90,7 @@ def _show(columns: Sequence[object], rows: Iterable[Sequence[object]], file: Pat
         click.echo("  ".join(f"{cell!s:16}" for cell in row).rstrip())
         kept.append(row)
     if file:
-        from mitsuba_taxel.base.atomic import replacing
+        from mitsuba_taxel.base.files.atomic import replacing
 
         with replacing(file) as temporary, temporary.open("w", newline="") as stream:
             csv.writer(stream).writerows(kept)

@@ -61,8 +61,8 @@ def command(
     comparison = compare(studies, by, limits, force=force, up_to=up_to, circuit=circuit_in(circuit))
     printed = printed_comparison(comparison)
     if output is not None:
-        from mitsuba_taxel.base.atomic import replacing, write_text
-        from mitsuba_taxel.base.printed import write_printed
+        from mitsuba_taxel.base.files.atomic import replacing, write_text
+        from mitsuba_taxel.base.files.printed import write_printed
         from mitsuba_taxel.plots.ranking import plot_ranking
 
         make_folder(output)

@@ -62,7 +62,7 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
 
 
 def _draw(part, file: Path) -> None:
-    from mitsuba_taxel.base.atomic import replacing
+    from mitsuba_taxel.base.files.atomic import replacing
     from mitsuba_taxel.plots.parts import plot_part
     from mitsuba_taxel.studies.plan.files import check_new_file
 

@@ -16,12 +16,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.base.printed import Printed
+    from mitsuba_taxel.base.files.printed import Printed
 
 
 def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Print a table of numbers on stdout; the first column is aligned left, the others right."""
-    from mitsuba_taxel.base.text_table import text_table
+    from mitsuba_taxel.base.files.text_table import text_table
 
     print(text_table(headings, rows, terminal_width()))
 
@@ -73,14 +73,14 @@ def _show(table: Table) -> None:
 
 def print_figures(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table of figures of merit, units below names; the title names the force if there is only one."""
-    from mitsuba_taxel.base.printed import figures_table
+    from mitsuba_taxel.base.files.printed import figures_table
 
     print_result([figures_table(title, headings, rows)] if rows else [])
 
 
 def print_result(printed: Printed) -> None:
     """Print the tables and lines of a result, units below names, and warnings on stderr."""
-    from mitsuba_taxel.base.printed import WARNING
+    from mitsuba_taxel.base.files.printed import WARNING
 
     for number, block in enumerate(printed):
         if isinstance(block, str):
@@ -197,7 +197,7 @@ def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
 
     The current activity, such as meshing, stands beside the bar.
     """
-    from mitsuba_taxel.base.activities import announced_to
+    from mitsuba_taxel.base.processes.activities import announced_to
 
     with _bar() as bar:
         task = bar.add_task(what, total=None, activity="")
@@ -208,7 +208,7 @@ def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
 @contextmanager
 def study_bar() -> Iterator[Callable]:
     """A function that shows a study's ``Progress`` on a terminal: jobs, time left and error so far."""
-    from mitsuba_taxel.base.activities import announced_to
+    from mitsuba_taxel.base.processes.activities import announced_to
     from mitsuba_taxel.base.units import in_percent
 
     with _bar() as bar:

@@ -10,7 +10,7 @@ from typing import Any
 
 from mitsuba_taxel.base.arguments import path_of
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.toml import read_toml
+from mitsuba_taxel.base.files.toml import read_toml
 from mitsuba_taxel.parameters import REQUIRED, Checked, Number, number, values_of, whole
 from mitsuba_taxel.parameters.parameter import stated
 

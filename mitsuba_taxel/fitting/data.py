@@ -11,7 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.table import UNITS, as_parameter, ask_for_grams, read_table
+from mitsuba_taxel.base.files.table import UNITS, as_parameter, ask_for_grams, read_table
 from mitsuba_taxel.base.units import FORCES
 
 READING = re.compile(r"(?P<kind>[vVpP])_?(?P<taxel>[1-9]\d*)(?P<error>_error)?")
@@ -51,8 +51,9 @@ def read_data(file: Path, parameters: Collection[str] = ()) -> Data:
     """Read a table of measurements.
 
     Headings are settings such as ``fz`` or ``fz_mN``, readings such as ``v1_V`` or ``p1_W`` of taxel 1, and standard
-    deviations such as ``v1_error_V``, of all readings or none; see `mitsuba_taxel.base.table.read_table`. Settings
-    with a unit are converted to mm, N, MPa, s and degrees, unless the whole heading is the name of a parameter.
+    deviations such as ``v1_error_V``, of all readings or none; see `mitsuba_taxel.base.files.table.read_table`.
+    Settings with a unit are converted to mm, N, MPa, s and degrees, unless the whole heading is the name of a
+    parameter.
 
     Parameters
     ----------

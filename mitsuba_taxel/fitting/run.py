@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mitsuba_taxel.base.arguments import check_progress, path_of
-from mitsuba_taxel.base.atomic import replacing, write_text
+from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.fitting.model import ReadingModel
 from mitsuba_taxel.fitting.model_error import ModelError, carried

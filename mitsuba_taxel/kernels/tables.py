@@ -11,8 +11,8 @@ import numpy as np
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.backend.plugin_objects import found
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.table import separated
-from mitsuba_taxel.base.text import read_text
+from mitsuba_taxel.base.files.table import separated
+from mitsuba_taxel.base.files.text import read_text
 
 NODES = 4096
 """Points of a table inside kernels, the same for every file, so that another file needs no new kernel."""

@@ -1,12 +1,12 @@
+from .contact.barriers.self_contact import (
+    Contact as Contact,
+)
+from .contact.barriers.self_contact import (
+    ContactTest as ContactTest,
+)
 from .contact.indenter import Indenter as Indenter
 from .contact.indenter_shape import Gap as Gap
 from .contact.indenter_shape import IndenterShape as IndenterShape
-from .contact.self_contact import (
-    Contact as Contact,
-)
-from .contact.self_contact import (
-    ContactTest as ContactTest,
-)
 from .continuation.state import RoofError as RoofError
 from .continuation.state import State as State
 from .continuation.state import ViscoelasticMemory as ViscoelasticMemory

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base import archive
-from mitsuba_taxel.base.atomic import WriteError, reason_of, remove_stale, replacing
+from mitsuba_taxel.base.files import archive
+from mitsuba_taxel.base.files.atomic import WriteError, reason_of, remove_stale, replacing
 from mitsuba_taxel.base.sources import code_digest
 
 LARGEST = 10 * 10**9

@@ -16,7 +16,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import check_progress, is_number, refusal, require
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path

@@ -12,7 +12,6 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.box_tree import BoxTree
 from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.quadratic_shapes import (
     control_points,
@@ -21,6 +20,7 @@ from mitsuba_taxel.geometry.quadratic_shapes import (
     shape_gradients,
     tet_coordinates,
 )
+from mitsuba_taxel.geometry.surfaces.box_tree import BoxTree
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 
 SLACK = 1e-9

@@ -6,9 +6,9 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mitsuba_taxel.base.atomic import replacing, write_text
-from mitsuba_taxel.base.markdown import markdown_table
-from mitsuba_taxel.base.printed import WARNING, Printed, PrintedTable, write_printed
+from mitsuba_taxel.base.files.atomic import replacing, write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
+from mitsuba_taxel.base.files.printed import WARNING, Printed, PrintedTable, write_printed
 from mitsuba_taxel.optimum.designs import pads_of
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.optimum.result import Optimum

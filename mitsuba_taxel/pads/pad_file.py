@@ -12,11 +12,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mitsuba_taxel.base.activities import activity
 from mitsuba_taxel.base.arguments import path_of, require
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.base.text import read_bytes
+from mitsuba_taxel.base.files.text import read_bytes
+from mitsuba_taxel.base.processes.activities import activity
 from mitsuba_taxel.pads.imported.placement import AS_DRAWN, DIRECTIONS, Placement
 from mitsuba_taxel.pads.imported.rules import Rule, read_rules
 from mitsuba_taxel.parameters import choice, number

@@ -11,7 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import is_number, is_row, path_of
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.toml import read_toml
+from mitsuba_taxel.base.files.toml import read_toml
 from mitsuba_taxel.parameters import REQUIRED, Checked, choice, number
 
 SUFFIX = ".toml"

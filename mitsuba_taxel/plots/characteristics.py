@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS, NOT_RESOLVED, SLOPES

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.base.units import prefixed
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import numpy as np
 
 from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS
-from mitsuba_taxel.characterise.comparison import WITHIN, Comparison
-from mitsuba_taxel.characterise.ranking_rows import varied_names
+from mitsuba_taxel.characterise.ranking.comparison import WITHIN, Comparison
+from mitsuba_taxel.characterise.ranking.ranking_rows import varied_names
 from mitsuba_taxel.characterise.wording import as_word
 from mitsuba_taxel.plots.figures import COLOURS, panel_axes
 

@@ -15,8 +15,8 @@ from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
 from mitsuba_taxel.base.arguments import check_progress, check_seed, check_whole, plain_number
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.text_table import text_table
 from mitsuba_taxel.base.replicates import standard_error
-from mitsuba_taxel.base.text_table import text_table
 from mitsuba_taxel.kernels.paths.ray_offsets import clearance_of
 from mitsuba_taxel.kernels.paths.wavefronts import LARGEST_WAVEFRONT
 from mitsuba_taxel.kernels.protocols import is_package

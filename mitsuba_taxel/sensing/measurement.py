@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mitsuba_taxel.backend import in_turn
-from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.arguments import (
     check_flags,
     check_seed,
@@ -21,6 +20,7 @@ from mitsuba_taxel.base.arguments import (
     require,
 )
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.paths.wavefronts import trace
 from mitsuba_taxel.kernels.walls import set_wavelength

@@ -13,9 +13,9 @@ from statistics import NormalDist
 
 import numpy as np
 
-from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.convergence import ERROR_SHARE, FACETS_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing.reading.darkness import dark_errors, may_be_lit

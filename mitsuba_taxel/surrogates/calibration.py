@@ -18,8 +18,8 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
-from mitsuba_taxel.characterise.measurement import Measurement
-from mitsuba_taxel.characterise.recorded_runs import runs_of
+from mitsuba_taxel.characterise.recorded.measurement import Measurement
+from mitsuba_taxel.characterise.recorded.recorded_runs import runs_of
 from mitsuba_taxel.characterise.roles import with_forces_named
 from mitsuba_taxel.electronics.samples import sampled
 from mitsuba_taxel.electronics.volts import circuit_of_study

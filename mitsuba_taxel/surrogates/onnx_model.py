@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import replacing
+from mitsuba_taxel.base.files.printed import Printed, as_json, from_json
 from mitsuba_taxel.base.left_out import LEFT_OUT
-from mitsuba_taxel.base.printed import Printed, as_json, from_json
 from mitsuba_taxel.base.units import in_percent
 from mitsuba_taxel.electronics import Circuit, respond, saturated_words
 from mitsuba_taxel.electronics.pieces import straight_pieces

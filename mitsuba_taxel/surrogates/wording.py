@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from mitsuba_taxel.base.files.printed import Printed
 from mitsuba_taxel.base.left_out import LEFT_OUT
-from mitsuba_taxel.base.printed import Printed
 from mitsuba_taxel.surrogates.calibration import Calibration
 from mitsuba_taxel.surrogates.polynomial import Polynomial
 

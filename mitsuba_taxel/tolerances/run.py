@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
-from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.spreads import plot_spreads
 from mitsuba_taxel.sensing.derivatives.derivable import without_derivative

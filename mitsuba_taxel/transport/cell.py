@@ -19,9 +19,9 @@ from scipy.linalg import lu_factor, lu_solve
 from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.direct import Direct
 from mitsuba_taxel.transport.emission import STEP, Emission, emission
-from mitsuba_taxel.transport.ends import End
 from mitsuba_taxel.transport.exchange import Exchange, LightRates, Starts
 from mitsuba_taxel.transport.horizon import PiecesAtHorizon, pieces_at_horizon
+from mitsuba_taxel.transport.laws.ends import End
 from mitsuba_taxel.transport.pairs import pairs_of
 from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.reception import Reception, accepted, radiance

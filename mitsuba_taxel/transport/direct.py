@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from mitsuba_taxel.transport.emission import Emission, LitPoints
-from mitsuba_taxel.transport.ends import NARROW, End
 from mitsuba_taxel.transport.exchange import Starts
+from mitsuba_taxel.transport.laws.ends import NARROW, End
 from mitsuba_taxel.transport.patches import DEGREE, LATTICE, PatchPoints
 from mitsuba_taxel.transport.pieces import WHOLE, Pieces
 from mitsuba_taxel.transport.reception import Reception, accepted, radiance

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mitsuba_taxel.transport.ends import NARROW, End
+from mitsuba_taxel.transport.laws.ends import NARROW, End
 from mitsuba_taxel.transport.outline import power_within
 from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.pieces import WHOLE, Pieces, quartered

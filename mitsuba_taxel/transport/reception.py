@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.transport.ends import AngularLaw, End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
+from mitsuba_taxel.transport.laws.ends import AngularLaw, End
 from mitsuba_taxel.transport.outline import TOLERANCE, Cumulative, power_within
 from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.rules import gauss, triangle_rule

@@ -11,9 +11,9 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import found, make_plugin
-from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.dome_elements import fewer_triangles, size_for_light
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
 from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE, is_region
@@ -289,7 +289,7 @@ class DeformablePad(mi.Mesh):
 
     def _room_needed(self, obstacles: np.ndarray) -> str:
         """For the first package that does not fit into its cell, in words; else the width of the cells."""
-        from mitsuba_taxel.mechanics.contact.bodies import body_of_each
+        from mitsuba_taxel.mechanics.contact.barriers.bodies import body_of_each
         from mitsuba_taxel.pads.room import holds, nearest_cell, room_needed
 
         number = body_of_each(obstacles)

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from mitsuba_taxel import InputError, Pad, PadFile
-from mitsuba_taxel.base.activities import activity, announced_to
+from mitsuba_taxel.base.processes.activities import activity, announced_to
 from mitsuba_taxel.pads.parametric.meshing import MESHING_LOCK
 
 SCENE = """<scene version="3.9.0">

@@ -8,7 +8,7 @@ import io
 import numpy as np
 import pytest
 
-from mitsuba_taxel.base import archive
+from mitsuba_taxel.base.files import archive
 
 pytestmark = pytest.mark.quick
 

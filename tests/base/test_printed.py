@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mitsuba_taxel.base.printed import FILE, figures_table, read_printed, write_printed
+from mitsuba_taxel.base.files.printed import FILE, figures_table, read_printed, write_printed
 
 
 def test_it_is_read_back(tmp_path):

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.processes import stages
 
 pytestmark = pytest.mark.quick
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import InputError
-from mitsuba_taxel.base.table import as_parameter, read_table
+from mitsuba_taxel.base.files.table import as_parameter, read_table
 from mitsuba_taxel.characterise import read_measurement
 from mitsuba_taxel.fitting.data import read_data
 from mitsuba_taxel.studies import read_steps

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mitsuba_taxel import InputError
-from mitsuba_taxel.base.text import read_text
+from mitsuba_taxel.base.files.text import read_text
 
 
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"], ids=["plain", "byte order mark"])

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from mitsuba_taxel.base import threads
+from mitsuba_taxel.base.processes import threads
 
 
 @pytest.mark.parametrize("count", [1, 3])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mitsuba_taxel import InputError
-from mitsuba_taxel.base.toml import CHAIN, loads, read_toml
+from mitsuba_taxel.base.files.toml import CHAIN, loads, read_toml
 
 pytestmark = pytest.mark.quick
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.characterise import recorded_noise
-from mitsuba_taxel.characterise.recorded_noise import PointErrors, with_errors
+from mitsuba_taxel.characterise.recorded import recorded_noise
+from mitsuba_taxel.characterise.recorded.recorded_noise import PointErrors, with_errors
 from mitsuba_taxel.characterise.replicates import at_largest
 
 POINTS, CHANNELS, REPLICATES = 25, 900, 64

@@ -10,7 +10,7 @@ import pytest
 
 from mitsuba_taxel import InputError
 from mitsuba_taxel.characterise import Measurement, characteristics, recorded_experiment
-from mitsuba_taxel.characterise.recorded_noise import step_of
+from mitsuba_taxel.characterise.recorded.recorded_noise import step_of
 
 REPLICATES = 64
 

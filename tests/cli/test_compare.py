@@ -10,7 +10,7 @@ from plate_scenes import PLATE_FILE
 from taxel_cli import compare
 
 import mitsuba_taxel
-from mitsuba_taxel.characterise import comparison
+from mitsuba_taxel.characterise.ranking import comparison
 
 
 @pytest.mark.usefixtures("painted_figures")

@@ -9,9 +9,9 @@ import pytest
 import trimesh
 
 from mitsuba_taxel import NeoHookean, Pad, load_path, tessellate
-from mitsuba_taxel.geometry.cutaway import NUDGE, cut_open, is_closed
-from mitsuba_taxel.geometry.polygons import triangulated
-from mitsuba_taxel.geometry.triangles import area_normals, half_edges, volume
+from mitsuba_taxel.geometry.surfaces.cutaway import NUDGE, cut_open, is_closed
+from mitsuba_taxel.geometry.surfaces.polygons import triangulated
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, half_edges, volume
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
-from mitsuba_taxel.transport.ends import CosineFactor, End, uniform_cone
+from mitsuba_taxel.transport.laws.ends import CosineFactor, End, uniform_cone
 from mitsuba_taxel.transport.patches import LATTICE
 from mitsuba_taxel.transport.rules import rectangle_rule, square_annulus_rule
 

@@ -12,7 +12,7 @@ import pytest
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, Viscoelastic, load_path
-from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 from mitsuba_taxel.mechanics.errors.mesh_sizes import mesh_size_for

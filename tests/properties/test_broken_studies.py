@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from taxel_program import run_program
 
 from mitsuba_taxel import ComputationError, InputError, open_study, sweep
-from mitsuba_taxel.base import archive
+from mitsuba_taxel.base.files import archive
 from mitsuba_taxel.pads.imported.rules import read_rules
 from mitsuba_taxel.studies.plan.batch import batch_from, read_study
 from mitsuba_taxel.studies.store import tables

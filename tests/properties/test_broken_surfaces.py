@@ -8,10 +8,10 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitsuba_taxel.geometry import box_tree as boxes
 from mitsuba_taxel.geometry.geometry_error import GeometryError
-from mitsuba_taxel.pads.imported.repair import repaired
+from mitsuba_taxel.geometry.surfaces import box_tree as boxes
 from mitsuba_taxel.pads.imported.surfaces import read_surface
+from mitsuba_taxel.pads.imported.triangles.repair import repaired
 
 SEED = 20240607
 
@@ -51,7 +51,7 @@ def test_many_vertices_in_one_place_are_refused():
 )
 def test_triangles_that_all_cross_each_other_are_refused(monkeypatch, compared, message):
     monkeypatch.setattr(boxes, "MOST_PAIRS", 20_000)
-    monkeypatch.setattr("mitsuba_taxel.pads.imported.repair.MOST_COMPARED", compared)
+    monkeypatch.setattr("mitsuba_taxel.pads.imported.triangles.repair.MOST_COMPARED", compared)
     ball = trimesh.creation.icosphere(3)
     with pytest.raises(GeometryError, match=message):
         repaired(np.random.default_rng(SEED).uniform(-2, 2, ball.vertices.shape), np.array(ball.faces))

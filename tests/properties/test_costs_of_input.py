@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import InputError, PadFile, Scene, check_scene, read_circuit, sweep
-from mitsuba_taxel.characterise.measurement import read_measurement
+from mitsuba_taxel.characterise.recorded.measurement import read_measurement
 from mitsuba_taxel.parts.part import read_part
 from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.sensing.validity import shared_places

@@ -16,7 +16,7 @@ import pytest
 import xarray as xr
 
 from mitsuba_taxel import ComputationError, InputError, Pad, Scene
-from mitsuba_taxel.base.atomic import replacing, write_text
+from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.mechanics import NeoHookean
 from mitsuba_taxel.pads import mesh_pad
 from mitsuba_taxel.pads.parametric.drawings import write_drawings

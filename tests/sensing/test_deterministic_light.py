@@ -19,7 +19,7 @@ from mitsuba_taxel.sensing.reading.readings import light_error_line
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.targets import CLEAR
 from mitsuba_taxel.transport import emission
-from mitsuba_taxel.transport.ends import End
+from mitsuba_taxel.transport.laws.ends import End
 
 CONE, POLAR = "uniform_solid_angle", "uniform_polar_angle"
 

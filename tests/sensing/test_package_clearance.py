@@ -11,7 +11,7 @@ from trimesh.creation import box
 
 from mitsuba_taxel import Pad, Scene
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
-from mitsuba_taxel.geometry.triangles import closest_on_triangles
+from mitsuba_taxel.geometry.surfaces.triangles import closest_on_triangles
 from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad
 from mitsuba_taxel.sensing.derivatives.package_clearance import WALLS, PackageClearance, clearances
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates

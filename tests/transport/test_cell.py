@@ -10,8 +10,8 @@ from patch_cells import CONE, LAMBERTIAN, UP, cell, dome, led, phototransistor, 
 
 from mitsuba_taxel.evidence.coverage.sphere_light import Dome
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import HORIZON_SHARE
-from mitsuba_taxel.transport.ends import CosineFactor, End
 from mitsuba_taxel.transport.exchange import Starts
+from mitsuba_taxel.transport.laws.ends import CosineFactor, End
 from mitsuba_taxel.transport.reception import Reception
 from mitsuba_taxel.transport.rules import rectangle_rule
 

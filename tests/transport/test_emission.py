@@ -10,9 +10,9 @@ from patch_cells import cell, dome, led, phototransistor, plate
 
 from mitsuba_taxel.transport import emission as module
 from mitsuba_taxel.transport.emission import emission
-from mitsuba_taxel.transport.ends import CosineFactor, uniform_cone
-from mitsuba_taxel.transport.polar_cone import PolarCone
-from mitsuba_taxel.transport.tabulated_law import TabulatedLaw
+from mitsuba_taxel.transport.laws.ends import CosineFactor, uniform_cone
+from mitsuba_taxel.transport.laws.polar_cone import PolarCone
+from mitsuba_taxel.transport.laws.tabulated_law import TabulatedLaw
 
 
 def cone(angle):

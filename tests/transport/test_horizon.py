@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
-from mitsuba_taxel.transport.ends import CosineFactor, End
 from mitsuba_taxel.transport.horizon import share_above
+from mitsuba_taxel.transport.laws.ends import CosineFactor, End
 from mitsuba_taxel.transport.patches import LATTICE
 
 WIDTH, DEPTH = 2.0, 0.6

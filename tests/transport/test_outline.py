@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from patch_cells import LAMBERTIAN, UP, dome, patches, plate
 
-from mitsuba_taxel.transport.ends import CosineFactor, uniform_cone
+from mitsuba_taxel.transport.laws.ends import CosineFactor, uniform_cone
+from mitsuba_taxel.transport.laws.polar_cone import PolarCone
+from mitsuba_taxel.transport.laws.tabulated_law import TabulatedLaw
 from mitsuba_taxel.transport.outline import power_within
-from mitsuba_taxel.transport.polar_cone import PolarCone
-from mitsuba_taxel.transport.tabulated_law import TabulatedLaw
 
 pytestmark = pytest.mark.quick
 

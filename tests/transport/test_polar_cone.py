@@ -10,9 +10,9 @@ from scipy import integrate
 
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
 from mitsuba_taxel.transport.emission import emission
-from mitsuba_taxel.transport.ends import CosineFactor, End
+from mitsuba_taxel.transport.laws.ends import CosineFactor, End
+from mitsuba_taxel.transport.laws.polar_cone import BLUNT, PolarCone
 from mitsuba_taxel.transport.patches import LATTICE
-from mitsuba_taxel.transport.polar_cone import BLUNT, PolarCone
 from mitsuba_taxel.transport.rules import rectangle_rule
 
 SIDE = 2.0

@@ -10,9 +10,9 @@ import pytest
 from patch_cells import LAMBERTIAN, dome, led, phototransistor, plate
 
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
-from mitsuba_taxel.transport.ends import CosineFactor, End
+from mitsuba_taxel.transport.laws.ends import CosineFactor, End
+from mitsuba_taxel.transport.laws.tabulated_law import TabulatedLaw
 from mitsuba_taxel.transport.reception import CHECKED, accepted
-from mitsuba_taxel.transport.tabulated_law import TabulatedLaw
 
 
 def responding(exponent):

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from mitsuba_taxel.transport.ends import POWER, CosineFactor
-from mitsuba_taxel.transport.tabulated_law import TabulatedLaw
+from mitsuba_taxel.transport.laws.ends import POWER, CosineFactor
+from mitsuba_taxel.transport.laws.tabulated_law import TabulatedLaw
 
 ANGLES = np.radians(np.linspace(90, 0, 20001))
 

@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import write_text
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.paper.loading import TARGET_ERROR, TARGET_SLOPE
 from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
 from mitsuba_taxel.pads import CELL_SHAPES

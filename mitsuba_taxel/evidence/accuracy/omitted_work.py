@@ -285,7 +285,7 @@ others.
 
 def page(rows: Sequence[tuple[str, ...]]) -> str:
     """The table as a Markdown page."""
-    from mitsuba_taxel.base.markdown import markdown_table
+    from mitsuba_taxel.base.files.markdown import markdown_table
 
     table = markdown_table(HEADINGS, rows, ("scene", "added work", "slow ones"))
     return PAGE.format(points=POINTS, smallest=SMALLEST_KERNEL, table=table)

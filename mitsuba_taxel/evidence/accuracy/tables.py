@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, slope
 
 COLUMNS = (

@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.convergence import ORDER
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.coverage.coverage_cases import COARSER, FINE, FINER, coverage_cases
 from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow
 from mitsuba_taxel.evidence.extremes.tables import LEFT

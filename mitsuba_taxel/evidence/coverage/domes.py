@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import write_text
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.coverage.sphere_light import DOMES, SPACING
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.cells.cell_shape import CellShape, LightSizes

@@ -15,9 +15,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.peers.elements import mean_roof_displacement
 from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
 from mitsuba_taxel.evidence.rows.row import cells, headings

@@ -8,9 +8,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.convergence import ORDER
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.coverage.figure_cases import FINE, LOADS, POINTS, SEED, figure_cases
 from mitsuba_taxel.evidence.coverage.figure_row import FIGURES, TARGETS, FigureRow
 from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated

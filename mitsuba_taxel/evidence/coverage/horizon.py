@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import write_text
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.coverage.domes import dome_scene
 from mitsuba_taxel.evidence.rows.row import cells, headings
 from mitsuba_taxel.sensing import Scene

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from statistics import median
 
-from mitsuba_taxel.base.atomic import write_text
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.coverage.light_cases import DERIVED, TIGHT, light_cases
 from mitsuba_taxel.evidence.coverage.light_row import LightRow
 from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mitsuba_taxel.base.atomic import write_text
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.coverage.domes import dome_scene
 from mitsuba_taxel.pads import CELL_SHAPES
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by

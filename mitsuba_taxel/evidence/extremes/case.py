@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.base.limits import peak_memory
+from mitsuba_taxel.base.processes.limits import peak_memory
 from mitsuba_taxel.evidence.extremes.table_case import TableCase
 from mitsuba_taxel.evidence.rows.row import CONVERGED, MechanicsRow
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
+from mitsuba_taxel.mechanics.contact.barriers.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.continuation.state import State

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 
-from mitsuba_taxel.base.atomic import replacing, write_text
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.atomic import replacing, write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.extremes.case import MESH_SIZE
 from mitsuba_taxel.evidence.extremes.circuit_cases import MOST_DIFFERENCE
 from mitsuba_taxel.evidence.extremes.circuit_row import CircuitRow

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.evidence.measured import measured
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies

@@ -8,7 +8,7 @@ import numpy as np
 import pandas
 import xarray as xr
 
-from mitsuba_taxel.base.atomic import write_text
+from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.evidence.measured import measured
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 from mitsuba_taxel.evidence.paper.scenes import scene_text

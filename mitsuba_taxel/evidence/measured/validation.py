@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.base.atomic import write_text
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.characterise.characteristics import NOT_RESOLVED
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.evidence.measured import measured, memory_fit, validation_figures

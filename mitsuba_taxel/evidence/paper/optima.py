@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.base.atomic import write_text
+from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.evidence.paper import paper
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 from mitsuba_taxel.evidence.paper.scenes import centre_of, scene_text

@@ -10,8 +10,8 @@ from typing import Any
 
 import xarray as xr
 
-from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.store.dataset import stage_totals
 from mitsuba_taxel.studies.store.netcdf import write_netcdf

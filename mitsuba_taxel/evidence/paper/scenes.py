@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from mitsuba_taxel.base.atomic import write_text
+from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.mechanics import NeoHookean
 
 PITCH = 3.55

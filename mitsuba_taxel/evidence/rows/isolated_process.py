@@ -11,8 +11,8 @@ import sys
 import tempfile
 from typing import Any, Protocol
 
-from mitsuba_taxel.base.limits import memory_limit
-from mitsuba_taxel.base.worker_process import NoAnswer, answer_of
+from mitsuba_taxel.base.processes.limits import memory_limit
+from mitsuba_taxel.base.processes.worker_process import NoAnswer, answer_of
 
 
 class Measurable(Protocol):

@@ -9,8 +9,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
-from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.evidence.rows.isolated_process import Measurable
 from mitsuba_taxel.studies.plan.files import check_new_file
 

@@ -14,8 +14,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.mechanics.contact.solid_distance import SolidDistance
 from mitsuba_taxel.pads.imported.placement import Placement
-from mitsuba_taxel.pads.imported.repair import repaired
 from mitsuba_taxel.pads.imported.surfaces import read_surface
+from mitsuba_taxel.pads.imported.triangles.repair import repaired
 from mitsuba_taxel.pads.pad_file import MOST_BYTES, SURFACE_FORMATS
 
 

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from mitsuba_taxel.geometry.point_tree import PointTree
-from mitsuba_taxel.geometry.triangles import area_normals, closest_on_triangles, unit
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, closest_on_triangles, unit
 
 CELLS = 48
 """Of the grid along its longest side."""

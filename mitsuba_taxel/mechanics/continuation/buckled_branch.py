@@ -19,7 +19,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
 from mitsuba_taxel.mechanics.continuation.load_segment import Interpolated, LoadSegment, hermite
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.loads import Load

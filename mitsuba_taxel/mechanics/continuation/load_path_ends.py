@@ -10,7 +10,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.bezier_patches import Place
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.continuation.load_segment import Followed, LoadSegment
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.equilibrium.feet import said_of

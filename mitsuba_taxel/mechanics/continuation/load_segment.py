@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad

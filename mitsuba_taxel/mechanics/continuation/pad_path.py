@@ -16,10 +16,10 @@ from mitsuba_taxel.geometry.bezier_patches import Place
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics import cache
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.resolution import LARGEST, refuse_unresolved
-from mitsuba_taxel.mechanics.contact.self_contact import Contact
 from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.continuation.indenter_depth import depth_under, force_at, stiffness_at
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds, Obstacles, end_of_path, refuse_at_rest

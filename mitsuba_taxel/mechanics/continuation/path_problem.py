@@ -15,8 +15,8 @@ from mitsuba_taxel.base.sources import own_code
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics import cache
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.equilibrium.natural_step import natural_step
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images

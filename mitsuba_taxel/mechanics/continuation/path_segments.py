@@ -8,7 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics import cache
-from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.continuation.load_segment import Followed, LoadSegment
 from mitsuba_taxel.mechanics.continuation.onset_of_buckling import find_onset, is_kept

@@ -13,7 +13,7 @@ import numpy as np
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 

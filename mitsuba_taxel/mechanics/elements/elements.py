@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.base.threads import side_by_side
+from mitsuba_taxel.base.processes.threads import side_by_side
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.materials.laws import Material

@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mitsuba_taxel.base.caches import Recent
-from mitsuba_taxel.base.threads import thread_count
+from mitsuba_taxel.base.processes.threads import thread_count
 from mitsuba_taxel.mechanics.elements.memory import require_memory
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.contacts import Contacts
-from mitsuba_taxel.mechanics.contact.rim_corners import has_right_angled_top
-from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
-from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
+from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
+from mitsuba_taxel.mechanics.contact.barriers.rim_corners import has_right_angled_top
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
+from mitsuba_taxel.mechanics.contact.barriers.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.model import Configuration, Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, Solver, make_solver

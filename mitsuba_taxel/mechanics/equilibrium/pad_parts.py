@@ -9,7 +9,7 @@ import numpy as np
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad

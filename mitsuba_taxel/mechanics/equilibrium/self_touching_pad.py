@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sparse
 
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.contact.contacts import Contacts
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, Solver, make_solver, sum_of_triangles
 from mitsuba_taxel.mechanics.equilibrium.feet import where_linear

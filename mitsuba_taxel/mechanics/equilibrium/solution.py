@@ -42,7 +42,7 @@ class Solution:
     ----------
     min_jacobian : float
         Smallest volume ratio J at any quadrature point of the elements, corners among them, and of
-        :func:`~mitsuba_taxel.mechanics.contact.singular_edges.judged_nodes`.
+        :func:`~mitsuba_taxel.mechanics.contact.barriers.singular_edges.judged_nodes`.
     residual : float
         Largest out-of-balance force, relative to the load.
     stability_checked : bool

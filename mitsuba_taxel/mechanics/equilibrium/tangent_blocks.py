@@ -19,7 +19,7 @@ import scipy.sparse as sparse
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.contacts import Contacts
+from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
 from mitsuba_taxel.mechanics.elements.held import Held
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver, sum_of_triangles

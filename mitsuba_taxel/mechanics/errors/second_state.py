@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsuba_taxel.base.convergence import SLOPE_ORDER, TYPICAL_SLOPE_ERROR
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.continuation.path_problem import lock_of
 from mitsuba_taxel.mechanics.continuation.placed_paths import solved_on

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
-from mitsuba_taxel.mechanics.contact.self_contact import Contact
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.past import Relaxing
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad

@@ -23,9 +23,9 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics import cache
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
-from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.continuation.load_path_ends import refuse_at_rest
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.state import NO_ERROR, State, StateComparison, ViscoelasticMemory

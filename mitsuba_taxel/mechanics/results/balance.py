@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.contact.contacts import Contacts
+from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces, nodes_of
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces

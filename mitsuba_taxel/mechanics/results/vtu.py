@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import WriteError, replacing
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import WriteError, replacing
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.assembly import Material
 from mitsuba_taxel.mechanics.results.fields import NodalFields, nodal_fields

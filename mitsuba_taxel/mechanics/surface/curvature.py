@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.geometry.triangles import area_normals, components, neighbours, unit
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, components, neighbours, unit
 
 OWN_DIRECTION = 0.1
 """Sheets that meet at a vertex determine its position along their normals; directions in which these spread by less,

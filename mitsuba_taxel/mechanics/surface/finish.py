@@ -10,7 +10,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.slices import sliced
+from mitsuba_taxel.geometry.surfaces.slices import sliced
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.surface.layers import stepped
 from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.geometry.slices import Slices, sliced
-from mitsuba_taxel.geometry.slivers import without_slivers
+from mitsuba_taxel.geometry.surfaces.slices import Slices, sliced
+from mitsuba_taxel.geometry.surfaces.slivers import without_slivers
 from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
 from mitsuba_taxel.pads.regions import REGIONS
 

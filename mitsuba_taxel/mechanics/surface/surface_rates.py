@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from mitsuba_taxel.base.arguments import array_of
-from mitsuba_taxel.geometry.triangles import unit
+from mitsuba_taxel.geometry.surfaces.triangles import unit
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.cutting import cut_faces, in_cells

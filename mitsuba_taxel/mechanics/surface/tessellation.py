@@ -11,10 +11,10 @@ from mitsuba_taxel.base.arguments import is_row, is_whole, refusal, require
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
-from mitsuba_taxel.geometry.triangles import area_normals, unit
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, unit
 from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.shut_gaps import kept_off, widest_shut
+from mitsuba_taxel.mechanics.contact.barriers.shut_gaps import kept_off, widest_shut
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.cutting import cut_faces, in_cells, weighted
 from mitsuba_taxel.mechanics.locate import displacement_gradient

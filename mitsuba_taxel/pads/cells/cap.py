@@ -38,7 +38,7 @@ class Cap(RoundShaft):
     def onto_wall(
         self, region: str, points: np.ndarray, axis: np.ndarray, beside: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        from mitsuba_taxel.geometry.radial import put_radially
+        from mitsuba_taxel.geometry.surfaces.radial import put_radially
 
         if region == "side":
             return super().onto_wall(region, points, axis, beside)

@@ -129,7 +129,7 @@ class RoundShaft(Shaft):
     def onto_wall(
         self, region: str, points: np.ndarray, axis: np.ndarray, beside: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        from mitsuba_taxel.geometry.radial import put_radially  # a scene without a pad imports no scipy
+        from mitsuba_taxel.geometry.surfaces.radial import put_radially  # a scene without a pad imports no scipy
 
         return put_radially(points, axis, self.radius, np.diag([1.0, 1.0, 0.0]))
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.base.limits import memory_limit
-from mitsuba_taxel.base.worker_process import NoAnswer, answer_of
+from mitsuba_taxel.base.processes.limits import memory_limit
+from mitsuba_taxel.base.processes.worker_process import NoAnswer, answer_of
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 
 WORKER = Path(__file__).with_name("worker.py")

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mitsuba_taxel.geometry.box_tree import TooManyPairs
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.point_tree import PointTree
-from mitsuba_taxel.geometry.triangles import closest_on_segments, closest_on_triangles, near, neighbours
+from mitsuba_taxel.geometry.surfaces.box_tree import TooManyPairs
+from mitsuba_taxel.geometry.surfaces.triangles import closest_on_segments, closest_on_triangles, near, neighbours
 from mitsuba_taxel.pads.cells.cell_shape import ON_FLAT_WALLS, ON_ROUND_WALLS
-from mitsuba_taxel.pads.imported.curvature import radii
-from mitsuba_taxel.pads.imported.snapping import Patches
 from mitsuba_taxel.pads.imported.symmetric_part import PLANE
+from mitsuba_taxel.pads.imported.triangles.curvature import radii
+from mitsuba_taxel.pads.imported.triangles.snapping import Patches
 from mitsuba_taxel.pads.parametric.meshing import BULK_COARSENING, CURVATURE_SAFETY, RIM_REFINEMENT
 from mitsuba_taxel.pads.parametric.pad import DEFAULT_MESH_SIZE, MIN_THICKNESS, TYPICAL_CELL, TYPICAL_THICKNESS
 from mitsuba_taxel.pads.regions import REGIONS

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mitsuba_taxel.geometry.geometry_error import GeometryError, place
-from mitsuba_taxel.geometry.triangles import area_normals, components, neighbours, unit
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, components, neighbours, unit
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.placement import AS_DRAWN, DIRECTIONS, UNMOVED, Placement
 from mitsuba_taxel.pads.imported.rules import Rule

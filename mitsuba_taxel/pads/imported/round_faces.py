@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.base.caches import kept
-from mitsuba_taxel.geometry.radial import put_radially
+from mitsuba_taxel.geometry.surfaces.radial import put_radially
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.regions import REGIONS
 

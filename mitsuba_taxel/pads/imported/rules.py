@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.toml import read_toml
+from mitsuba_taxel.base.files.toml import read_toml
 from mitsuba_taxel.pads.regions import REGIONS
 
 

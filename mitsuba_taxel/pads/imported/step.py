@@ -13,16 +13,16 @@ from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
 from mitsuba_taxel.geometry.second_order import positive, second_order
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.imported.curvature import radii
 from mitsuba_taxel.pads.imported.isolated_process import run_isolated
 from mitsuba_taxel.pads.imported.local_sizes import SingularEdges, patch_sizes
 from mitsuba_taxel.pads.imported.placement import AS_DRAWN, Placement
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
 from mitsuba_taxel.pads.imported.round_faces import on_round_faces
 from mitsuba_taxel.pads.imported.rules import Rule
-from mitsuba_taxel.pads.imported.snapping import Patches
 from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE, check_mesh_size
 from mitsuba_taxel.pads.imported.symmetric_part import PLANE, TOLERANCE, exactly_on, group_of, planes_of, whole
+from mitsuba_taxel.pads.imported.triangles.curvature import radii
+from mitsuba_taxel.pads.imported.triangles.snapping import Patches
 from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.meshing import (
     BULK_COARSENING,

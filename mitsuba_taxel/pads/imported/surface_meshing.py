@@ -14,18 +14,15 @@ from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.geometry.polygons import NotSimple
 from mitsuba_taxel.geometry.second_order import positive, second_order
-from mitsuba_taxel.geometry.triangles import volume
+from mitsuba_taxel.geometry.surfaces.polygons import NotSimple
+from mitsuba_taxel.geometry.surfaces.triangles import volume
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.isolated_process import run_isolated
 from mitsuba_taxel.pads.imported.local_sizes import LocalSizes, SingularEdges
 from mitsuba_taxel.pads.imported.placement import Placement
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
-from mitsuba_taxel.pads.imported.remeshing import remeshed
-from mitsuba_taxel.pads.imported.repair import faces_of, repaired
 from mitsuba_taxel.pads.imported.rules import Rule
-from mitsuba_taxel.pads.imported.snapping import Patches, snapped
 from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE, check_mesh_size, read_surface
 from mitsuba_taxel.pads.imported.symmetric_part import (
     ON_PLANE,
@@ -37,6 +34,9 @@ from mitsuba_taxel.pads.imported.symmetric_part import (
     whole,
 )
 from mitsuba_taxel.pads.imported.tetwild import mesh_by_tetwild
+from mitsuba_taxel.pads.imported.triangles.remeshing import remeshed
+from mitsuba_taxel.pads.imported.triangles.repair import faces_of, repaired
+from mitsuba_taxel.pads.imported.triangles.snapping import Patches, snapped
 from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.meshing import BULK_COARSENING, CUT, LEAST_QUALITY, REFINEMENTS
 

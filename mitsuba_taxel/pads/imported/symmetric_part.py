@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from mitsuba_taxel.geometry.box_tree import TooManyPairs
 from mitsuba_taxel.geometry.mirror import (
     ACROSS_DIAGONAL,
     ACROSS_SECOND_DIAGONAL,
@@ -16,8 +15,9 @@ from mitsuba_taxel.geometry.mirror import (
     Mirror,
     mirrored,
 )
-from mitsuba_taxel.geometry.polygons import triangulated
-from mitsuba_taxel.geometry.triangles import closest_on_triangles, half_edges, near, subdivided
+from mitsuba_taxel.geometry.surfaces.box_tree import TooManyPairs
+from mitsuba_taxel.geometry.surfaces.polygons import triangulated
+from mitsuba_taxel.geometry.surfaces.triangles import closest_on_triangles, half_edges, near, subdivided
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.regions import numbered
 

@@ -7,13 +7,13 @@ import numpy as np
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.geometry_error import place
 from mitsuba_taxel.geometry.second_order import boundary_triangles, positive, second_order
-from mitsuba_taxel.geometry.triangles import area_normals, half_edges, unit, volume
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, half_edges, unit, volume
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.imported.borders import conforming
 from mitsuba_taxel.pads.imported.isolated_process import run_isolated
-from mitsuba_taxel.pads.imported.repair import is_sliver
-from mitsuba_taxel.pads.imported.snapping import Patches, snapped
 from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE
+from mitsuba_taxel.pads.imported.triangles.borders import conforming
+from mitsuba_taxel.pads.imported.triangles.repair import is_sliver
+from mitsuba_taxel.pads.imported.triangles.snapping import Patches, snapped
 
 ENVELOPE = 0.02
 """Largest distance of the straight mesh from the surface, relative to the mesh size, before projection onto it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.pads.parametric.lean import leans
 from mitsuba_taxel.pads.parametric.pad import Pad
 

@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass, replace
 from statistics import mode
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mitsuba_taxel.base.activities import activity
 from mitsuba_taxel.base.arguments import as_numbers, check_whole
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.processes.activities import activity
 from mitsuba_taxel.base.sources import own_code
 from mitsuba_taxel.pads.cells import CellShape, Shaft
 from mitsuba_taxel.pads.cells.meridian import as_text

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.geometry.triangles import area_normals
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals
 
 MOST_VERTICES = 6000
 """Largest number of vertices of a drawn surface.

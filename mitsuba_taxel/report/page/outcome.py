@@ -13,7 +13,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from mitsuba_taxel.base.printed import Printed, read_printed
+from mitsuba_taxel.base.files.printed import Printed, read_printed
 from mitsuba_taxel.fitting.wording import UNKNOWN_HEADINGS, unknown_rows
 from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, section, table
 from mitsuba_taxel.report.page.model_plot import plot_model

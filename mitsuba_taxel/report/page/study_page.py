@@ -15,8 +15,8 @@ from typing import Any
 import xarray as xr
 
 from mitsuba_taxel.backend import in_turn
-from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.report.page import sections
 from mitsuba_taxel.report.page.markup import paragraph
 from mitsuba_taxel.report.page.outcome import outcome_sections

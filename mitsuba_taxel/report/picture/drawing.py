@@ -16,8 +16,8 @@ import numpy as np
 
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.arguments import check_whole
-from mitsuba_taxel.base.atomic import replacing
-from mitsuba_taxel.geometry.triangles import area_normals, components, neighbours, unit
+from mitsuba_taxel.base.files.atomic import replacing
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, components, neighbours, unit
 from mitsuba_taxel.report.picture.sensor_parts import ShownPart
 
 VARIANT = "llvm_ad_rgb"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import replacing, write_text
+from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.plots.figures import axes_of
 from mitsuba_taxel.sensing.validity.ray_paths import RayPaths, find_taxel
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.cutaway import Half, cut_open, is_closed
-from mitsuba_taxel.geometry.triangles import components, neighbours, unit, volume
+from mitsuba_taxel.geometry.surfaces.cutaway import Half, cut_open, is_closed
+from mitsuba_taxel.geometry.surfaces.triangles import components, neighbours, unit, volume
 from mitsuba_taxel.kernels.protocols import PadShape, is_pad
 from mitsuba_taxel.kernels.surfaces.regions import ALL_REGIONS, BODY_REGIONS
 from mitsuba_taxel.report.picture.indenters import indenter_surface

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.threads import side_by_side
+from mitsuba_taxel.base.processes import stages
+from mitsuba_taxel.base.processes.threads import side_by_side
 from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.derivatives.package_clearance import clearances
 from mitsuba_taxel.sensing.derivatives.scene_rates import Rates

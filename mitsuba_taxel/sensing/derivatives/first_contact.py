@@ -14,8 +14,8 @@ import numpy as np
 
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.mechanics.contact.contact_ahead import ContactAhead
-from mitsuba_taxel.mechanics.contact.self_contact import PACKAGE, Contact
+from mitsuba_taxel.mechanics.contact.barriers.contact_ahead import ContactAhead
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import PACKAGE, Contact
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.sensing.derivatives.instability import Instability

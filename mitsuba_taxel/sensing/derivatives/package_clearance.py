@@ -9,9 +9,9 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
-from mitsuba_taxel.geometry.triangles import closest_on_triangles
+from mitsuba_taxel.geometry.surfaces.triangles import closest_on_triangles
 from mitsuba_taxel.mechanics import State
-from mitsuba_taxel.mechanics.contact.bodies import body_of_each
+from mitsuba_taxel.mechanics.contact.barriers.bodies import body_of_each
 from mitsuba_taxel.pads.regions import REGIONS
 from mitsuba_taxel.sensing.derivatives.linearised_pad import Nodal
 from mitsuba_taxel.sensing.scene.clearance import packages

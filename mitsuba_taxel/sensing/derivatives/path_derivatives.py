@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.convergence import FACETS_SHARE
 from mitsuba_taxel.base.differences import AHEAD, BEHIND, CENTRAL, STENCILS
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.walls import scatters_evenly
 from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad, Nodal

@@ -8,8 +8,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.base.threads import side_by_side
-from mitsuba_taxel.mechanics.contact.shut_gaps import kept_off, widest_shut
+from mitsuba_taxel.base.processes.threads import side_by_side
+from mitsuba_taxel.mechanics.contact.barriers.shut_gaps import kept_off, widest_shut
 from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
 from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
 from mitsuba_taxel.sensing.diffuse.equal_cells import equal_at_rest, equal_cells

@@ -17,10 +17,10 @@ from mitsuba_taxel.kernels.taxels.faces import FaceGrid
 from mitsuba_taxel.kernels.walls import walls_by_region
 from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.box_faces import BoxFaces, faces_of
-from mitsuba_taxel.transport.ends import AngularLaw, CosineFactor, End, uniform_cone
-from mitsuba_taxel.transport.polar_cone import PolarCone
+from mitsuba_taxel.transport.laws.ends import AngularLaw, CosineFactor, End, uniform_cone
+from mitsuba_taxel.transport.laws.polar_cone import PolarCone
+from mitsuba_taxel.transport.laws.tabulated_law import TabulatedLaw
 from mitsuba_taxel.transport.rules import disc_annulus_rule, rectangle_rule, square_annulus_rule
-from mitsuba_taxel.transport.tabulated_law import TabulatedLaw
 
 LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
 """Points along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""

@@ -12,7 +12,7 @@ from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
 from mitsuba_taxel.sensing.diffuse.diffuse_taxels import Taxel
 from mitsuba_taxel.transport.box import Box
-from mitsuba_taxel.transport.ends import End
+from mitsuba_taxel.transport.laws.ends import End
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import State

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mitsuba_taxel.base.text_table import text_table
+from mitsuba_taxel.base.files.text_table import text_table
 
 if TYPE_CHECKING:
     import xarray

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.protocols import PadShape, is_region, is_wall
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.sensing.reading.mechanics_error import moved
@@ -63,7 +63,7 @@ def tilt_share(scene: mi.Scene) -> float:
 
 def _square_share(scene: mi.Scene, end: mi.Endpoint) -> float:
     """Mean square share over the faces of an LED or phototransistor."""
-    from mitsuba_taxel.geometry.triangles import area_normals, unit  # a plate has no use for it
+    from mitsuba_taxel.geometry.surfaces.triangles import area_normals, unit  # a plate has no use for it
 
     x, y, z, w = (mi.Float((0.5 + np.arange(RAYS) * LATTICE**-k) % 1.0) for k in range(1, 5))
     ray, weight = end.sample_ray(0.0, 0.5, mi.Point2f(x, y), mi.Point2f(z, w))

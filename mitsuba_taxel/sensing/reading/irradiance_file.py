@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.sensing import Readings
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.kernels.surfaces.mesh_adapter import Places, move_vertices, places_of
 from mitsuba_taxel.sensing.scene.scene_pads import loaded_pads

@@ -11,8 +11,8 @@ import numpy as np
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE, FACETS_SHARE
 from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.files.text_table import text_table
 from mitsuba_taxel.base.replicates import standard_error
-from mitsuba_taxel.base.text_table import text_table
 from mitsuba_taxel.sensing.reading.derivative_values import Derivatives, derivatives_text
 from mitsuba_taxel.sensing.reading.wording import budget_line, stage_line
 

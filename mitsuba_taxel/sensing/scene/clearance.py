@@ -5,7 +5,7 @@ from __future__ import annotations
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.protocols import PadShape, is_package
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakSet
 
 from mitsuba_taxel.backend import activate_variant, in_turn
-from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.arguments import (
     as_numbers,
     is_number,
@@ -25,9 +24,10 @@ from mitsuba_taxel.base.arguments import (
     text_of,
     word_of,
 )
-from mitsuba_taxel.base.atomic import WriteError, write_text
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError, UnusedDefault
+from mitsuba_taxel.base.files.atomic import WriteError, write_text
+from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.parts.part import SUFFIX
 from mitsuba_taxel.sensing.scene.left_out import NONE, parse_scene, used_by
 from mitsuba_taxel.sensing.scene.scene_file import read_scene_file

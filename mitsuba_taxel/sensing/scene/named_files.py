@@ -10,7 +10,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.backend.plugin_objects import found
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.text import check_regular
+from mitsuba_taxel.base.files.text import check_regular
 from mitsuba_taxel.sensing.scene.scene_file import read_scene_file
 
 LARGEST_FILE = 1 << 30

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.text import read_bytes
+from mitsuba_taxel.base.files.text import read_bytes
 
 DEEPEST = 16
 """Largest nesting depth of a scene: Mitsuba's parser is recursive."""

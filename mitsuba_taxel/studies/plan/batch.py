@@ -12,7 +12,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import is_number, names_of, plain_number, require, table_of, word_of
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.toml import read_toml
+from mitsuba_taxel.base.files.toml import read_toml
 from mitsuba_taxel.base.units import LOADS
 from mitsuba_taxel.electronics import Circuit
 from mitsuba_taxel.electronics.circuit import circuit_of

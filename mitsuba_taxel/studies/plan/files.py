@@ -6,8 +6,8 @@ import tempfile
 from pathlib import Path
 
 from mitsuba_taxel.base.arguments import path_of
-from mitsuba_taxel.base.atomic import remove_stale
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import remove_stale
 
 
 def make_folder(folder: Path) -> None:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.limits import MOST_HISTORY
+from mitsuba_taxel.base.processes.limits import MOST_HISTORY
 from mitsuba_taxel.base.units import FORCES, HISTORY, LOADS, TIME
 
 

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.table import as_parameter, read_table
+from mitsuba_taxel.base.files.table import as_parameter, read_table
 from mitsuba_taxel.studies.plan.vary import MOST_JOBS
 
 

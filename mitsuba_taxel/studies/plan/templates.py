@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from mitsuba_taxel.base.arguments import path_of
-from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.parts import Part, circuit_of_part, read_part
 from mitsuba_taxel.parts.part_circuit import OPTIONAL
 from mitsuba_taxel.studies.plan.files import check_new_file

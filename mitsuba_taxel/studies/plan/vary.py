@@ -13,7 +13,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import as_numbers, table_of, word_of
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.text import read_text
+from mitsuba_taxel.base.files.text import read_text
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing.reading.results import RESULTS
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.backend import in_turn
-from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing import Scene, find_scene
 from mitsuba_taxel.sensing.scene.parameter_roles import load_constants, roles_of_parameters

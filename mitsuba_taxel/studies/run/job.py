@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.backend.own_plugins import load_plugins
-from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.errors import ComputationError, InputError, comes_from_interrupt
+from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.reading.irradiance_file import write_irradiance

@@ -16,7 +16,7 @@ from typing import Protocol
 
 from mitsuba_taxel.base.arguments import check_whole, plain_number, require
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.base.threads import set_thread_count
+from mitsuba_taxel.base.processes.threads import set_thread_count
 from mitsuba_taxel.studies.plan.job import Failure, Job, JobResult
 from mitsuba_taxel.studies.run import processes
 from mitsuba_taxel.studies.run.job import failure_of, run

@@ -16,7 +16,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
 from mitsuba_taxel.base.errors import UnusedDefault
-from mitsuba_taxel.base.threads import set_thread_count
+from mitsuba_taxel.base.processes.threads import set_thread_count
 
 
 def start(count: int, sharing: int) -> ProcessPoolExecutor:

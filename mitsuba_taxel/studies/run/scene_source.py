@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from mitsuba_taxel.base.atomic import WriteError, write_text
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import WriteError, write_text
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.store.changes import changed_scene

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of, table_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.electronics import Circuit, with_volts
 from mitsuba_taxel.sensing import Readings, Scene
 from mitsuba_taxel.sensing.reading.prepared_scenes import Settings

@@ -23,8 +23,8 @@ from mitsuba_taxel.base.arguments import (
     plain_number,
     require,
 )
-from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.roles import with_forces_named
 from mitsuba_taxel.electronics import Circuit

@@ -6,8 +6,8 @@ import re
 import xml.etree.ElementTree as ElementTree
 from itertools import zip_longest
 
-from mitsuba_taxel.base import toml
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files import toml
 from mitsuba_taxel.studies.store.provenance import PLUGIN
 
 MOST_LETTERS = 200

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import pandas as pd
 import xarray as xr
 
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.base.left_out import LEFT_OUT
-from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.electronics import saturated_words
 from mitsuba_taxel.electronics.volts import circuit_of_study
 

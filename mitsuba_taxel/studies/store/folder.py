@@ -23,9 +23,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import tomli_w
 
-from mitsuba_taxel.base import archive, toml
-from mitsuba_taxel.base.atomic import PREFIX, WriteError, reason_of, remove_stale, replacing, write_text
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.files import archive, toml
+from mitsuba_taxel.base.files.atomic import PREFIX, WriteError, reason_of, remove_stale, replacing, write_text
 from mitsuba_taxel.mechanics import RoofError
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.reading.contact_value import FirstContact

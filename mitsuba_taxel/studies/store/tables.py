@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.characterise import resolution, sensitivity_table, volts_table
 from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study, in_volts
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.body_barrier import BodyBarrier
 from mitsuba_taxel.mechanics.equilibrium import feet
 from mitsuba_taxel.mechanics.equilibrium.self_touching_pad import SelfTouchingPad
 

@@ -7,7 +7,7 @@ import pytest
 from trimesh.creation import box
 
 from mitsuba_taxel import Pad
-from mitsuba_taxel.mechanics.contact.contact_ahead import ContactAhead
+from mitsuba_taxel.mechanics.contact.barriers.contact_ahead import ContactAhead
 
 ROOF, TOP = 1.75, 0.5
 """Heights of a flat roof and of a package below it."""

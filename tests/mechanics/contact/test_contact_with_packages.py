@@ -10,7 +10,7 @@ from first_contact import box, first_contact
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
-from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
 
 # ---- the pad against the board and packages --------------------------------------------------------------------------

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from mitsuba_taxel.geometry.cutaway import is_closed
 from mitsuba_taxel.geometry.mirror import MIRRORS
-from mitsuba_taxel.geometry.triangles import volume
+from mitsuba_taxel.geometry.surfaces.cutaway import is_closed
+from mitsuba_taxel.geometry.surfaces.triangles import volume
 from mitsuba_taxel.mechanics import Indenter
 from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape
 from mitsuba_taxel.parameters import Number, parameters_of

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitsuba_taxel.mechanics.contact.rim_corners import has_right_angled_top, rim_corners
+from mitsuba_taxel.mechanics.contact.barriers.rim_corners import has_right_angled_top, rim_corners
 from mitsuba_taxel.pads import Pad
 
 

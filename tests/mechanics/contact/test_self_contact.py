@@ -15,7 +15,7 @@ from mitsuba_taxel.geometry.bezier_patches import control_points
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
-from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
 from mitsuba_taxel.mechanics.cutting import _grid
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad

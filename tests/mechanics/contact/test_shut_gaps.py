@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.contact.shut_gaps import LEAST, kept_off
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.shut_gaps import LEAST, kept_off
 
 WIDTH = 0.01
 HALF = np.array([0.5, 0.7, 0.25])

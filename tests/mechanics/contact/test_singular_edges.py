@@ -11,7 +11,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.bezier_patches import first_touch
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES
 from mitsuba_taxel.mechanics import NeoHookean, load_path
-from mitsuba_taxel.mechanics.contact.singular_edges import STRIP, beyond_strip, judged_nodes
+from mitsuba_taxel.mechanics.contact.barriers.singular_edges import STRIP, beyond_strip, judged_nodes
 from mitsuba_taxel.pads import REGIONS, Pad
 from mitsuba_taxel.pads.parametric.meshing import mesh_pad
 

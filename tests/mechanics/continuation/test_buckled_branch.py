@@ -23,7 +23,7 @@ from mitsuba_taxel.mechanics import (
     linearise,
     load_path,
 )
-from mitsuba_taxel.mechanics.contact.contacts import Contacts
+from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
 from mitsuba_taxel.mechanics.continuation import pad_path, path_problem
 from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment

@@ -11,7 +11,7 @@ import trimesh
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import ACROSS_SECOND_DIAGONAL
 from mitsuba_taxel.mechanics import NeoHookean, PatchForce, PlateForce, SpreadForce, linearise, load_path
-from mitsuba_taxel.mechanics.contact.self_contact import Contact
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact
 from mitsuba_taxel.mechanics.continuation import pushed_states
 from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path

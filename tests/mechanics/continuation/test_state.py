@@ -19,7 +19,7 @@ from mitsuba_taxel.mechanics import (
     Viscoelastic,
     load_path,
 )
-from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
+from mitsuba_taxel.mechanics.contact.barriers.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces
 from mitsuba_taxel.pads import Pad

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.mechanics import MooneyRivlin, NeoHookean, SpreadForce, Viscoelastic
-from mitsuba_taxel.mechanics.contact.self_contact import Contact
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact
 from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns

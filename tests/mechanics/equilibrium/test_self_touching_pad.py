@@ -42,10 +42,10 @@ from mitsuba_taxel.mechanics import (
     load_path,
 )
 from mitsuba_taxel.mechanics import reactions as reactions_of
-from mitsuba_taxel.mechanics.contact.barrier import Barrier
-from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
-from mitsuba_taxel.mechanics.contact.contacts import Contacts
-from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.contact.barriers.barrier import Barrier
+from mitsuba_taxel.mechanics.contact.barriers.body_barrier import BodyBarrier
+from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
 from mitsuba_taxel.mechanics.equilibrium.feet import couple_held, near_feet
 from mitsuba_taxel.mechanics.equilibrium.self_touching_pad import SelfTouchingPad
 from mitsuba_taxel.pads import REGIONS

@@ -24,9 +24,9 @@ from mitsuba_taxel.mechanics import (
     Viscoelastic,
 )
 from mitsuba_taxel.mechanics import reactions as reactions_of
-from mitsuba_taxel.mechanics.contact.barrier import Barrier
-from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
-from mitsuba_taxel.mechanics.contact.contacts import Contacts
+from mitsuba_taxel.mechanics.contact.barriers.barrier import Barrier
+from mitsuba_taxel.mechanics.contact.barriers.body_barrier import BodyBarrier
+from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.equilibrium.self_touching_pad import IndentedTouchingPad
 from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of

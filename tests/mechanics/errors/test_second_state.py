@@ -7,7 +7,7 @@ import pytest
 
 from mitsuba_taxel.base.convergence import TYPICAL_SLOPE_ERROR
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.geometry.triangles import area_normals
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals
 from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, State, linearise, load_path, second_state
 from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path

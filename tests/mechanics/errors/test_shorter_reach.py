@@ -25,7 +25,7 @@ from mitsuba_taxel.mechanics import (
     load_path,
 )
 from mitsuba_taxel.mechanics import reactions as reactions_of
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.continuation.state import NO_ERROR, StateComparison
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.slivers import without_slivers
+from mitsuba_taxel.geometry.surfaces.slivers import without_slivers
 from mitsuba_taxel.mechanics import (
     Grooves,
     LayerSteps,

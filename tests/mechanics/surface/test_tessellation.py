@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mitsuba_taxel.geometry.triangles import area_normals
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals
 from mitsuba_taxel.mechanics import NeoHookean, load_path, tessellate
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad

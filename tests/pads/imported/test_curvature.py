@@ -7,8 +7,8 @@ import pytest
 
 from mitsuba_taxel.mechanics.errors.roof_error import size_ratio
 from mitsuba_taxel.pads import REGIONS, Pad, PadFile
-from mitsuba_taxel.pads.imported.curvature import radii
-from mitsuba_taxel.pads.imported.snapping import Patches
+from mitsuba_taxel.pads.imported.triangles.curvature import radii
+from mitsuba_taxel.pads.imported.triangles.snapping import Patches
 
 
 @pytest.mark.parametrize(("cell", "roof"), [("cylindrical", np.inf), ("spherical", 2.55), ("hemispheric", 1.275)])

@@ -7,11 +7,11 @@ import pytest
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.geometry_error import GeometryError
-from mitsuba_taxel.geometry.triangles import area_normals
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
-from mitsuba_taxel.pads.imported.repair import repaired
 from mitsuba_taxel.pads.imported.rules import Rule, read_rules
+from mitsuba_taxel.pads.imported.triangles.repair import repaired
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.scenes import hexagonal
 

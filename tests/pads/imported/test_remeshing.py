@@ -7,10 +7,10 @@ import pytest
 import trimesh
 
 from mitsuba_taxel.geometry.element_maps import curved_volume
-from mitsuba_taxel.geometry.triangles import closest_on_triangles, half_edges, near, volume
-from mitsuba_taxel.pads.imported.remeshing import remeshed
-from mitsuba_taxel.pads.imported.repair import repaired
-from mitsuba_taxel.pads.imported.snapping import Patches
+from mitsuba_taxel.geometry.surfaces.triangles import closest_on_triangles, half_edges, near, volume
+from mitsuba_taxel.pads.imported.triangles.remeshing import remeshed
+from mitsuba_taxel.pads.imported.triangles.repair import repaired
+from mitsuba_taxel.pads.imported.triangles.snapping import Patches
 from mitsuba_taxel.pads.pad_file import PadFile
 
 

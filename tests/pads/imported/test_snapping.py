@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.pads.imported.snapping import Patches
+from mitsuba_taxel.pads.imported.triangles.snapping import Patches
 
 
 def test_nodes_find_a_very_fine_surface():

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.geometry.box_tree import overlapping
 from mitsuba_taxel.geometry.geometry_error import GeometryError
-from mitsuba_taxel.geometry.triangles import closest_on_triangles, volume
+from mitsuba_taxel.geometry.surfaces.box_tree import overlapping
+from mitsuba_taxel.geometry.surfaces.triangles import closest_on_triangles, volume
 from mitsuba_taxel.pads.imported import surface_meshing, tetwild
-from mitsuba_taxel.pads.imported.repair import faces_of, repaired
 from mitsuba_taxel.pads.imported.surfaces import read_surface
+from mitsuba_taxel.pads.imported.triangles.repair import faces_of, repaired
 from mitsuba_taxel.pads.pad_file import PadFile, mesh_pad_file
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS
-from mitsuba_taxel.geometry.polygons import NotSimple, triangulated
-from mitsuba_taxel.geometry.triangles import half_edges, subdivided, volume
+from mitsuba_taxel.geometry.surfaces.polygons import NotSimple, triangulated
+from mitsuba_taxel.geometry.surfaces.triangles import half_edges, subdivided, volume
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.pads import PadFile, Rule
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
-from mitsuba_taxel.pads.imported.repair import faces_of, repaired
 from mitsuba_taxel.pads.imported.symmetric_part import kept_part, mirrors_of, planes_of
+from mitsuba_taxel.pads.imported.triangles.repair import faces_of, repaired
 from mitsuba_taxel.pads.pad_file import mesh_pad_file
 
 

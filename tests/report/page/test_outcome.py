@@ -7,7 +7,7 @@ import pandas
 import pytest
 
 from mitsuba_taxel import InputError, sweep
-from mitsuba_taxel.base.printed import PrintedTable, write_printed
+from mitsuba_taxel.base.files.printed import PrintedTable, write_printed
 from mitsuba_taxel.fitting import run_fit
 from mitsuba_taxel.report.page import write_report
 from mitsuba_taxel.report.page.model_plot import plot_model

@@ -17,7 +17,7 @@ import xarray as xr
 from mitsuba_taxel import Circuit, InputError, open_study, sweep
 from mitsuba_taxel.characterise import volts_table
 from mitsuba_taxel.electronics import with_volts
-from mitsuba_taxel.geometry.triangles import area_normals
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.report.page import light, panels, sections, study_page, write_report
 from mitsuba_taxel.report.page.coarsening import coarsened

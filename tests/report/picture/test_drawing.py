@@ -14,7 +14,7 @@ from taxel_program import run_program
 
 from mitsuba_taxel import InputError, Pad, PadSensor, Scene
 from mitsuba_taxel.backend import default_variant
-from mitsuba_taxel.geometry.triangles import area_normals
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals
 from mitsuba_taxel.report.picture.drawing import GLOW, PICTURES, labelled, render_parts, write_picture
 from mitsuba_taxel.report.picture.sensor_parts import middle_row, shown_parts
 from mitsuba_taxel.studies.plan.files import check_new_file

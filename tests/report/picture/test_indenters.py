@@ -9,8 +9,8 @@ import pytest
 
 from mitsuba_taxel import Pad, PadSensor
 from mitsuba_taxel.backend import default_variant
-from mitsuba_taxel.geometry.cutaway import is_closed
-from mitsuba_taxel.geometry.triangles import volume
+from mitsuba_taxel.geometry.surfaces.cutaway import is_closed
+from mitsuba_taxel.geometry.surfaces.triangles import volume
 from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement
 from mitsuba_taxel.report.picture.drawing import most_pressure, render_parts, with_scale
 from mitsuba_taxel.report.picture.indenters import indenter_surface

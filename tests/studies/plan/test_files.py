@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import pytest
 
 from mitsuba_taxel import InputError
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.studies.plan.files import check_new_file, make_empty_folder, make_folder
 
 

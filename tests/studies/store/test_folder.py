@@ -18,7 +18,7 @@ import xarray as xr
 from started_process import started
 
 from mitsuba_taxel import ComputationError, InputError, open_study, sweep
-from mitsuba_taxel.base import atomic, toml
+from mitsuba_taxel.base.files import atomic, toml
 from mitsuba_taxel.studies.run import job
 from mitsuba_taxel.studies.store import folder as store
 from mitsuba_taxel.studies.store import provenance

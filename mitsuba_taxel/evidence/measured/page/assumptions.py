@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.measured import measured
 from mitsuba_taxel.evidence.measured.pad_assumptions import PREDICTED, Tried, expected_at, rings
 from mitsuba_taxel.evidence.measured.pad_comparison import Compared, Results

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.measured import measured, validation_figures
 from mitsuba_taxel.evidence.measured.memory_fit import FRICTION, Memory, linear_loop, measured_tail, slow_term
 from mitsuba_taxel.evidence.measured.pad_comparison import FINER

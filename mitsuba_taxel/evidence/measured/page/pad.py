@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.evidence.measured import bench_pad, measured, validation_figures
 from mitsuba_taxel.evidence.measured.pad_comparison import FINER, MAP_TRAVEL, Compared, Results, ring

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.measured import measured
 from mitsuba_taxel.evidence.measured.rest_spread import SAMPLES, SOURCES, Spread
 from mitsuba_taxel.evidence.paper.page.words import paragraph

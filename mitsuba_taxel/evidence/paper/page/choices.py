@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.evidence.paper import figures, paper, plate
 from mitsuba_taxel.evidence.paper.analysis import PUBLISHED, against_table_one, least, table_one

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.evidence.paper import paper
 from mitsuba_taxel.evidence.paper.analysis import PUBLISHED, nonlinearity_of, table_one

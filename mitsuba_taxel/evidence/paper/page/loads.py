@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.evidence.paper import figures, paper
 from mitsuba_taxel.evidence.paper.analysis import PUBLISHED, expected_of_counting, skewness, table_one

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.base.atomic import write_text
-from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.paper import paper
 from mitsuba_taxel.evidence.paper.optima import (
     EFFORT,

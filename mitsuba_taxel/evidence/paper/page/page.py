@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from mitsuba_taxel.base.atomic import write_text
+from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.evidence.paper.page import choices as page_choices
 from mitsuba_taxel.evidence.paper.page import experiments as page_experiments
 from mitsuba_taxel.evidence.paper.page import loads as page_loads

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.geometry.swept import revolved
+from mitsuba_taxel.geometry.surfaces.swept import revolved
 from mitsuba_taxel.mechanics.contact.indenter_shape import ALONG, Gap, IndenterShape
 from mitsuba_taxel.parameters import REQUIRED, Number
 

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.cutaway import cut_open
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.point_tree import PointTree
+from mitsuba_taxel.geometry.surfaces.cutaway import cut_open
 from mitsuba_taxel.mechanics.contact.indenter_shape import Gap, IndenterShape
 from mitsuba_taxel.mechanics.contact.solid import Solid, content_of, solid_in
 from mitsuba_taxel.pads.imported.placement import Placement

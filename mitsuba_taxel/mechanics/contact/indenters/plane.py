@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.geometry.swept import prism
+from mitsuba_taxel.geometry.surfaces.swept import prism
 from mitsuba_taxel.mechanics.contact.indenter_shape import Gap, IndenterShape
 
 THICKNESS = 0.1

@@ -8,7 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.geometry.swept import revolved
+from mitsuba_taxel.geometry.surfaces.swept import revolved
 from mitsuba_taxel.mechanics.contact.indenter_shape import ALONG, TINY, Gap, IndenterShape
 
 EDGE = 0.1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.geometry.swept import revolved
+from mitsuba_taxel.geometry.surfaces.swept import revolved
 from mitsuba_taxel.mechanics.contact.indenter_shape import RoundBody, round_outline
 
 

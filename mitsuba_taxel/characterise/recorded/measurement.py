@@ -11,7 +11,7 @@ from typing import NoReturn
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.table import UNITS, Column, ask_for_grams, read_table
+from mitsuba_taxel.base.files.table import UNITS, Column, ask_for_grams, read_table
 
 FEWEST_ROWS = 10
 NAMES = {
@@ -43,7 +43,7 @@ class Measurement:
 
 def read_measurement(file: str | Path) -> Measurement:
     """Read a table of time, force and one voltage per taxel: ``time_s,force_N,v1_V,v2_V``; see
-    `mitsuba_taxel.base.table.read_table`.
+    `mitsuba_taxel.base.files.table.read_table`.
 
     Every heading is a name and a unit, such as ``v1_V``, ``v1 [V]`` or ``v1 (V)``, or the units are a line of their
     own; names are case-insensitive, in any order:

@@ -15,7 +15,7 @@ import scipy.sparse as sparse
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.singular_edges import STRIP
+from mitsuba_taxel.mechanics.contact.barriers.singular_edges import STRIP
 from mitsuba_taxel.pads.regions import REGIONS
 
 REACH = 2e-3

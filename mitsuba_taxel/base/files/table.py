@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.text import read_text
+from mitsuba_taxel.base.files.text import read_text
 
 UNITS: dict[str, tuple[str, str]] = {
     "s": ("s", "1"), "ms": ("s", "1e-3"), "us": ("s", "1e-6"), "min": ("s", "60"),

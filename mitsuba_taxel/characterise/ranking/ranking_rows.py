@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from mitsuba_taxel.base.printed import Printed, figures_table
+from mitsuba_taxel.base.files.printed import Printed, figures_table
 from mitsuba_taxel.base.units import prefixed
-from mitsuba_taxel.characterise.comparison import DRAWS, Comparison
+from mitsuba_taxel.characterise.ranking.comparison import DRAWS, Comparison
 from mitsuba_taxel.characterise.wording import AS_SHOWN, as_word, figure_rows, with_error
 
 

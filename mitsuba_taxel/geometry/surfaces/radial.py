@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.geometry.triangles import unit
+from mitsuba_taxel.geometry.surfaces.triangles import unit
 
 
 def put_radially(

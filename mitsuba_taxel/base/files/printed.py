@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mitsuba_taxel.base.atomic import write_text
+from mitsuba_taxel.base.files.atomic import write_text
 
 FILE = "printed.json"
 """Name of the file in a folder of results."""

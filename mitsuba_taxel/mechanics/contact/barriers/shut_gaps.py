@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.base.caches import kept
-from mitsuba_taxel.geometry.triangles import area_normals, closest_on_triangles, unit
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, closest_on_triangles, unit
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.body_barrier import BodyBarrier
 
 SHUT = 2.0
 """Width of gaps that are shut, relative to the reach of the barrier: between the points that press, the curved faces of

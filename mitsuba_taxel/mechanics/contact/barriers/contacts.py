@@ -8,9 +8,9 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.barrier import Barrier
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
+from mitsuba_taxel.mechanics.contact.barriers.barrier import Barrier
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.body_barrier import BodyBarrier
 
 SHAPE_STEP = 1e-4
 """Largest movement of a node for a difference, relative to the reach of the pad's own barrier."""

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mitsuba_taxel.transport.ends import NARROW, ROUND, TAIL
+from mitsuba_taxel.transport.laws.ends import NARROW, ROUND, TAIL
 
 STEEPEST = 1.65
 """Largest slope of cosine**n relative to its largest value, times the width of such a law, for n not near 1."""

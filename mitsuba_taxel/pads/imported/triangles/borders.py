@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.geometry.second_order import boundary_triangles
-from mitsuba_taxel.geometry.triangles import area_normals, neighbours, unit
-from mitsuba_taxel.pads.imported.snapping import LEAST_VOLUME, Patches, volumes
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, neighbours, unit
+from mitsuba_taxel.pads.imported.triangles.snapping import LEAST_VOLUME, Patches, volumes
 
 NEAR_END = 0.3
 """If a border crosses an edge closer to one end than this share of it, that end is moved, else the edge is cut."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.geometry.box_tree import MOST_PAIRS, TooManyPairs, overlapping
 from mitsuba_taxel.geometry.geometry_error import GeometryError, place
 from mitsuba_taxel.geometry.point_tree import PointTree
-from mitsuba_taxel.geometry.triangles import area_normals, components, half_edges, neighbours, unit, volume
+from mitsuba_taxel.geometry.surfaces.box_tree import MOST_PAIRS, TooManyPairs, overlapping
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, components, half_edges, neighbours, unit, volume
 
 ROUNDING = 6
 """Decimals of a mm that coordinates are rounded to, which removes the single-precision error of lengths such as

@@ -8,9 +8,9 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.experiment import Branch, Experiment, since
 from mitsuba_taxel.characterise.load_lines import force_name
-from mitsuba_taxel.characterise.measurement import Measurement
-from mitsuba_taxel.characterise.recorded_noise import LEAST_CORRELATION, PointErrors, point_errors, with_errors
-from mitsuba_taxel.characterise.recorded_points import middle_of_turn, noise_of, points_of
+from mitsuba_taxel.characterise.recorded.measurement import Measurement
+from mitsuba_taxel.characterise.recorded.recorded_noise import LEAST_CORRELATION, PointErrors, point_errors, with_errors
+from mitsuba_taxel.characterise.recorded.recorded_points import middle_of_turn, noise_of, points_of
 
 REPLICATES = 64
 """Samples of each point that carry its error."""

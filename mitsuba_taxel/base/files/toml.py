@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.text import read_bytes
+from mitsuba_taxel.base.files.text import read_bytes
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.bezier_patches import Place, bulge, control_points, first_touch, quarters
-from mitsuba_taxel.geometry.box_tree import BoxTree, Level
+from mitsuba_taxel.geometry.surfaces.box_tree import BoxTree, Level
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.bodies import body_of_each
-from mitsuba_taxel.mechanics.contact.singular_edges import STRIP, beyond_strip
+from mitsuba_taxel.mechanics.contact.barriers.bodies import body_of_each
+from mitsuba_taxel.mechanics.contact.barriers.singular_edges import STRIP, beyond_strip
 from mitsuba_taxel.pads.regions import REGIONS
 
 FRINGE = 0.05

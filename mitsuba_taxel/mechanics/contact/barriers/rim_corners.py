@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.singular_edges import shared_edges
+from mitsuba_taxel.mechanics.contact.barriers.singular_edges import shared_edges
 from mitsuba_taxel.pads.regions import REGIONS
 
 ALMOST = 5.0

@@ -12,7 +12,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.element_maps import jacobians
 from mitsuba_taxel.geometry.second_order import edge_ends
-from mitsuba_taxel.geometry.triangles import (
+from mitsuba_taxel.geometry.surfaces.triangles import (
     area_normals,
     closest_on_segments,
     closest_on_triangles,
@@ -22,7 +22,7 @@ from mitsuba_taxel.geometry.triangles import (
     neighbours,
     unit,
 )
-from mitsuba_taxel.pads.imported.repair import is_sliver
+from mitsuba_taxel.pads.imported.triangles.repair import is_sliver
 
 CREASE_ANGLE = 35.0
 """Degrees between the normals of neighbouring triangles above which their edge is sharp."""

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from mitsuba_taxel.geometry.box_tree import overlapping
+from mitsuba_taxel.geometry.surfaces.box_tree import overlapping
 
 
 def area_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:

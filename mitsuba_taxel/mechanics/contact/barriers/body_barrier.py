@@ -1,4 +1,4 @@
-"""Forces that keep a pad off rigid bodies, from the potential of :mod:`~mitsuba_taxel.mechanics.contact.barrier`."""
+"""Forces that keep a pad off rigid bodies, from the potential of :mod:`.barrier`."""
 
 from __future__ import annotations
 
@@ -8,10 +8,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sparse
 
-from mitsuba_taxel.geometry.box_tree import BoxTree, Level
+from mitsuba_taxel.geometry.surfaces.box_tree import BoxTree, Level
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.barrier import APPROACH, REACH, REACH_AT_REST, additive_ccd, ipctk_of_one_thread
-from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.barriers.barrier import (
+    APPROACH,
+    REACH,
+    REACH_AT_REST,
+    additive_ccd,
+    ipctk_of_one_thread,
+)
+from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
 from mitsuba_taxel.mechanics.cutting import cut_faces
 from mitsuba_taxel.pads.regions import REGIONS
 

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mitsuba_taxel.geometry.triangles import area_normals, half_edges, neighbours, subdivided, unit
-from mitsuba_taxel.pads.imported.snapping import CREASE_ANGLE, Patches
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, half_edges, neighbours, subdivided, unit
+from mitsuba_taxel.pads.imported.triangles.snapping import CREASE_ANGLE, Patches
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5
 """Lengths, relative to the target size, beyond which an edge is split or collapsed."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.geometry.polygons import triangulated
-from mitsuba_taxel.geometry.triangles import half_edges
+from mitsuba_taxel.geometry.surfaces.polygons import triangulated
+from mitsuba_taxel.geometry.surfaces.triangles import half_edges
 
 NUDGE = 1e-4
 """Largest shift of the plane, relative to the surface's extent: planes of symmetry run along edges of many meshes, near

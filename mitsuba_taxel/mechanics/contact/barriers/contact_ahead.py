@@ -8,7 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.bezier_patches import Place
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
 
 NEAR = 0.2
 """Distance from the place of contact within which faces are tested, relative to the height of the pad."""

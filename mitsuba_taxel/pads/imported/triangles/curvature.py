@@ -11,8 +11,8 @@ import math
 import numpy as np
 from scipy.sparse import csr_array
 
-from mitsuba_taxel.geometry.triangles import area_normals, neighbours
-from mitsuba_taxel.pads.imported.snapping import Patches
+from mitsuba_taxel.geometry.surfaces.triangles import area_normals, neighbours
+from mitsuba_taxel.pads.imported.triangles.snapping import Patches
 
 FLAT_ANGLE = 1.0
 """Degrees between neighbouring triangles below which they belong to one plane."""

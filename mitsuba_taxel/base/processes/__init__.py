@@ -1,0 +1,1 @@
+"""Long work: what it is doing, how long it took, its threads, limits and worker processes."""

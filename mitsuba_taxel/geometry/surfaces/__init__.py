@@ -1,0 +1,1 @@
+"""Surfaces of flat triangles: normals, nearest points, cuts, slices, and removal of degenerate triangles."""
