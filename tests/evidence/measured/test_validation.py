@@ -149,7 +149,9 @@ def test_widths_below_their_errors_are_no_part_of_the_verdict(tmp_path):
     assert "10 to 11 times as wide as predicted (2 of 4 widths are not resolved)" in text
     assert "0.00 ± 0.20 %, which does not resolve what is measured: by 0.15 %" in text
     none = made._replace(errors=errors._replace(loop=memory_fit.Loop(9, 9, 9, 9)))
-    assert "No width of the loop is resolved." in page_memory.memory_section(none, tmp_path)
+    section = page_memory.memory_section(none, tmp_path)
+    assert "No width of the loop is resolved." in section
+    assert all(f"| {label} |" in section for label in ("force at equal travel", "energy of a cycle"))
 
 
 def test_a_spread_that_tolerances_do_not_reach_is_said():
