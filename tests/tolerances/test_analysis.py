@@ -164,3 +164,14 @@ def test_errors_of_the_mean_sensor_have_a_closed_form():
     errors, last = nominal_errors(plan, true, LOADS, 0), true.replicate_power.values[0, -1, :, 0]
     np.testing.assert_allclose(errors["sensitivity"], 0.003 * last / 2, rtol=5e-3)
     assert not errors["rest"].any() and math.isnan(errors["crosstalk"][0])
+
+
+def test_errors_of_the_mean_sensor_do_not_ask_what_the_force_is_called():
+    _, read = sensors_of_many_taxels(0, 0.0)
+    other = read.rename(fz="f").assign_attrs(forces='{"f": ["fz", 1]}')
+    one, renamed = (
+        nominal_errors(SimpleNamespace(force=name, batch=SimpleNamespace(circuit=None)), study, LOADS, 0)
+        for name, study in (("fz", read), ("f", other))
+    )
+    for name, errors in one.items():
+        np.testing.assert_allclose(renamed[name], errors, rtol=1e-12)
