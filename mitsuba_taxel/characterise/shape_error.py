@@ -6,11 +6,12 @@ changes along the path: from the first load to the last by 8 % of its size, in t
 strains up to 0.11 (docs/theory/errors.md). The course of that change is not known, so it is taken as random. With the
 stated size s(F) of a reading's error, the error is
 
-    s(F) (c z + sqrt(1 - c^2) g(F)),    c^2 = (1 - COURSE^2) a^2,
+    s(F) (c z + sqrt(1 - c^2) g(F)),    c^2 = (1 - r^2) a^2,
 
-where z is a normal number of the whole path, and g a Gaussian process of unit variance and of the correlation
-exp(-|F - F'|^2 / (2 L^2)), L being the largest load of the study. Where the deviation changes its sign along the path,
-two meshes do not tell a common share: a is the magnitude of its sum over the path, relative to the sum of magnitudes.
+where r is `COURSE`, or more at large strains, z a normal number of the whole path, and g a Gaussian process of unit
+variance and of the correlation exp(-|F - F'|^2 / (2 L^2)), L being the largest load of the study. Where the deviation
+changes its sign along the path, two meshes do not tell a common share: a is the magnitude of its sum over the path,
+relative to the sum of magnitudes.
 The kernel of g is a sum of products of
 
     phi_m(F) = exp(-|x|^2 / 2) x_1^m_1 x_2^m_2 x_3^m_3 / sqrt(m_1! m_2! m_3!),    x = (F - F_middle) / L
@@ -35,9 +36,9 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.roles import with_forces_named
 
-COURSE = 0.1
-"""Standard deviation of the random course of an error along a path, relative to the size of the error."""
-COMMON = math.sqrt(1 - COURSE**2)
+COURSE, BY_STRAIN = 0.1, 5.0
+"""Standard deviation of the random course of an error along a path, relative to the size of the error: at least, and
+per strain of the silicone, as what changes the share is of second order."""
 DEGREE = 2
 """Largest sum of the exponents m: on a path from rest, what is left out has 0.2 % of the variance at its ends."""
 VARIANTS = math.exp(-1 / 8)
@@ -165,7 +166,9 @@ def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
     """
     power = study.replicate_power.mean("replicate")
     lit = power.where(power > 0)
-    sizes = {}
+    strain = float(study.largest_strain.max()) if "largest_strain" in study else 0.0
+    course = float(np.fmin(np.fmax(COURSE, BY_STRAIN * strain), 1.0))
+    common, sizes = math.sqrt(1 - course**2), {}
     if "deviation" in study:
         deviation = study.deviation.fillna(0.0)
         share = np.sqrt(((deviation / lit) ** 2).mean("taxel")).fillna(0.0)
@@ -176,11 +179,11 @@ def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
         square = (most**2).sum("taxel")
         size = size * _by_derivatives(study, size)
         agreed = np.sqrt((total**2).sum("taxel") / square.where(square > 0)).fillna(1.0)
-        sizes["deviation"] = (size, COMMON * agreed)
+        sizes["deviation"] = (size, common * agreed)
     if "geometry_error" in study:
         share = study.geometry_error / lit
         alike = [dim for dim in (study.attrs["curve"], "taxel") if dim in share.dims]
-        sizes["geometry_error"] = (power * share.mean(alike).fillna(0.0), xr.DataArray(COMMON))
+        sizes["geometry_error"] = (power * share.mean(alike).fillna(0.0), xr.DataArray(common))
     return sizes
 
 

@@ -125,6 +125,17 @@ def test_the_larger_of_two_estimates_of_one_error_is_stated():
         assert found.error["nonlinearity"].item() == pytest.approx(expected, rel=5e-3)
 
 
+def test_the_random_course_grows_with_the_strain():
+    """Of 0.06, it is 5 x 0.06 = 0.3 of the error, three times as large as at small strains."""
+    x = LOADS / LOADS[-1]
+    study = study_of((1 + 0.2 * x)[None], 0.002 * x[None] / ERROR_SHARE)
+    small, large = (
+        by_figure(study.assign(largest_strain=(["case", "fz"], most * x[None]))).error for most in (0.01, 0.06)
+    )
+    assert large["nonlinearity"].item() == pytest.approx(3 * small["nonlinearity"].item(), rel=1e-2)
+    assert large["mean_slope"].item() == pytest.approx(small["mean_slope"].item(), rel=5e-3)
+
+
 def test_errors_of_diagonal_loads_change_slopes_along_the_load():
     """Of a path on which two forces change together, the slope along the resultant is off by the share of the error."""
     x, c = LOADS / LOADS[-1], 0.01
