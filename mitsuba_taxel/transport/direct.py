@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.transport.emission import Emission, LitPoints
 from mitsuba_taxel.transport.exchange import Starts
 from mitsuba_taxel.transport.laws.ends import NARROW, End
@@ -137,8 +138,9 @@ class _Parts:
         corner[:, 0] = np.minimum(corner[:, 0], n - 1 - corner[:, 1])
         upper = (at * n[:, None] - corner).sum(axis=1) > 1
         upper &= corner.sum(axis=1) < n - 1
-        keys, part = np.unique(np.column_stack([face, corner, upper]), axis=0, return_inverse=True)
-        part = part.ravel()
+        rows = np.column_stack([face, corner, upper])
+        first, part = unique_rows(rows)
+        keys = rows[first]
         self.of_inside, self.of_edge = part[: len(points[0].face)], part[len(points[0].face) :]
         self.face = keys[:, 0].astype(int)
         n, upper = 2.0 ** cuts[self.face], keys[:, 3]

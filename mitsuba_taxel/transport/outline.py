@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.transport.rules import gauss
 
 POINTS = 6
@@ -108,8 +109,8 @@ def _shared(sides: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     backwards = (ends[:, 0] * [4, 2, 1]).sum(axis=1) > (ends[:, 1] * [4, 2, 1]).sum(axis=1)
     forward = np.where(backwards[:, None, None], sides[:, ::-1], sides)
     keys = np.round(forward[:, [0, 2, -1]].reshape(-1, 9) / grain).astype(np.int64)
-    _, first, own = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    return forward[first], np.where(backwards, -1.0, 1.0), own.ravel()
+    first, own = unique_rows(keys)
+    return forward[first], np.where(backwards, -1.0, 1.0), own
 
 
 def _frame(normal: np.ndarray) -> np.ndarray:
