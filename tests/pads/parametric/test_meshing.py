@@ -27,7 +27,7 @@ WALLS = "roof", "side"
 
 @pytest.fixture(scope="module", params=CELL_SHAPES)
 def meshed(request):
-    pad = Pad(request.param)
+    pad = Pad(request.param, rows=2, columns=3)
     return pad, mesh_pad(pad, 0.8)
 
 
@@ -78,10 +78,10 @@ def test_areas_of_the_regions(meshed):
         return areas[chosen & (mesh.face_cell == cell)].sum() if cell is not None else areas[chosen].sum()
 
     tolerance = 1e-12 if pad.cell == "parallelepiped" else QUADRATIC_SURFACE
-    for cell in range(1, 10):
+    for cell in range(1, 7):
         assert area("roof", cell) == pytest.approx(roof, rel=tolerance)
         assert area("side", cell) == pytest.approx(side, rel=tolerance)
-    assert area("bottom") == pytest.approx(width * depth - 9 * hole, rel=tolerance)
+    assert area("bottom") == pytest.approx(width * depth - 6 * hole, rel=tolerance)
     assert area("top") == pytest.approx(width * depth, rel=1e-12)
     assert area("outer") == pytest.approx(2 * (width + depth) * height, rel=1e-12)
     assert set(np.unique(mesh.face_region)) == set(REGIONS.values())
@@ -90,7 +90,7 @@ def test_areas_of_the_regions(meshed):
 
 def test_volume_from_the_elements_and_from_the_oriented_surface(meshed):
     pad, mesh = meshed
-    expected = math.prod(pad.extent) - 9 * cell_measures(pad)[0]
+    expected = math.prod(pad.extent) - 6 * cell_measures(pad)[0]
     points, weights = np.polynomial.legendre.leggauss(3)  # exact to degree 5
     points, weights = (points + 1) / 2, weights / 2
     u, v, w = (a.ravel() for a in np.meshgrid(points, points, points, indexing="ij"))
@@ -116,7 +116,7 @@ def test_cells_lie_where_their_numbers_say(meshed):
 
 @pytest.mark.parametrize("cell", ["spherical", "hemispheric"])
 def test_curved_roofs_lie_on_their_spheres(cell):
-    pad = Pad(cell)
+    pad = Pad(cell, rows=1, columns=2)
     mesh = mesh_pad(pad, 0.8)
     for number, (x, y) in enumerate(pad.cell_centres, start=1):
         roof = mesh.faces[(mesh.face_cell == number) & (mesh.face_region == REGIONS["roof"])]
