@@ -19,7 +19,7 @@ from mitsuba_taxel.mechanics import (
     load_path,
     tessellate,
 )
-from mitsuba_taxel.mechanics.surface.relief import displacement_gradient
+from mitsuba_taxel.mechanics.locate import displacement_gradient
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
