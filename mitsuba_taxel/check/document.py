@@ -11,7 +11,7 @@ from xml.parsers import expat
 
 from mitsuba_taxel.base.files.text import read_bytes
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.sensing.scene.description import is_file
+from mitsuba_taxel.sensing.scene.finding import is_file
 from mitsuba_taxel.sensing.scene.left_out import used_by
 from mitsuba_taxel.sensing.scene.scene_file import DEEPEST, DEEPEST_INCLUDE, LARGEST_SCENE, MOST_INCLUDED
 

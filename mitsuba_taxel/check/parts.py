@@ -20,8 +20,9 @@ from mitsuba_taxel.check.parameters import error_in, error_in_plugin
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
 from mitsuba_taxel.pads import PadFile
 from mitsuba_taxel.pads.parametric.meshing import check_room
-from mitsuba_taxel.sensing.scene.description import NESTED_SCENE, far_transforms, guilty_parameters
+from mitsuba_taxel.sensing.scene.description import NESTED_SCENE
 from mitsuba_taxel.sensing.scene.nested_parts import unused_parts
+from mitsuba_taxel.sensing.scene.parsing import far_transforms, guilty_parameters
 from mitsuba_taxel.specification import specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 

@@ -19,8 +19,10 @@ from mitsuba_taxel.check.parameters import check_names, defaults_given_twice
 from mitsuba_taxel.check.parts import make_objects
 from mitsuba_taxel.check.units import check_units
 from mitsuba_taxel.check.values import refused_values
-from mitsuba_taxel.sensing.scene.description import Scene, find_scene, parser_config
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.finding import find_scene
 from mitsuba_taxel.sensing.scene.left_out import left_out, parse_scene
+from mitsuba_taxel.sensing.scene.parsing import parser_config
 
 
 @in_turn

@@ -16,7 +16,7 @@ from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
 from mitsuba_taxel.fitting.data import Data, read_data
 from mitsuba_taxel.parameters import Number, parameters_of
 from mitsuba_taxel.sensing import find_scene
-from mitsuba_taxel.sensing.scene.description import is_file
+from mitsuba_taxel.sensing.scene.finding import is_file
 from mitsuba_taxel.sensing.scene.parameter_roles import roles_of_parameters
 from mitsuba_taxel.studies.plan.batch import parameters_in, read_study_of
 

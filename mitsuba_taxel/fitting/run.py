@@ -19,7 +19,7 @@ from mitsuba_taxel.fitting.solve import LeastSquares, interval, misfit_warnings,
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.residuals import plot_residuals
 from mitsuba_taxel.sensing import find_scene
-from mitsuba_taxel.sensing.scene.description import is_file
+from mitsuba_taxel.sensing.scene.finding import is_file
 from mitsuba_taxel.sensing.scene.parameter_roles import roles_of_parameters
 from mitsuba_taxel.sensing.scene.parameter_units import units_of_parameters
 from mitsuba_taxel.studies.plan.batch import loads_among

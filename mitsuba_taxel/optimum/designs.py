@@ -20,8 +20,9 @@ from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.mould import SHAPE
 from mitsuba_taxel.sensing.derivatives.derivable import without_derivative
-from mitsuba_taxel.sensing.scene.description import MESHED_AS, Scene, parser_config
+from mitsuba_taxel.sensing.scene.description import MESHED_AS, Scene
 from mitsuba_taxel.sensing.scene.left_out import NONE
+from mitsuba_taxel.sensing.scene.parsing import parser_config
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT

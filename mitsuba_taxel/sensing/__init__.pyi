@@ -5,8 +5,8 @@ from .measurement import measure as measure
 from .reading.readings import Crosstalk as Crosstalk
 from .reading.readings import Readings as Readings
 from .scene.description import Scene as Scene
-from .scene.description import find_scene as find_scene
 from .scene.description import write_xml as write_xml
+from .scene.finding import find_scene as find_scene
 from .scene.pad_sensor import PadSensor as PadSensor
 from .validity.ray_paths import RayPaths as RayPaths
 from .validity.ray_paths import sample_paths as sample_paths

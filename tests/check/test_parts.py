@@ -10,7 +10,7 @@ import trimesh
 from flawed_scene import AT_END, IN_LED, IN_PAD, PAD, PLATE, change, check, parameter
 
 from mitsuba_taxel import check_scene
-from mitsuba_taxel.sensing.scene.description import shipped_scenes
+from mitsuba_taxel.sensing.scene.finding import shipped_scenes
 
 pytestmark = pytest.mark.usefixtures("static")
 

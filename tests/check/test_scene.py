@@ -6,7 +6,7 @@ import pytest
 from flawed_scene import PAD, PLATE, check
 
 from mitsuba_taxel import InputError, Pad, PadSensor, check_scene, write_template, write_xml
-from mitsuba_taxel.sensing.scene.description import shipped_scenes
+from mitsuba_taxel.sensing.scene.finding import shipped_scenes
 
 pytestmark = pytest.mark.usefixtures("static")
 

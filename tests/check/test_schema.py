@@ -10,7 +10,7 @@ from lxml import etree
 
 from mitsuba_taxel import InputError, Pad, PadSensor, write_template, write_xml
 from mitsuba_taxel.check.schema import schema, write_schema
-from mitsuba_taxel.sensing.scene.description import shipped_scenes
+from mitsuba_taxel.sensing.scene.finding import shipped_scenes
 from mitsuba_taxel.specification.plugin_pages import plugin_names, plugin_page
 
 pytestmark = pytest.mark.quick

@@ -153,7 +153,7 @@ def _old(word: re.Match[str], back: dict[str, str], table: dict[str, str]) -> st
 
 def main(first: int, count: int) -> None:
     """Print what differs, of all shipped scenes."""
-    from mitsuba_taxel.sensing.scene.description import shipped_scenes
+    from mitsuba_taxel.sensing.scene.finding import shipped_scenes
 
     for seed in range(first, first + count):
         for file in sorted(shipped_scenes().glob("*.xml")):

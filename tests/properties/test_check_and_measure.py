@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel import ComputationError, InputError, Scene, check_scene, measure
-from mitsuba_taxel.sensing.scene.description import shipped_scenes
+from mitsuba_taxel.sensing.scene.finding import shipped_scenes
 
 STOCK = PLATE.replace('"taxel_tracer"', '"path"')
 OPEN = PLATE.split("<integrator")[0] + PLATE.split("</integrator>")[1]

@@ -15,7 +15,7 @@ from mitsuba_taxel.characterise.summary import slope_summary
 from mitsuba_taxel.plots.curves import plot_curves
 from mitsuba_taxel.plots.maps import plane_of
 from mitsuba_taxel.sensing import find_scene
-from mitsuba_taxel.sensing.scene.description import shipped_scenes
+from mitsuba_taxel.sensing.scene.finding import shipped_scenes
 from mitsuba_taxel.sensing.scene.parameter_roles import forces_of_parameters, roles_of_parameters
 from mitsuba_taxel.studies import sweep, training_set
 from mitsuba_taxel.studies.plan.batch import make_batch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mitsuba_taxel.sensing.scene.description import shipped_scenes
+from mitsuba_taxel.sensing.scene.finding import shipped_scenes
 from mitsuba_taxel.sensing.scene.parameter_units import units_of_parameters
 
 pytestmark = pytest.mark.quick

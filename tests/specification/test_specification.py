@@ -26,7 +26,8 @@ from mitsuba_taxel import (
 from mitsuba_taxel.backend import plugin_files, plugin_kind
 from mitsuba_taxel.mechanics import MooneyRivlin
 from mitsuba_taxel.parameters import REQUIRED, Choice, Nested, Number, Switch, Vector, Whole, parameters_of
-from mitsuba_taxel.sensing.scene.description import parser_config, shipped_scenes
+from mitsuba_taxel.sensing.scene.finding import shipped_scenes
+from mitsuba_taxel.sensing.scene.parsing import parser_config
 from mitsuba_taxel.specification import specification_of, specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 

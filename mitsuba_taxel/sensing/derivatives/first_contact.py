@@ -23,7 +23,8 @@ from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad, Noda
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 from mitsuba_taxel.sensing.reading.contact_value import FirstContact
 from mitsuba_taxel.sensing.scene.clearance import packages
-from mitsuba_taxel.sensing.scene.description import Scene, parser_config
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.parsing import parser_config
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 

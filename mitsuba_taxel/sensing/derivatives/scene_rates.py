@@ -22,9 +22,10 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.parameters import Number, Parameter, parameters_of
-from mitsuba_taxel.sensing.scene.description import Scene, parser_config
+from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.left_out import NONE
 from mitsuba_taxel.sensing.scene.parameter_units import units_of_parameters
+from mitsuba_taxel.sensing.scene.parsing import parser_config
 from mitsuba_taxel.sensing.scene.written_scene import COMPONENTS
 from mitsuba_taxel.specification import Specification, specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad

@@ -25,18 +25,18 @@ from mitsuba_taxel.base.arguments import (
     word_of,
 )
 from mitsuba_taxel.base.display import Displayed
-from mitsuba_taxel.base.errors import ComputationError, InputError, UnusedDefault
+from mitsuba_taxel.base.errors import InputError, UnusedDefault
 from mitsuba_taxel.base.files.atomic import WriteError, write_text
 from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.parts.part import SUFFIX
+from mitsuba_taxel.sensing.scene.finding import find_scene
 from mitsuba_taxel.sensing.scene.left_out import NONE, parse_scene, used_by
+from mitsuba_taxel.sensing.scene.parsing import as_own_error, far_transforms, guilty_parameters, parser_config
 from mitsuba_taxel.sensing.scene.scene_file import read_scene_file
 
 if TYPE_CHECKING:
     import mitsuba as mi
 
-FURTHEST = 1e8
-"""mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
 MOST_PARAMETERS = 1000
 """Parameters of a scene: Mitsuba's parser takes a few more."""
 MOST_NAMED = 10
@@ -473,92 +473,6 @@ def write_xml(scene: Scene, path: str | Path) -> None:
     scene.write_xml(path)
 
 
-def find_scene(source: str | Path) -> Path:
-    """The file of ``source``: a path, or the name of a scene that ships with the package.
-
-    Parameters
-    ----------
-    source : str or Path
-        As a user names it.
-
-    Returns
-    -------
-    Path
-        Of an existing file.
-
-    Raises
-    ------
-    InputError
-        if there is neither.
-    """
-    path = path_of("scene", source)
-    if is_file(path):
-        return path
-    folder = shipped_scenes()
-    shipped = folder / path.name
-    if path.parent == Path(".") and is_file(shipped):
-        return shipped
-    reason = why_unreadable(path)
-    if reason:
-        raise InputError(f"scene {str(source)!r} cannot be read: {reason}.")
-    names = ", ".join(sorted(file.name for file in folder.glob("*.xml")))
-    raise InputError(f"scene {str(source)!r} does not exist: a file, or one of the shipped scenes {names}, is needed.")
-
-
-def why_unreadable(path: Path) -> str | None:
-    """Why an existing path, or a parent of it, cannot be read as a file; None if it does not exist.
-
-    Parameters
-    ----------
-    path : Path
-        Of anything.
-
-    Returns
-    -------
-    str or None
-        Part of a sentence.
-    """
-    try:
-        path.stat()
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        return error.strerror
-    return "it is a folder" if path.is_dir() else None if path.is_file() else "it is a pipe, a device or a socket"
-
-
-def is_file(path: Path) -> bool:
-    """Whether there is a file of that name; False for a name that is too long.
-
-    Parameters
-    ----------
-    path : Path
-        Of any length.
-
-    Returns
-    -------
-    bool
-        Links count as what they lead to.
-    """
-    try:
-        return path.is_file()
-    except OSError:
-        return False
-
-
-def shipped_scenes() -> Path:
-    """The folder of the scenes that ship with the package.
-
-    Returns
-    -------
-    Path
-        An absolute one.
-    """
-    from importlib.resources import files
-
-    return Path(str(files("mitsuba_taxel.scenes"))).resolve()
-
-
 def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
     """Defaults of an XML scene, and the names that it uses as ``$name``."""
     defaults: dict[str, str] = {}
@@ -574,79 +488,6 @@ def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
     return defaults, used
 
 
-def far_transforms(props: mi.Properties) -> dict[str, str]:
-    """Error messages for transformations of a part with invalid numbers, by name.
-
-    Parameters
-    ----------
-    props : mi.Properties
-        Of the part.
-
-    Returns
-    -------
-    dict[str, str]
-        By the name of the transformation.
-    """
-    import mitsuba as mi
-    import numpy as np
-
-    refused = {}
-    for name in [name for name in props.keys() if props.type(name) == mi.Properties.Type.Transform]:
-        matrix = np.array(props[name].matrix, dtype=float)
-        props.mark_queried(name, False)  # so that a plugin that does not know it is still reported
-        if not np.all(np.abs(matrix) <= FURTHEST):
-            plugin = props.plugin_name()
-            refused[name] = f"{name} of {plugin} is not allowed: numbers of at most {FURTHEST:g} are needed"
-    return refused
-
-
-def guilty_parameters(parameters: Mapping[str, str]) -> str:
-    """The parameters that are not numbers of at most :data:`FURTHEST`, in brackets; empty if there are none.
-
-    Parameters
-    ----------
-    parameters : Mapping[str, str]
-        Of a scene.
-
-    Returns
-    -------
-    str
-        With a blank before.
-    """
-    found = [f"{name} = {value}" for name, value in parameters.items() if not _is_near(value)]
-    return f" (parameter {', '.join(found)})" if found else ""
-
-
-def _is_near(value: str) -> bool:
-    try:
-        return abs(float(value)) <= FURTHEST
-    except ValueError:
-        return True  # a word
-
-
-def parser_config(variant: str) -> mi.parser.ParserConfig:
-    """Settings of Mitsuba's parser.
-
-    Parameters
-    ----------
-    variant : str
-        Of Mitsuba.
-
-    Returns
-    -------
-    mi.parser.ParserConfig
-        By which no parts are merged.
-    """
-    import mitsuba as mi
-
-    config = mi.parser.ParserConfig(variant)
-    config.parallel = False  # meshing and solving are not parallel, and slower if they try
-    config.merge_meshes = False  # merged meshes lose their names
-    config.merge_equivalent = False  # merged emitters cannot be attached to two shapes
-    config.unused_parameters = mi.LogLevel.Trace  # `Scene` warns of them
-    return config
-
-
 def _free_unused_scenes() -> None:
     """Free scenes that only cycles refer to, as from the traceback of an error.
 
@@ -654,33 +495,3 @@ def _free_unused_scenes() -> None:
     """
     if _EMITTERS:
         gc.collect()
-
-
-def as_own_error(error: RuntimeError, scene: Scene) -> InputError | ComputationError:
-    """Mitsuba's message for a scene that it cannot build, as one line without traceback or source location.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        if that stopped a plugin: Mitsuba reports it like any other error.
-    """
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    if lines[-1].startswith("KeyboardInterrupt"):
-        raise KeyboardInterrupt
-    name, _, message = lines[-1].partition(": ")
-    for kind in (ComputationError, InputError):
-        if name in (kind.__name__, *(special.__name__ for special in kind.__subclasses__())):
-            return kind(message)
-    if lines[-1].startswith("MemoryError"):
-        return ComputationError(f"{scene.name}: there is not enough memory for it ({lines[-1]}).")
-    head = re.sub(r"^\[[^\]]*\] ", "", lines[0]).split(": Traceback")[0]
-    tail = lines[-1:] if "Traceback" in lines[0] else [line.lstrip("- ") for line in lines[1:]]
-    text = re.sub(r": \[\w+\] ", ": ", " ".join([head, *tail])).rstrip("!")
-    text = text.replace("unreferenced property", "unknown parameter").replace(f"{scene.source} ", "")
-    unparsed = re.search(r'could not parse \w[\w ]* value "(.*)"', text)
-    if unparsed:
-        guilty = [name for name, value in scene.parameters.items() if value.strip() == unparsed[1].strip()]
-        text += f" (parameter {', '.join(guilty)})" if guilty else ""
-    if re.search(r'Plugin "\w+" not found', text):
-        text += ": your own are loaded by taxel --plugin FILE.py, or load_plugins in Python"
-    return InputError(f"{scene.name}: {text}.")

@@ -9,7 +9,8 @@ import mitsuba as mi
 
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.sensing.scene.description import Scene, as_own_error, parser_config
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.parsing import as_own_error, parser_config
 from mitsuba_taxel.specification import specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 from mitsuba_taxel.specification.specification import Specification

@@ -18,7 +18,7 @@ from mitsuba_taxel.electronics import Circuit
 from mitsuba_taxel.electronics.circuit import circuit_of
 from mitsuba_taxel.sensing import Scene, find_scene
 from mitsuba_taxel.sensing.measurement import check_request
-from mitsuba_taxel.sensing.scene.description import is_file, shipped_scenes
+from mitsuba_taxel.sensing.scene.finding import is_file, shipped_scenes
 from mitsuba_taxel.sensing.scene.parameter_roles import forces_of_parameters, load_constants, roles_of_parameters
 from mitsuba_taxel.studies.plan.histories import histories
 from mitsuba_taxel.studies.plan.steps import read_steps

@@ -14,7 +14,7 @@ from mitsuba_taxel.electronics import with_volts
 from mitsuba_taxel.electronics.circuit import circuit_of
 from mitsuba_taxel.sensing.measurement import check_request
 from mitsuba_taxel.sensing.reading.prepared_scenes import Settings
-from mitsuba_taxel.sensing.scene.description import is_file, why_unreadable
+from mitsuba_taxel.sensing.scene.finding import is_file, why_unreadable
 from mitsuba_taxel.studies.plan.batch import check_target_slope, loads_among, read_study
 from mitsuba_taxel.studies.plan.vary import combinations, make_axes
 from mitsuba_taxel.studies.store.dataset import assemble

@@ -13,7 +13,7 @@ from mitsuba_taxel.backend.own_plugins import loaded_plugins
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.text import read_bytes
 from mitsuba_taxel.base.sources import code_digest
-from mitsuba_taxel.sensing.scene.description import is_file
+from mitsuba_taxel.sensing.scene.finding import is_file
 from mitsuba_taxel.sensing.scene.named_files import LARGEST_FILE
 from mitsuba_taxel.sensing.scene.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.scene.scene_file import read_scene_file

@@ -1,0 +1,141 @@
+"""Mitsuba's parser: its settings, transformations out of range, and its messages as ours."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from mitsuba_taxel.base.errors import ComputationError, InputError
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+
+FURTHEST = 1e8
+"""mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
+
+
+class Described(Protocol):
+    """What messages name of a scene, as `Scene` has it."""
+
+    source: Path | dict[str, Any]
+    parameters: dict[str, str]
+
+    @property
+    def name(self) -> str: ...
+
+
+def far_transforms(props: mi.Properties) -> dict[str, str]:
+    """Error messages for transformations of a part with invalid numbers, by name.
+
+    Parameters
+    ----------
+    props : mi.Properties
+        Of the part.
+
+    Returns
+    -------
+    dict[str, str]
+        By the name of the transformation.
+    """
+    import mitsuba as mi
+    import numpy as np
+
+    refused = {}
+    for name in [name for name in props.keys() if props.type(name) == mi.Properties.Type.Transform]:
+        matrix = np.array(props[name].matrix, dtype=float)
+        props.mark_queried(name, False)  # so that a plugin that does not know it is still reported
+        if not np.all(np.abs(matrix) <= FURTHEST):
+            plugin = props.plugin_name()
+            refused[name] = f"{name} of {plugin} is not allowed: numbers of at most {FURTHEST:g} are needed"
+    return refused
+
+
+def guilty_parameters(parameters: Mapping[str, str]) -> str:
+    """The parameters that are not numbers of at most :data:`FURTHEST`, in brackets; empty if there are none.
+
+    Parameters
+    ----------
+    parameters : Mapping[str, str]
+        Of a scene.
+
+    Returns
+    -------
+    str
+        With a blank before.
+    """
+    found = [f"{name} = {value}" for name, value in parameters.items() if not _is_near(value)]
+    return f" (parameter {', '.join(found)})" if found else ""
+
+
+def _is_near(value: str) -> bool:
+    try:
+        return abs(float(value)) <= FURTHEST
+    except ValueError:
+        return True  # a word
+
+
+def parser_config(variant: str) -> mi.parser.ParserConfig:
+    """Settings of Mitsuba's parser.
+
+    Parameters
+    ----------
+    variant : str
+        Of Mitsuba.
+
+    Returns
+    -------
+    mi.parser.ParserConfig
+        By which no parts are merged.
+    """
+    import mitsuba as mi
+
+    config = mi.parser.ParserConfig(variant)
+    config.parallel = False  # meshing and solving are not parallel, and slower if they try
+    config.merge_meshes = False  # merged meshes lose their names
+    config.merge_equivalent = False  # merged emitters cannot be attached to two shapes
+    config.unused_parameters = mi.LogLevel.Trace  # `Scene` warns of them
+    return config
+
+
+def as_own_error(error: RuntimeError, scene: Described) -> InputError | ComputationError:
+    """Mitsuba's message for a scene that it cannot build, as one line without traceback or source location.
+
+    Parameters
+    ----------
+    error : RuntimeError
+        Of Mitsuba's parser, or of a plugin that it builds.
+    scene : Described
+        The scene.
+
+    Returns
+    -------
+    InputError or ComputationError
+        To be raised in its place.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        if that stopped a plugin: Mitsuba reports it like any other error.
+    """
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    if lines[-1].startswith("KeyboardInterrupt"):
+        raise KeyboardInterrupt
+    name, _, message = lines[-1].partition(": ")
+    for kind in (ComputationError, InputError):
+        if name in (kind.__name__, *(special.__name__ for special in kind.__subclasses__())):
+            return kind(message)
+    if lines[-1].startswith("MemoryError"):
+        return ComputationError(f"{scene.name}: there is not enough memory for it ({lines[-1]}).")
+    head = re.sub(r"^\[[^\]]*\] ", "", lines[0]).split(": Traceback")[0]
+    tail = lines[-1:] if "Traceback" in lines[0] else [line.lstrip("- ") for line in lines[1:]]
+    text = re.sub(r": \[\w+\] ", ": ", " ".join([head, *tail])).rstrip("!")
+    text = text.replace("unreferenced property", "unknown parameter").replace(f"{scene.source} ", "")
+    unparsed = re.search(r'could not parse \w[\w ]* value "(.*)"', text)
+    if unparsed:
+        guilty = [name for name, value in scene.parameters.items() if value.strip() == unparsed[1].strip()]
+        text += f" (parameter {', '.join(guilty)})" if guilty else ""
+    if re.search(r'Plugin "\w+" not found', text):
+        text += ": your own are loaded by taxel --plugin FILE.py, or load_plugins in Python"
+    return InputError(f"{scene.name}: {text}.")
