@@ -48,7 +48,7 @@ RUBBED = """<string name="load" value="indenter_displacement"/> <float name="ind
     [
         (ROD, "", "indenter_radius = 0.001 is not allowed: more than 60000 elements"),
         (PATCH, "", r"a force of 173 MPa on a patch of 1 x 0.001 mm is not allowed"),
-        (ENDS, '<float name="width" value="9"/>', r"spacing = 0.9 is not allowed"),
+        (ENDS, '<float name="width" value="9"/>', r"width = 9 of the phototransistor is not allowed"),
     ],
     ids=["rod of 1 µm", "patch of 1 µm", "an end of the path and a wrong part"],
 )

@@ -47,7 +47,7 @@ def by_paths(scene, *names, points=POINTS, seed=1):
 def _light_alone(monkeypatch):
     """For comparisons on the same elements."""
     monkeypatch.setattr("mitsuba_taxel.mechanics.second_state", lambda *_, **__: None)
-    monkeypatch.setattr(path_derivatives._AlongWithPad, "_of_mechanics", lambda *_: 0.0)
+    monkeypatch.setattr(path_derivatives._AlongWithPad, "_mechanics_error", lambda *_: 0.0)
 
 
 def on_spheres(fields, rms_slope):
@@ -105,11 +105,11 @@ def test_flat_roofs_at_rest_are_pressed_where_that_matters(roof, force, name, st
     """Isotropic ones have another slope when they are pulled."""
     tried = []
 
-    def found(along, _):
+    def estimate(along, _):
         tried.append(along._stencils)
         return np.zeros((2, 1))
 
-    monkeypatch.setattr(path_derivatives._AlongWithPad, "found", found)
+    monkeypatch.setattr(path_derivatives._AlongWithPad, "estimate", estimate)
     by_paths(pressed(roof, "parallelepiped", force=force), name, points=16)
     assert tried == [stencils]
 
@@ -155,7 +155,7 @@ def test_every_law_has_derivatives_with_errors_that_name_the_method():
 def test_the_error_of_the_elements_is_part_of_the_stated_one(monkeypatch):
     scene = pressed(ROUGH, "parallelepiped")
     whole = by_paths(scene, "fz", points=64).standard_errors
-    monkeypatch.setattr(path_derivatives._AlongWithPad, "_of_mechanics", lambda *_: 0.0)
+    monkeypatch.setattr(path_derivatives._AlongWithPad, "_mechanics_error", lambda *_: 0.0)
     assert np.all(by_paths(scene, "fz", points=64).standard_errors < whole)
     monkeypatch.undo()
     monkeypatch.setattr("mitsuba_taxel.mechanics.second_state", lambda *_, **__: None)
