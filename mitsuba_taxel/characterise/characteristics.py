@@ -1,4 +1,4 @@
-"""Table of all figures of merit of experiments."""
+"""The table of all figures of merit of experiments."""
 
 from __future__ import annotations
 
@@ -18,37 +18,42 @@ if TYPE_CHECKING:
 SLOPES = ("max_slope", "mean_slope", "zero_slope", "relative_slope")
 DEVIATIONS = ("nonlinearity", "hysteresis", "repeatability")
 NOT_RESOLVED = "not resolved"
-"""Remark on numbers that are smaller than their standard error."""
+"""Remark on values that are smaller than their standard error."""
 NOT_ABOVE = "as the mean"
-"""Remark on a largest slope below the mean one: the difference is noise."""
+"""Remark on a largest slope below the mean slope: the difference is noise."""
 
 
 def characteristics(experiments: Iterable[Experiment], off: Changed | None = None) -> pandas.DataFrame:
     """Sensitivities, nonlinearity, hysteresis and repeatability, one number per row.
 
-    Slopes are given for each run of growing force, the relative one as the mean slope over the reading at rest;
-    nonlinearity for each branch of growing force; hysteresis for each such branch with the following one of falling
-    force; repeatability for each such branch with the first one.
+    Slopes are computed for each run of growing force; the relative slope is the mean slope over the reading at rest.
+    Nonlinearity is computed for each branch of growing force, hysteresis for each such branch and the branch of falling
+    force that follows it, repeatability for each such branch and the first such branch.
 
     Parameters
     ----------
     experiments : iterable of Experiment
-        Of a study or a measurement.
+        Experiments of a study or a measurement.
     off : dict of lists of two lists of Experiment, optional
-        By mode of the errors of the shape, which are to be included in the errors: the same experiments with readings
-        changed by it, up and down.
+        For each mode of the errors of the pad's shape: the same experiments with their readings changed up and down by
+        that mode. Errors in the table then include the errors of the shape.
 
     Returns
     -------
     pandas.DataFrame
-        Columns: ``figure``; ``force``; the other varied parameters; ``taxel``; ``loading``, which run or branch of
-        growing force, from 1; ``value`` and ``error`` in ``unit``; ``at_N``, the force where it was found; ``from_N``
-        and ``to_N``, the range of forces; ``remark``, a text that replaces the value, or nothing.
+        Columns: ``figure``; ``force``; the other varied parameters; ``taxel``; ``loading``, the number of the run or
+        branch of growing force, from 1; ``value`` and ``error`` in ``unit``; ``at_N``, the force where the figure
+        occurs; ``from_N`` and ``to_N``, the range of forces; ``remark``, a text that replaces the value, or empty.
     """
     import pandas
 
+    # Figures of the readings, and of the readings changed by each mode of the errors of the shape.
     rows = _figures(experiments)
-    changed = {mode: [_column(_figures(one), "value") for one in both] for mode, both in (off or {}).items()}
+    changed = {
+        mode: [_column(_figures(experiments), "value") for experiments in pair] for mode, pair in (off or {}).items()
+    }
+
+    # Errors of the light and of the shape together; figures below their error get a remark.
     derived = np.array([row.pop("derived") for row in rows], dtype=bool)
     errors = with_shape(_column(rows, "error"), _column(rows, "value"), changed, derived)
     for row, error in zip(rows, errors.tolist(), strict=True):
@@ -56,12 +61,15 @@ def characteristics(experiments: Iterable[Experiment], off: Changed | None = Non
         size = row["value"] if row["figure"] in DEVIATIONS else abs(row["value"])
         if size <= row["error"]:
             row["remark"] = NOT_RESOLVED
-    last = ("taxel", "loading", "value", "error", "unit", "at_N", "from_N", "to_N", "remark")
-    others = dict.fromkeys(name for row in rows for name in row if name not in ("figure", "force", *last))
-    return pandas.DataFrame(rows, columns=["figure", "force", *others, *last])
+
+    # The varied parameters stand between the force and the taxel.
+    columns = ("taxel", "loading", "value", "error", "unit", "at_N", "from_N", "to_N", "remark")
+    varied = dict.fromkeys(name for row in rows for name in row if name not in ("figure", "force", *columns))
+    return pandas.DataFrame(rows, columns=["figure", "force", *varied, *columns])
 
 
 def _figures(experiments: Iterable[Experiment]) -> list[dict[str, Any]]:
+    """Rows of all slopes and deviations; ``derived`` marks errors that come from derivatives."""
     return [row for experiment in experiments for row in (*_slopes(experiment), *_deviations(experiment))]
 
 
@@ -70,18 +78,18 @@ def _column(rows: Sequence[Mapping[str, Any]], name: str) -> np.ndarray:
 
 
 def _slopes(experiment: Experiment) -> Iterator[dict[str, Any]]:
-    unit, nowhere = f"{experiment.unit}/N", np.full(len(experiment.taxel), np.nan)
+    unit, no_force = f"{experiment.unit}/N", np.full(len(experiment.taxel), np.nan)
     for number, run in enumerate(experiment.loading_runs, start=1):
-        found = slopes(run)
-        places = {"max_slope": found.max_slope_at, "mean_slope": nowhere, "zero_slope": np.zeros(len(nowhere))}
-        below = np.abs(found.max_slope) < np.abs(found.mean_slope)
+        run_slopes = slopes(run)
+        forces = {"max_slope": run_slopes.max_slope_at, "mean_slope": no_force, "zero_slope": np.zeros(len(no_force))}
+        below = np.abs(run_slopes.max_slope) < np.abs(run_slopes.mean_slope)
         remarks = {"max_slope": np.where(below, NOT_ABOVE, "").tolist()}
-        for name, at in places.items():
-            numbers = (getattr(found, name), getattr(found, f"{name}_error"), at)
+        for name, force in forces.items():
+            numbers = (getattr(run_slopes, name), getattr(run_slopes, f"{name}_error"), force)
             yield from _rows(experiment, name, number, numbers, unit, run, remarks.get(name))
         if experiment.rest is not None:
-            relative = relative_slope(run, found, experiment.rest)
-            yield from _rows(experiment, "relative_slope", number, (*relative, nowhere), "%/N", run)
+            relative = relative_slope(run, run_slopes, experiment.rest)
+            yield from _rows(experiment, "relative_slope", number, (*relative, no_force), "%/N", run)
 
 
 def _deviations(experiment: Experiment) -> Iterator[dict[str, Any]]:
@@ -89,16 +97,18 @@ def _deviations(experiment: Experiment) -> Iterator[dict[str, Any]]:
     loading = [number for number, branch in enumerate(branches) if branch.loading]
     for count, number in enumerate(loading, start=1):
         branch = branches[number]
-        first = next(branches[other] for other in loading if branches[other].side == branch.side)
-        found: dict[str, Deviation] = {}
-        if len(branch.force) > 2:  # any two points lie on a line
-            found["nonlinearity"] = nonlinearity(branch, largest)
+        first = next(branches[index] for index in loading if branches[index].side == branch.side)
+
+        # Nonlinearity needs three points; hysteresis the falling branch that follows; repeatability an earlier branch.
+        deviations: dict[str, Deviation] = {}
+        if len(branch.force) > 2:
+            deviations["nonlinearity"] = nonlinearity(branch, largest)
         for after in branches[number + 1 : number + 2]:
             if not after.loading and after.side == branch.side and share_forces(branch, after):
-                found["hysteresis"] = hysteresis(branch, after, largest)
+                deviations["hysteresis"] = hysteresis(branch, after, largest)
         if first is not branch and share_forces(first, branch):
-            found["repeatability"] = repeatability(first, branch, largest)
-        for name, deviation in found.items():
+            deviations["repeatability"] = repeatability(first, branch, largest)
+        for name, deviation in deviations.items():
             yield from _rows(experiment, name, count, deviation, "%", branch)
 
 
@@ -108,19 +118,20 @@ def _rows(
     loading: int,
     numbers: tuple,
     unit: str,
-    part: Branch,
+    branch: Branch,
     remarks: Sequence[str] | None = None,
 ) -> Iterator[dict[str, Any]]:
-    ends = part.force[[0, -1]] if len(part.force) else (np.nan, np.nan)
+    """A row for each taxel of one figure; ``numbers`` are its value, error and force, each (channels,)."""
+    ends = branch.force[[0, -1]] if len(branch.force) else (np.nan, np.nan)
     remarks = remarks or [""] * len(experiment.taxel)
-    for taxel, value, error, at, remark in zip(experiment.taxel.tolist(), *numbers, remarks, strict=True):
+    for taxel, value, error, position, remark in zip(experiment.taxel.tolist(), *numbers, remarks, strict=True):
         yield {
             "figure": figure,
             "force": experiment.force,
             **experiment.where,
             "taxel": taxel,
             "loading": loading,
-            **{"value": value, "error": error, "unit": unit, "at_N": at, "from_N": ends[0], "to_N": ends[1]},
+            **{"value": value, "error": error, "unit": unit, "at_N": position, "from_N": ends[0], "to_N": ends[1]},
             "remark": remark,
-            "derived": part.tangents is not None and figure.endswith("slope"),
+            "derived": branch.tangents is not None and figure.endswith("slope"),
         }

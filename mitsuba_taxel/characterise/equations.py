@@ -1,8 +1,8 @@
 """Hysteresis, repeatability and nonlinearity of a taxel: equations 5 to 7 of the paper.
 
 The paper compares voltage changes dv of two ranges of time and divides by the largest dv of the experiment. Here two
-branches, linearly interpolated, are compared at equal force; the largest difference over all common forces counts, and
-is given with the force where it occurs.
+branches, linearly interpolated, are compared at equal force. The result is the largest difference over all common
+forces, and the force where it occurs.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ from mitsuba_taxel.characterise.replicates import at_largest
 
 
 class Deviation(NamedTuple):
-    """A deviation in percent of the largest change, one per channel.
+    """A deviation in percent of the largest change, for each channel.
 
-    ``percent`` is free of the bias of a maximum of noisy magnitudes (each half of the replicates is evaluated at the
-    place, and with the sign, of the other half's maximum), so it may be negative if there is no deviation. ``error`` is
-    1 sigma from the replicates; NaN with only one, in which case the bias remains. ``at`` is the force in N.
+    ``percent`` (channels,) is free of the bias that a maximum of noisy magnitudes has: each half of the replicates is
+    evaluated where the other half has its maximum, and with the sign of that maximum. It may therefore be negative if
+    there is no deviation. ``error`` (channels,) is 1 sigma from the replicates; with one replicate it is NaN and the
+    bias remains. ``at`` (channels,) is the force in N.
     """
 
     percent: np.ndarray
@@ -35,9 +36,14 @@ def hysteresis(increasing: Branch, decreasing: Branch, largest_change: np.ndarra
     Parameters
     ----------
     increasing, decreasing : Branch
-        A branch with the force's magnitude growing, and one with it falling.
+        A branch of growing magnitude of the force, and a branch of falling magnitude.
     largest_change : ndarray
         v_max (replicates, channels), see :attr:`Experiment.largest_change`.
+
+    Returns
+    -------
+    Deviation
+        In percent of the largest change.
 
     Raises
     ------
@@ -49,24 +55,29 @@ def hysteresis(increasing: Branch, decreasing: Branch, largest_change: np.ndarra
     return _deviation(*_difference(increasing, decreasing), largest_change)
 
 
-def repeatability(one: Branch, other: Branch, largest_change: np.ndarray) -> Deviation:
+def repeatability(first: Branch, second: Branch, largest_change: np.ndarray) -> Deviation:
     """Equation 6: e_r = max |dv_a - dv_b| / v_max, over the forces common to both branches.
 
     Parameters
     ----------
-    one, other : Branch
-        Two branches with the force's magnitude growing, or two with it falling.
+    first, second : Branch
+        Two branches of growing magnitude of the force, or two of falling magnitude.
     largest_change : ndarray
         v_max (replicates, channels).
+
+    Returns
+    -------
+    Deviation
+        In percent of the largest change.
 
     Raises
     ------
     InputError
         if the branches have opposite directions or share no range of force.
     """
-    if one.loading != other.loading:
+    if first.loading != second.loading:
         raise InputError("repeatability compares two branches of growing force, or two of falling force.")
-    return _deviation(*_difference(one, other), largest_change)
+    return _deviation(*_difference(first, second), largest_change)
 
 
 def nonlinearity(branch: Branch, largest_change: np.ndarray) -> Deviation:
@@ -78,22 +89,27 @@ def nonlinearity(branch: Branch, largest_change: np.ndarray) -> Deviation:
     Parameters
     ----------
     branch : Branch
-        Usually the first one of growing force.
+        Usually the first branch of growing force.
     largest_change : ndarray
         v_max (replicates, channels).
+
+    Returns
+    -------
+    Deviation
+        In percent of the largest change.
     """
     return _deviation(branch.force, from_line(branch, branch), largest_change)
 
 
 def from_line(branch: Branch, nominal: Branch) -> np.ndarray:
-    """Samples of a branch minus the end-point line of another one.
+    """Samples of a branch minus the end-point line of the same or another branch.
 
     Parameters
     ----------
     branch : Branch
-        Whose samples count.
+        The branch with the samples.
     nominal : Branch
-        Whose ends the line joins.
+        The branch whose first and last points define the line.
 
     Returns
     -------
@@ -101,37 +117,37 @@ def from_line(branch: Branch, nominal: Branch) -> np.ndarray:
         In the unit of the readings.
     """
     first, last = nominal.samples[0], nominal.samples[-1]
-    share = (branch.force - nominal.force[0]) / (nominal.force[-1] - nominal.force[0])
-    return branch.samples - (first + share[:, None, None] * (last - first))
+    fraction = (branch.force - nominal.force[0]) / (nominal.force[-1] - nominal.force[0])
+    return branch.samples - (first + fraction[:, None, None] * (last - first))
 
 
-def share_forces(one: Branch, other: Branch) -> bool:
+def share_forces(first: Branch, second: Branch) -> bool:
     """Whether two branches have a range of force in common."""
-    low, high = _overlap(one, other)
+    low, high = _overlap(first, second)
     return bool(low < high)
 
 
-def _overlap(one: Branch, other: Branch) -> tuple[float, float]:
-    low = max(one.force.min(), other.force.min())
-    high = min(one.force.max(), other.force.max())
+def _overlap(first: Branch, second: Branch) -> tuple[float, float]:
+    low = max(first.force.min(), second.force.min())
+    high = min(first.force.max(), second.force.max())
     return low, high
 
 
-def _difference(one: Branch, other: Branch) -> tuple[np.ndarray, np.ndarray]:
-    """Forces (points,) and the difference of the branches there, which is linear in between."""
-    low, high = _overlap(one, other)
+def _difference(first: Branch, second: Branch) -> tuple[np.ndarray, np.ndarray]:
+    """Forces (points,) of both branches, and the difference of the branches there; it is linear in between."""
+    low, high = _overlap(first, second)
     if not low < high:
         raise InputError("the two branches share no range of force: nothing can be compared.")
-    force = np.unique(np.concatenate([one.force, other.force]))
+    force = np.unique(np.concatenate([first.force, second.force]))
     force = force[(force >= low) & (force <= high)]
-    return force, one.at(force) - other.at(force)
+    return force, first.at(force) - second.at(force)
 
 
 def _deviation(force: np.ndarray, difference: np.ndarray, largest_change: np.ndarray) -> Deviation:
-    """The largest difference over the largest change: a ratio of means, with its error to first order."""
-    most = at_largest(difference)
+    """Largest difference over largest change: a ratio of means over the replicates, with its error to first order."""
+    maximum = at_largest(difference)
     largest = largest_change.mean(axis=0)
-    known = np.where(largest > 0, largest, np.nan)
-    share = most.magnitude.mean(axis=0) / known
-    error = most.error_of(most.magnitude - share * largest_change) / known
-    return Deviation(100 * share, 100 * error, force[most.place])
+    normalizer = np.where(largest > 0, largest, np.nan)
+    ratio = maximum.magnitude.mean(axis=0) / normalizer
+    error = maximum.error_of(maximum.magnitude - ratio * largest_change) / normalizer
+    return Deviation(100 * ratio, 100 * error, force[maximum.point])

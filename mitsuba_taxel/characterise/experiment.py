@@ -1,4 +1,4 @@
-"""Experiments: changes of readings along one line of load, run by run, simulated or measured."""
+"""Experiments: changes of readings along one line of load, simulated or measured, as a sequence of runs."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class Tangents(NamedTuple):
     error: np.ndarray
 
     def part(self, points: slice | tuple[int, ...] | np.ndarray) -> Tangents:
-        """The tangents at some of the points."""
-        return Tangents(*(each[points] for each in self))
+        """The tangents at a selection of points."""
+        return Tangents(*(column[points] for column in self))
 
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A part of an experiment with monotonic force.
+    """A section of an experiment with monotonic force.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Branch:
         Change of each channel's reading since the unloaded start in W or V. Replicates correspond between branches of
         the same experiment. With one replicate there are no errors.
     tangents : Tangents, optional
-        If derivatives with respect to the force are known.
+        Derivatives with respect to the force, if available.
 
     Raises
     ------
@@ -84,7 +84,7 @@ class Branch:
         return float(np.sign(self.force[np.abs(self.force).argmax()]))
 
     def part(self, points: slice | np.ndarray) -> Branch:
-        """The branch restricted to some of its points."""
+        """The branch restricted to a selection of its points."""
         return Branch(self.force[points], self.samples[points], self.tangents and self.tangents.part(points))
 
     def at(self, force: np.ndarray) -> np.ndarray:
@@ -114,12 +114,12 @@ class Experiment:
     runs : tuple[Branch, ...]
         From one turning point of the force to the next; a run may pass through zero.
     ordered : bool
-        Whether the load took the runs' forces in this order. If not, as for forces of independent scenes, every branch
-        counts as one of growing force.
+        Whether the load passed through the forces in this order. If not, as for independent scenes, every branch
+        counts as a branch of growing force.
     rest : (replicates, channels) ndarray, optional
         Readings at the unloaded start in ``unit``, if known.
     notes : tuple[str, ...]
-        What a reader of its figures should know.
+        Remarks for readers of the figures.
     """
 
     force: str
@@ -137,7 +137,7 @@ class Experiment:
         return replace(self, where={**where, **self.where})
 
     def weighted(self, weights: np.ndarray) -> Experiment:
-        """The same with a single channel, the weighted sum of the taxels; weights are (channels,)."""
+        """The same experiment with one channel: the sum of the taxels with weights (channels,)."""
 
         def sums(run: Branch) -> Branch:
             tangents = run.tangents and Tangents(
@@ -152,35 +152,35 @@ class Experiment:
 
     @property
     def loading_runs(self) -> list[Branch]:
-        """The runs along which the magnitude of the force grows, at least at their end."""
-        return [run for run in self.runs if not self.ordered or any(part.loading for part in split_at_zero(run))]
+        """The runs in which the magnitude of the force grows, at least at their end."""
+        return [run for run in self.runs if not self.ordered or any(branch.loading for branch in split_at_zero(run))]
 
     @property
     def branches(self) -> list[Branch]:
         """The runs in the order of loading, split where they pass through zero."""
-        parts = [part for run in self.runs for part in split_at_zero(run)]
-        return [part if self.ordered or part.loading else part.part(slice(None, None, -1)) for part in parts]
+        branches = [branch for run in self.runs for branch in split_at_zero(run)]
+        return [branch if self.ordered or branch.loading else branch.part(slice(None, None, -1)) for branch in branches]
 
     @property
     def largest_change(self) -> np.ndarray:
         """v_max of equations 5 to 7: the largest magnitude of the change in all runs (replicates, channels)."""
         samples = np.concatenate([run.samples for run in self.runs])
         values = samples.mean(axis=1)
-        place = np.abs(values).argmax(axis=0)
-        every = np.arange(values.shape[1])
-        return (samples[place, :, every] * np.sign(values[place, every])[:, None]).T
+        point = np.abs(values).argmax(axis=0)
+        channels = np.arange(values.shape[1])
+        return (samples[point, :, channels] * np.sign(values[point, channels])[:, None]).T
 
 
 def split_at_zero(run: Branch) -> list[Branch]:
-    """The branches of a run; those of fewer than two points are left out."""
-    parts = parts_at_zero(run.force)
-    return [run.part(part) for part in parts if len(run.force[part]) > 1]
+    """The branches of a run; branches of fewer than two points are left out."""
+    slices = parts_at_zero(run.force)
+    return [run.part(points) for points in slices if len(run.force[points]) > 1]
 
 
 def parts_at_zero(force: np.ndarray) -> list[slice]:
-    """Parts of a run, split where its forces pass through zero; they share the point of least force.
+    """Slices of a run, split where its force passes through zero; both contain the point of least force.
 
-    It is not split if one part would be less than a tenth of the other: a small offset of the reference sensor does not
+    The run is not split if one side is less than a tenth of the other: a small offset of the reference sensor does not
     make a branch.
     """
     if not len(force) or force[0] * force[-1] >= 0:
@@ -191,18 +191,18 @@ def parts_at_zero(force: np.ndarray) -> list[slice]:
 
 
 def since(start: np.ndarray, runs: Iterable[Branch]) -> tuple[Branch, ...]:
-    """The change of runs since a reading.
+    """Runs with a reading subtracted from all samples.
 
     Parameters
     ----------
     start : (replicates, channels) ndarray
-        The reading.
+        The reading to subtract.
     runs : iterable of Branch
-        In the same unit.
+        Runs in the same unit.
 
     Returns
     -------
     tuple[Branch, ...]
-        In the same order.
+        The changes since the reading, in the same order.
     """
     return tuple(replace(run, samples=run.samples - start) for run in runs)

@@ -19,10 +19,11 @@ SAME_DIRECTION = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class LoadLine:
-    """A run along which only the force changes, in one direction.
+    """A run in which only the force changes, in one direction.
 
-    ``force`` is the component along ``direction``, a unit vector whose first non-zero component is positive; ``name``
-    is its name. ``positions`` are those along the dimension ``dim``; ``constant`` has the other values listed along it.
+    ``direction`` is a unit vector whose first non-zero component is positive; ``force`` (points,) is the component
+    along it in N, and ``name`` the name of that component. ``positions`` (points,) are indices along the dimension
+    ``dim`` of the study. ``constant`` holds the values of the other parameters that are listed along ``dim``.
     """
 
     dim: str
@@ -34,27 +35,28 @@ class LoadLine:
 
     @property
     def ordered(self) -> bool:
-        """Whether the load took the forces in this order; forces along their own dimension are independent scenes."""
+        """Whether the load passed through the forces in this order: forces with a dimension of their own are
+        independent scenes."""
         return self.dim not in FORCES
 
     @property
     def loading(self) -> bool:
         """Whether the force's magnitude grows, at least at the end of the line."""
-        parts = (np.abs(self.force[part]) for part in parts_at_zero(self.force))
-        return not self.ordered or any(part[-1] > part[0] for part in parts)
+        magnitudes = (np.abs(self.force[points]) for points in parts_at_zero(self.force))
+        return not self.ordered or any(magnitude[-1] > magnitude[0] for magnitude in magnitudes)
 
 
 def load_lines(study: xr.Dataset) -> list[LoadLine]:
     """All runs of load of a study, in the order of its dimensions and of the load.
 
     A dimension ``fx``, ``fy`` or ``fz`` of at least two values is one run, from the smaller force to the larger. A
-    dimension along which forces are listed is split wherever the force turns, is constant or another parameter changes;
-    runs of two points are left out unless there are no longer ones, as any two points lie on a line.
+    dimension along which forces are listed is split wherever the force turns, is constant or another parameter changes.
+    Runs of two points are left out unless the study has no other points, as any two points lie on a line.
 
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene, with components of the force called ``fx``, ``fy`` and ``fz``.
+        Results of one scene, with components of the force called ``fx``, ``fy`` and ``fz``.
 
     Returns
     -------
@@ -72,7 +74,7 @@ def load_lines(study: xr.Dataset) -> list[LoadLine]:
 
 
 def loading_lines(study: xr.Dataset) -> list[LoadLine]:
-    """The lines of growing force; for a path back and forth along a line, the first run."""
+    """The lines of growing force; of a path up and down along a line, the first run."""
     first: dict[tuple, LoadLine] = {}
     for line in load_lines(study):
         if line.loading:
@@ -81,16 +83,16 @@ def loading_lines(study: xr.Dataset) -> list[LoadLine]:
 
 
 def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Branch]]:
-    """For each combination of the other varied parameters: their values, and the readings in W along the line.
+    """The readings along a line of load, for each combination of the other varied parameters.
 
     Points without a reading are left out.
 
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Results of one scene.
     line : LoadLine
-        One of :func:`load_lines`.
+        A line of :func:`load_lines`.
 
     Yields
     ------
@@ -100,41 +102,42 @@ def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Br
         Forces in N and readings in W.
     """
     power = study.replicate_power.isel({line.dim: line.positions})
-    others = [dim for dim in power.dims if dim not in (line.dim, "replicate", "taxel")]
-    power = power.transpose(*others, line.dim, "replicate", "taxel")
-    tangents = _tangents(study, line, others)
-    for index in np.ndindex(power.shape[: len(others)]):
-        where = {str(dim): _plain(study, dim, number) for dim, number in zip(others, index, strict=True)}
+    other_dims = [dim for dim in power.dims if dim not in (line.dim, "replicate", "taxel")]
+    power = power.transpose(*other_dims, line.dim, "replicate", "taxel")
+    tangents = _tangents(study, line, other_dims)
+    for index in np.ndindex(power.shape[: len(other_dims)]):
+        where = {str(dim): _plain(study, dim, number) for dim, number in zip(other_dims, index, strict=True)}
         samples = power.values[index]
-        there = np.isfinite(samples).all(axis=(1, 2))
-        along = None if tangents is None else tangents.part(index).part(there)
-        known = along is not None and np.isfinite(along.slope).all()
-        yield where, Branch(line.force[there], samples[there], along if known else None)
+        finite = np.isfinite(samples).all(axis=(1, 2))
+        tangent = None if tangents is None else tangents.part(index).part(finite)
+        usable = tangent is not None and np.isfinite(tangent.slope).all()
+        yield where, Branch(line.force[finite], samples[finite], tangent if usable else None)
 
 
-def _tangents(study: xr.Dataset, line: LoadLine, others: list[Any]) -> Tangents | None:
-    """Slopes along a line (others, points, taxels), None without derivatives with respect to all of its forces."""
-    parts = {name: share for name, share in zip(FORCES, line.direction.tolist(), strict=True) if share}
-    if "derivative" not in study or not set(parts) <= set(study.parameter.values.tolist()):
+def _tangents(study: xr.Dataset, line: LoadLine, other_dims: list[Any]) -> Tangents | None:
+    """Slopes along a line (other dimensions, points, taxels); None if a derivative by one of its forces is missing."""
+    components = {name: component for name, component in zip(FORCES, line.direction.tolist(), strict=True) if component}
+    if "derivative" not in study or not set(components) <= set(study.parameter.values.tolist()):
         return None
-    shares = xr.DataArray(list(parts.values()), dims="parameter", coords={"parameter": list(parts)})
-    by_force = study[["derivative", "derivative_error"]].sel(parameter=list(parts))
-    # Errors of the components are taken as fully correlated, as they come from the same elements.
-    slope = (by_force.derivative * shares).sum("parameter", skipna=False)
-    error = (by_force.derivative_error * abs(shares)).sum("parameter", skipna=False)
-    order = [*others, line.dim, "taxel"]
+    weights = xr.DataArray(list(components.values()), dims="parameter", coords={"parameter": list(components)})
+    by_force = study[["derivative", "derivative_error"]].sel(parameter=list(components))
+    # The errors of the components count as fully correlated, as they come from the same finite elements.
+    slope = (by_force.derivative * weights).sum("parameter", skipna=False)
+    error = (by_force.derivative_error * abs(weights)).sum("parameter", skipna=False)
+    order = [*other_dims, line.dim, "taxel"]
     return Tangents(
-        *(each.isel({line.dim: line.positions}).transpose(*order).values for each in (study.smooth_power, slope, error))
+        *(
+            array.isel({line.dim: line.positions}).transpose(*order).values
+            for array in (study.smooth_power, slope, error)
+        )
     )
 
 
 def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:
     """Every line of load of a study, one experiment for each combination of the other varied parameters.
 
-    Experiments of several scenes are distinguished by ``scene``.
-
-    Runs of a path back and forth along one line are one experiment. Runs without any reading are left out. Changes are
-    relative to the first of the points of least force.
+    Experiments of several scenes are distinguished by ``scene``. The runs of a path up and down along one line form one
+    experiment. Runs without any reading are left out. Changes are relative to the first of the points of least force.
 
     Parameters
     ----------
@@ -153,34 +156,35 @@ def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:
             for experiment in experiments(leaf.to_dataset())
         ]
     study = with_forces_named(study)
-    found: dict[tuple, tuple[LoadLine, dict[str, Any], list[Branch]]] = {}
+    groups: dict[tuple, tuple[LoadLine, dict[str, Any], list[Branch]]] = {}
     for line in load_lines(study):
         for where, run in runs(study, line):
             where = {**where, **line.constant}
-            _, _, together = found.setdefault((line.dim, line.name, *where.items()), (line, where, []))
-            together.append(run)
+            _, _, line_runs = groups.setdefault((line.dim, line.name, *where.items()), (line, where, []))
+            line_runs.append(run)
     return [
-        _experiment(line, where, together, study.taxel.values, unit_of(study))
-        for line, where, together in found.values()
-        if any(len(run.force) for run in together)
+        _experiment(line, where, line_runs, study.taxel.values, unit_of(study))
+        for line, where, line_runs in groups.values()
+        if any(len(run.force) for run in line_runs)
     ]
 
 
 def unit_of(study: xr.Dataset) -> str:
-    """Unit of its readings: ``W``, or ``V`` behind a circuit."""
+    """Unit of a study's readings: ``W``, or ``V`` behind a circuit."""
     return study.replicate_power.attrs.get("units", "W")
 
 
 def _experiment(
-    line: LoadLine, where: dict[str, Any], together: list[Branch], taxel: np.ndarray, unit: str
+    line: LoadLine, where: dict[str, Any], line_runs: list[Branch], taxel: np.ndarray, unit: str
 ) -> Experiment:
-    """Changes since the readings at the least force."""
-    force = np.concatenate([run.force for run in together])
-    rest = np.concatenate([run.samples for run in together])[np.abs(force).argmin()]
-    return Experiment(line.name, line.direction, where, unit, taxel, since(rest, together), line.ordered, rest)
+    """An experiment of the changes since the readings at the least force."""
+    force = np.concatenate([run.force for run in line_runs])
+    rest = np.concatenate([run.samples for run in line_runs])[np.abs(force).argmin()]
+    return Experiment(line.name, line.direction, where, unit, taxel, since(rest, line_runs), line.ordered, rest)
 
 
 def _set_line(study: xr.Dataset, dim: str) -> LoadLine:
+    """The line of a force with a dimension of its own, from the smaller magnitude to the larger."""
     positions = np.argsort(study[dim].values)
     force = study[dim].values[positions]
     outward = slice(None, None, -1 if abs(force[0]) > abs(force[-1]) else 1)
@@ -189,44 +193,50 @@ def _set_line(study: xr.Dataset, dim: str) -> LoadLine:
 
 
 def _path_lines(study: xr.Dataset, dim: str, listed: list[str]) -> Iterator[LoadLine]:
+    """The straight runs of a path whose forces ``listed`` change along the dimension ``dim``."""
+    # Forces (points, 3) along the path, and the other parameters listed along it.
     forces = np.zeros((study.sizes[dim], len(FORCES)))
     for name in listed:
         forces[:, FORCES.index(name)] = study[name].values
-    beside = {
+    coordinates = {
         str(name): coordinate.values
         for name, coordinate in study.coords.items()
         if coordinate.dims == (dim,) and name not in (dim, TIME)
     }
+
+    # Steps in which the force changes while every other parameter is constant.
     steps = np.diff(forces, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
-    moves = lengths > 0
-    for name, values in beside.items():
+    changes = lengths > 0
+    for name, values in coordinates.items():
         if name not in FORCES:
-            moves &= values[1:] == values[:-1]
+            changes &= values[1:] == values[:-1]
     units = steps / np.where(lengths > 0, lengths, 1)[:, None]
 
-    def parallel(one: int, other: int) -> bool:
-        return bool(units[one] @ units[other] > 1 - SAME_DIRECTION)
+    def parallel(first: int, second: int) -> bool:
+        return bool(units[first] @ units[second] > 1 - SAME_DIRECTION)
 
+    # A run is as many parallel steps in sequence as possible.
     first = 0
     while first < len(steps):
         last = first
-        while last + 1 < len(steps) and moves[first] and moves[last + 1] and parallel(first, last + 1):
+        while last + 1 < len(steps) and changes[first] and changes[last + 1] and parallel(first, last + 1):
             last += 1
         positions = np.arange(first, last + 2)
-        if moves[first] and (len(positions) > 2 or len(steps) == 1):
-            yield _line(dim, positions, forces[positions], beside)
+        if changes[first] and (len(positions) > 2 or len(steps) == 1):
+            yield _line(dim, positions, forces[positions], coordinates)
         first = last + 1
 
 
-def _line(dim: str, positions: np.ndarray, forces: np.ndarray, beside: dict[str, np.ndarray]) -> LoadLine:
+def _line(dim: str, positions: np.ndarray, forces: np.ndarray, coordinates: dict[str, np.ndarray]) -> LoadLine:
+    """The line through ``forces`` (points, 3), its direction free of rounding."""
     direction = forces[-1] - forces[0]
     direction = direction / np.linalg.norm(direction)
     direction[np.abs(direction) < np.sqrt(2 * SAME_DIRECTION)] = 0
     direction *= np.sign(direction[np.flatnonzero(direction)[0]]) / np.linalg.norm(direction)
     constant = {
         name: values[positions[0]].item() if isinstance(values[positions[0]], np.generic) else values[positions[0]]
-        for name, values in beside.items()
+        for name, values in coordinates.items()
         if name not in FORCES or direction[FORCES.index(name)] == 0
     }
     return LoadLine(dim, force_name(direction), direction, positions, forces @ direction, constant)
@@ -234,12 +244,13 @@ def _line(dim: str, positions: np.ndarray, forces: np.ndarray, beside: dict[str,
 
 def force_name(direction: np.ndarray) -> str:
     """``fz`` or, for a force in several components, its component along ``direction``: ``0.6 fx + 0.8 fz``."""
-    parts = [(number, name) for number, name in zip(direction, FORCES, strict=True) if number]
-    if len(parts) == 1:
-        return parts[0][1]
-    words = [f"{'-' if number < 0 else '+'} {abs(number):.3g} {name}" for number, name in parts]
+    components = [(number, name) for number, name in zip(direction, FORCES, strict=True) if number]
+    if len(components) == 1:
+        return components[0][1]
+    words = [f"{'-' if number < 0 else '+'} {abs(number):.3g} {name}" for number, name in components]
     return " ".join(words).removeprefix("+ ")
 
 
 def _plain(study: xr.Dataset, dim: Any, number: int) -> Any:
+    """Value of a dimension at an index, as a Python object; the index if the dimension has no values."""
     return study[dim].values[number].item() if dim in study.coords else number

@@ -1,4 +1,4 @@
-"""The largest of many noisy numbers, from replicates that all readings of an experiment share."""
+"""The largest of many noisy numbers, estimated from replicates that are common to all readings of an experiment."""
 
 from __future__ import annotations
 
@@ -11,36 +11,37 @@ from mitsuba_taxel.base.replicates import standard_error
 
 HALVES = (slice(0, None, 2), slice(1, None, 2))
 DRAWS = 64
-"""Samples of the bootstrap, whose standard deviation is then accurate to 9 %."""
+"""Samples of the bootstrap: its standard deviation is then accurate to 9 %."""
 
 
 class Largest(NamedTuple):
-    """Largest in magnitude of many noisy numbers, without the bias of choosing the place.
+    """The largest in magnitude of many noisy numbers, without the bias due to choosing it.
 
     Attributes
     ----------
     magnitude : (replicates, channels) ndarray
-        Each sample where the other half of the replicates is largest, times the sign of that half there.
+        For each replicate, its sample where the mean of the other half of the replicates is largest, times the sign of
+        that mean.
     sign : (channels,) ndarray
-        Sign of the mean of all samples at ``place``.
-    place : (channels,) ndarray
-        Place where this mean is largest.
+        Sign of the mean of all samples at ``point``.
+    point : (channels,) ndarray of int
+        Index where the mean of all samples is largest in magnitude.
     choice_error : (channels,) ndarray
-        Standard error of the mean of ``magnitude`` due to the choice of the place.
+        Standard error of the mean of ``magnitude`` due to the choice of the index.
     excess : (channels,) ndarray
-        By how much the largest mean of all samples, which its own noise makes too large, exceeds the mean of
-        ``magnitude``, which is too small where noise misses the largest: the largest number is between them.
+        Largest mean of all samples minus the mean of ``magnitude``. The first is too large because of its own noise,
+        the second too small if noise chooses a wrong index: the true value lies between them.
     """
 
     magnitude: np.ndarray
     sign: np.ndarray
-    place: np.ndarray
+    point: np.ndarray
     choice_error: np.ndarray
     excess: np.ndarray
 
     @property
     def value(self) -> np.ndarray:
-        """(channels,) the largest number, with its sign."""
+        """The largest number (channels,), with its sign."""
         return self.sign * self.magnitude.mean(axis=0)
 
     def error_of(self, samples: np.ndarray) -> np.ndarray:
@@ -49,64 +50,72 @@ class Largest(NamedTuple):
 
 
 def at_largest(samples: np.ndarray) -> Largest:
-    """Samples (places, replicates, channels) where they are largest; see :class:`Largest`.
+    """The largest of noisy numbers, given as samples (points, replicates, channels).
 
-    The largest of many noisy numbers is biased upwards. So each half of the replicates is evaluated where the other
-    half is largest, which is independent of its own noise. Halves that choose places of opposite signs agree in the
-    magnitude. As noise may choose a place that is not the largest, the estimate is low; of numbers that differ by no
-    more than their noise, as slopes between neighbouring points may, by as much as ``excess``. With one replicate there
-    is no other half, and the bias remains.
+    The largest of many noisy numbers is biased upwards. Each half of the replicates is therefore evaluated where the
+    other half is largest: that choice is independent of its own noise. Halves that choose points of opposite signs
+    agree in the magnitude. Noise may choose a point that is not the largest, so the estimate is low: by up to
+    ``excess`` where numbers differ by no more than their noise, as slopes between neighbouring points may. With one
+    replicate there is no other half, and the bias remains.
+
+    Returns
+    -------
+    Largest
+        Magnitude, sign, point and error for each channel.
     """
     _, replicates, channels = samples.shape
     mean = samples.mean(axis=1)
-    place = np.abs(mean).argmax(axis=0)
-    sign = np.sign(_at(mean, place))
+    point = np.abs(mean).argmax(axis=0)
+    sign = np.sign(_at(mean, point))
     if replicates < 2:
-        return Largest(np.abs(_at(mean, place))[None], sign, place, *np.zeros((2, channels)))
+        return Largest(np.abs(_at(mean, point))[None], sign, point, *np.zeros((2, channels)))
+
+    # Each half of the replicates, where the mean of the other half is largest.
     magnitude = np.empty((replicates, channels))
-    for half, other in (HALVES, HALVES[::-1]):
-        guide = samples[:, other].mean(axis=1)
-        there = np.abs(guide).argmax(axis=0)
-        chosen = samples[there, :, np.arange(channels)].T * np.sign(_at(guide, there))
+    for half, other_half in (HALVES, HALVES[::-1]):
+        reference = samples[:, other_half].mean(axis=1)
+        chosen_point = np.abs(reference).argmax(axis=0)
+        chosen = samples[chosen_point, :, np.arange(channels)].T * np.sign(_at(reference, chosen_point))
         magnitude[half] = chosen[half]
-    excess = np.maximum(np.abs(_at(mean, place)) - magnitude.mean(axis=0), 0.0)
-    return Largest(magnitude, sign, place, _choice_error(samples, magnitude), excess)
+
+    excess = np.maximum(np.abs(_at(mean, point)) - magnitude.mean(axis=0), 0.0)
+    return Largest(magnitude, sign, point, _choice_error(samples, magnitude), excess)
 
 
 def _choice_error(samples: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
-    """(channels,) standard error of the mean of ``magnitude`` due to the choice of the place.
+    """Standard error (channels,) of the mean of ``magnitude`` due to the choice of the point.
 
-    Each half's noise chooses where the other is evaluated, so the halves are too large, or too small, together. The
-    bootstrap captures that (B. Efron, R. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 6): each half's
-    replicates are resampled with replacement, and the estimate repeated. Its variance is (n - 1) / n of that of the
-    mean of n.
+    The noise of each half chooses where the other half is evaluated, so both halves are too large, or too small,
+    together. The bootstrap captures that (B. Efron, R. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 6):
+    the replicates of each half are resampled with replacement, and the estimate is repeated. The variance of the
+    bootstrap is (n - 1) / n of that of the mean of n replicates.
     """
-    parts = [samples[:, half] for half in HALVES]
-    counts = [part.shape[1] for part in parts]
+    halves = [samples[:, half] for half in HALVES]
+    counts = [half.shape[1] for half in halves]
     if min(counts) < 2:
         return np.zeros(samples.shape[2])
     weights = _resampled(*counts)
-    one, other = (np.tensordot(weight, part, axes=(1, 1)) for part, weight in zip(parts, weights, strict=True))
-    found = np.average([_read(one, other), _read(other, one)], axis=0, weights=counts)
-    variance = np.var(found, axis=0, ddof=1) * np.mean([count / (count - 1) for count in counts])
+    first, second = (np.tensordot(weight, half, axes=(1, 1)) for half, weight in zip(halves, weights, strict=True))
+    estimates = np.average([_at_largest_of(second, first), _at_largest_of(first, second)], axis=0, weights=counts)
+    variance = np.var(estimates, axis=0, ddof=1) * np.mean([count / (count - 1) for count in counts])
     return np.sqrt(np.maximum(variance - standard_error(magnitude) ** 2, 0.0))
 
 
 @kept(8)
 def _resampled(*counts: int) -> list[np.ndarray]:
-    """Of each half of the replicates, as many as `counts`: (DRAWS, count) weights, the same each time."""
+    """Bootstrap weights (DRAWS, count) of each half of the replicates, of ``counts`` replicates; always the same."""
     random = np.random.default_rng(0)
     even = [(count, np.full(count, 1 / count)) for count in counts]
     drawn = [[random.multinomial(*half) / half[0] for half in even] for _ in range(DRAWS)]
     return [np.array(weights) for weights in zip(*drawn, strict=True)]
 
 
-def _read(values: np.ndarray, guide: np.ndarray) -> np.ndarray:
-    """(..., channels) values (..., places, channels) where ``guide`` is largest in magnitude, times its sign there."""
-    place = np.abs(guide).argmax(axis=-2)
-    return _at(values, place) * np.sign(_at(guide, place))
+def _at_largest_of(reference: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (..., points, channels) where ``reference`` is largest in magnitude, times its sign: (..., channels)."""
+    index = np.abs(reference).argmax(axis=-2)
+    return _at(values, index) * np.sign(_at(reference, index))
 
 
-def _at(values: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """(..., channels) values (..., places, channels), each at its channel's place."""
-    return np.take_along_axis(values, place[..., None, :], axis=-2)[..., 0, :]
+def _at(values: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Values (..., points, channels) at the index of each channel: (..., channels)."""
+    return np.take_along_axis(values, index[..., None, :], axis=-2)[..., 0, :]

@@ -1,4 +1,4 @@
-"""The resolution of a sensor: how well its readings tell several unknowns at once, by their Fisher information."""
+"""The resolution of a sensor: how accurately its readings determine several unknowns at once (Fisher information)."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from mitsuba_taxel.electronics.volts import circuit_of_study
 
 
 def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit | None = None) -> xr.Dataset:
-    """Smallest covariance of the parameters by which a study has derivatives, if all are estimated from all readings.
+    """Least covariance of the parameters by which a study has derivatives, if all are estimated from all readings.
 
-    It is the inverse of the Fisher information J^T N^-1 J of readings with slopes J and independent noise N: no
-    unbiased estimate is better (Cramer and Rao).
+    The covariance is the inverse of the Fisher information J^T N^-1 J of readings with slopes J and independent noise
+    of covariance N: no unbiased estimate is better (Cramer-Rao bound).
 
     Parameters
     ----------
     study : Dataset
-        With derivatives, such as by fx, fy, fz, patch_x and patch_y, at any number of places of the touch.
+        Results with derivatives, such as by fx, fy, fz, patch_x and patch_y, at any number of positions of the touch.
     noise : float, optional
-        One standard deviation of each reading in W, instead of that of a circuit.
+        Standard deviation of each reading in W, instead of the noise of a circuit.
     circuit : Circuit, optional
-        Instead of the study's own.
+        Circuit that replaces the circuit of the study.
 
     Returns
     -------
     xr.Dataset
-        ``resolution`` over the study's dimensions and ``parameter``, one standard deviation in the parameter's
-        ``unit``; ``resolution_error``, the standard error of that by the derivatives' errors, see :func:`_error`, NaN
-        where these are not known; ``covariance`` over ``parameter`` and ``other``. Infinite where readings do not tell
-        all parameters.
+        ``resolution`` over the study's dimensions and ``parameter``: one standard deviation, in the parameter's
+        ``unit``; infinite where the readings do not determine all parameters. ``resolution_error``: its standard error
+        due to the errors of the derivatives, NaN where these are unknown. ``covariance`` over ``parameter`` and
+        ``other``.
 
     Raises
     ------
     InputError
-        if the study has no derivatives, or neither it nor the caller states a noise.
+        if the study has no derivatives, or if neither a circuit nor a noise is given.
     """
     require("study", study, xr.Dataset, "the results of one scene")
     if "derivative" not in study:
@@ -47,19 +47,22 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
         raise InputError("a resolution needs a circuit, or the noise of readings in W.")
     if noise is not None and not (is_number(noise) and noise > 0):
         raise refusal("noise", noise, "a number above 0 is needed")
+
+    # Slopes and their errors over the standard deviation of the noise, (..., taxels, parameters).
     dims = [str(dim) for dim in study.smooth_power.dims if dim != "taxel"]
     if noise is None:
         assert circuit is not None
         power = np.maximum(study.smooth_power.transpose(*dims, "taxel").values, 0.0)
-        deviation, shown = total_noise(circuit, power), in_volts(study, circuit)
+        deviation, readings = total_noise(circuit, power), in_volts(study, circuit)
     else:
-        deviation, shown = np.full(study.smooth_power.transpose(*dims, "taxel").shape, noise), study
-    slopes = shown.derivative.transpose(*dims, "taxel", "parameter").values / deviation[..., None]
-    covariance = _inverse_information(slopes)
+        deviation, readings = np.full(study.smooth_power.transpose(*dims, "taxel").shape, noise), study
+    slopes = readings.derivative.transpose(*dims, "taxel", "parameter").values / deviation[..., None]
     errors = np.full_like(slopes, np.nan)
-    if "derivative_error" in shown:
-        errors = shown.derivative_error.transpose(*dims, "taxel", "parameter").values / deviation[..., None]
-    unit = [str(each).partition("/")[2] or "1" for each in study.derivative_unit.values]
+    if "derivative_error" in readings:
+        errors = readings.derivative_error.transpose(*dims, "taxel", "parameter").values / deviation[..., None]
+
+    covariance = _inverse_information(slopes)
+    unit = [str(unit).partition("/")[2] or "1" for unit in study.derivative_unit.values]
     names = study.parameter.values.tolist()
     spread = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     return xr.Dataset(
@@ -69,7 +72,7 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
             "covariance": ([*dims, "parameter", "other"], covariance),
         },
         {
-            **{name: each for name, each in study.coords.items() if set(each.dims) <= set(dims)},
+            **{name: coordinate for name, coordinate in study.coords.items() if set(coordinate.dims) <= set(dims)},
             "parameter": names,
             "other": names,
             "unit": ("parameter", unit),
@@ -79,30 +82,33 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
 
 
 def _error(slopes: np.ndarray, errors: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(..., P) standard errors of the roots of the covariance's diagonal, by those of slopes (..., T, P) over noise.
+    """Standard errors (..., P) of the roots of the covariance's diagonal, due to those of the slopes (..., T, P).
 
-    How the errors of derivatives are correlated is not known. Finite elements change the derivatives by one parameter
-    at all taxels together, as a softer pad would, or each taxel by itself, as meshes are irregular. Effects of both
-    kinds add in squares, so that neither sign nor correlation makes the sum small. To first order, with A the slopes
-    and C the covariance, the root of C_pp changes by -(C_pq (A C)_tp) / sqrt(C_pp) per change of A_tq.
+    The correlation of the errors of derivatives is unknown. Finite elements change the derivatives by one parameter at
+    all taxels together, as a softer pad would, or at each taxel independently, as meshes are irregular. The effects of
+    both kinds are added in squares, so that neither their signs nor their correlation makes the sum small. To first
+    order, with A the slopes over the noise and C the covariance, the root of C_pp changes by
+    -(C_pq (A C)_tp) / sqrt(C_pp) per change of A_tq.
     """
-    told = np.isfinite(covariance).all(axis=(-2, -1))
-    known = np.where(told[..., None, None], covariance, 0.0)
-    spread = np.sqrt(np.diagonal(known, axis1=-2, axis2=-1))
-    effect = np.einsum("...pq,...tp->...ptq", known, slopes @ known) * errors[..., None, :, :]
+    finite = np.isfinite(covariance).all(axis=(-2, -1))
+    finite_covariance = np.where(finite[..., None, None], covariance, 0.0)
+    spread = np.sqrt(np.diagonal(finite_covariance, axis1=-2, axis2=-1))
+    effect = np.einsum("...pq,...tp->...ptq", finite_covariance, slopes @ finite_covariance) * errors[..., None, :, :]
     together = (effect * np.sign(slopes)[..., None, :, :]).sum(axis=-2)
     squares = (together**2).sum(axis=-1) + (effect**2).sum(axis=(-2, -1))
-    return np.where(told[..., None], np.sqrt(squares) / np.where(spread > 0, spread, 1.0), np.nan)
+    return np.where(finite[..., None], np.sqrt(squares) / np.where(spread > 0, spread, 1.0), np.nan)
 
 
 def _inverse_information(slopes: np.ndarray) -> np.ndarray:
-    """(..., P, P) covariance by slopes (..., T, P) over the noise; NaN where they are unknown."""
+    """Covariance (..., P, P) from slopes (..., T, P) over the noise; NaN where slopes are unknown, infinite where they
+    do not determine all parameters."""
+    # Columns are scaled to unit length, so that the rank does not depend on the units of the parameters.
     scale = np.linalg.norm(slopes, axis=-2, keepdims=True)
-    known = np.isfinite(slopes).all(axis=(-2, -1))
+    finite = np.isfinite(slopes).all(axis=(-2, -1))
     scale[~(scale > 0)] = 1.0
-    scaled = np.where(known[..., None, None], slopes / scale, 0.0)
-    told = np.linalg.matrix_rank(scaled) == slopes.shape[-1]
+    scaled = np.where(finite[..., None, None], slopes / scale, 0.0)
+    full_rank = np.linalg.matrix_rank(scaled) == slopes.shape[-1]
     information = np.swapaxes(scaled, -1, -2) @ scaled
-    inverse = np.linalg.inv(np.where(told[..., None, None], information, np.eye(slopes.shape[-1])))
-    found = np.where(told[..., None, None], inverse / (scale * np.swapaxes(scale, -1, -2)), np.inf)
-    return np.where(known[..., None, None], found, np.nan)
+    inverse = np.linalg.inv(np.where(full_rank[..., None, None], information, np.eye(slopes.shape[-1])))
+    covariance = np.where(full_rank[..., None, None], inverse / (scale * np.swapaxes(scale, -1, -2)), np.inf)
+    return np.where(finite[..., None, None], covariance, np.nan)

@@ -1,4 +1,4 @@
-"""What the parameters of a study are, from their use in its scene, whatever they are called."""
+"""Roles of a study's parameters (force component, time, ...), taken from their use in its scene, not their name."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from mitsuba_taxel.base.units import FORCES, LOADS, TIME
 
 
 def roles_of_study(study: xr.Dataset) -> dict[str, str]:
-    """What each parameter is, by name: a role of `roles_of_parameters`.
+    """Role of each parameter, as of `roles_of_parameters`.
 
-    Studies without a scene, made of numbers, have parameters that are what they are called.
+    In studies that were built from numbers, without a scene, the role of a parameter is its name.
 
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Results of one scene.
 
     Returns
     -------
     dict[str, str]
-        Roles by the name of the parameter.
+        Roles by name of the parameter.
     """
     if "roles" not in study.attrs:
         return {str(name): str(name) for name in study.coords}
-    stated = {**json.loads(study.attrs["roles"]), **json.loads(study.attrs.get("forces", "{}"))}
-    plain = {} if "forces" in study.attrs else {name: name for name in FORCES}  # named so already
-    return {**{name: role for name, (role, _) in stated.items()}, **plain}
+    recorded = {**json.loads(study.attrs["roles"]), **json.loads(study.attrs.get("forces", "{}"))}
+    default = {} if "forces" in study.attrs else {name: name for name in FORCES}
+    return {**{name: role for name, (role, _) in recorded.items()}, **default}
 
 
 def force_parameters(study: xr.Dataset | xr.DataTree) -> list[str]:
-    """Parameters of a study's scenes that are a component of the force, varied or not.
+    """Names of the parameters of a study's scenes that are a component of the force, varied or not.
 
     Parameters
     ----------
@@ -45,13 +45,17 @@ def force_parameters(study: xr.Dataset | xr.DataTree) -> list[str]:
     Returns
     -------
     list[str]
-        What they would be called where there are none.
+        ``fx``, ``fy`` and ``fz`` if the scenes have no such parameter.
     """
-    found: dict[str, None] = {}
-    for each in study.subtree if isinstance(study, xr.DataTree) else [study]:
-        names = {*json.loads(each.attrs.get("parameters", "{}")), *map(str, each.dims), *map(str, each.coords)}
-        found |= dict.fromkeys(name for name in json.loads(each.attrs.get("forces", "{}")) if name in names)
-    return list(found or FORCES)
+    names: dict[str, None] = {}
+    for scene in study.subtree if isinstance(study, xr.DataTree) else [study]:
+        scene_parameters = {
+            *json.loads(scene.attrs.get("parameters", "{}")),
+            *map(str, scene.dims),
+            *map(str, scene.coords),
+        }
+        names |= dict.fromkeys(name for name in json.loads(scene.attrs.get("forces", "{}")) if name in scene_parameters)
+    return list(names or FORCES)
 
 
 def is_load(study: xr.Dataset, name: str) -> bool:
@@ -60,14 +64,14 @@ def is_load(study: xr.Dataset, name: str) -> bool:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Results of one scene.
     name : str
-        Of the parameter.
+        Name of the parameter.
 
     Returns
     -------
     bool
-        False for an unknown one.
+        False for an unknown parameter.
     """
     return _is_load(roles_of_study(study).get(name, ""))
 
@@ -77,62 +81,74 @@ def _is_load(role: str) -> bool:
 
 
 def with_forces_named(study: xr.Dataset) -> xr.Dataset:
-    """A study in which the components of the force are called ``fx``, ``fy`` and ``fz``, and have their sign, and the
-    time of the load ``time``.
+    """The study with its force components renamed to ``fx``, ``fy`` and ``fz``, with their sign, and the time of the
+    load to ``time``.
 
-    What they were called is in the attributes ``forces`` and ``roles``, from the scene, which the result does not have.
-    Other parameters of these names are called ``parameter fz``, unless the scene has no parameter for a load: its names
-    are all that says what it is, then.
+    The roles of the parameters are read from the attributes ``forces`` and ``roles``, which come from the scene; the
+    result has no attribute ``forces``. Other parameters with one of these names are renamed to ``parameter fz`` and the
+    like, unless the scene has no parameter for a load: the role of its parameters is then their name.
 
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Results of one scene.
 
     Returns
     -------
     xr.Dataset
-        The study itself if it has been renamed already.
+        The study itself if it is renamed already.
     """
     if "forces" not in study.attrs:
         return study
+
+    # New names: of force components and of the time, and of parameters whose name these take.
     forces = {name: tuple(role) for name, role in json.loads(study.attrs["forces"]).items()}
-    stated = json.loads(study.attrs.get("roles", "{}"))
-    times = [name for name, (role, sign) in stated.items() if role == TIME and sign > 0]
+    recorded = json.loads(study.attrs.get("roles", "{}"))
+    times = [name for name, (role, sign) in recorded.items() if role == TIME and sign > 0]
     parameters = json.loads(study.attrs.get("parameters", "{}"))
     names = {*map(str, study.coords), *map(str, study.dims), *parameters}
-    new = {name: component for name, (component, _) in forces.items()} | dict.fromkeys(times, TIME)
-    loads = [name for name, (role, _) in {**stated, **forces}.items() if name in names and _is_load(role)]
-    taken = {name for name in (*FORCES, *([TIME] if "roles" in study.attrs else [])) if loads and name in names}
-    taken -= new.keys()
-    new = {name: role for name, role in new.items() if name in names} | {name: f"parameter {name}" for name in taken}
-    signs = {name: sign for name, (_, sign) in forces.items() if name in new}
+    new_names = {name: component for name, (component, _) in forces.items()} | dict.fromkeys(times, TIME)
+    loads = [name for name, (role, _) in {**recorded, **forces}.items() if name in names and _is_load(role)]
+    shadowed = {name for name in (*FORCES, *([TIME] if "roles" in study.attrs else [])) if loads and name in names}
+    shadowed -= new_names.keys()
+    new_names = {name: role for name, role in new_names.items() if name in names} | {
+        name: f"parameter {name}" for name in shadowed
+    }
+    signs = {name: sign for name, (_, sign) in forces.items() if name in new_names}
+
+    # Values of components with the opposite sign, and derivatives by them, change their sign.
     study = study.assign_attrs({name: value for name, value in study.attrs.items() if name != "forces"})
     study.attrs.pop("forces", None)
     for name, sign in signs.items():
         if sign < 0 and name in study.coords:
             study = study.assign_coords({name: (study[name].dims, -study[name].values + 0.0, study[name].attrs)})
     if "parameter" in study.coords:
-        by = study.parameter.values.tolist()
+        parameter_names = study.parameter.values.tolist()
         factors = xr.DataArray(
-            [float(signs.get(name, 1)) for name in by], dims="parameter", coords={"parameter": study.parameter}
+            [float(signs.get(name, 1)) for name in parameter_names],
+            dims="parameter",
+            coords={"parameter": study.parameter},
         )
         if "derivative" in study:
             derivative = study.derivative
-            made = (derivative * factors).transpose(*derivative.dims).assign_attrs(derivative.attrs)
-            study = study.assign(derivative=made)
-        study = study.assign_coords(parameter=np.array([new.get(name, name) for name in by]))
-    for group in (taken, new.keys() - taken):  # the names of the second are free then
-        study = study.rename({name: new[name] for name in group if name in study.coords or name in study.dims})
+            signed_derivative = (derivative * factors).transpose(*derivative.dims).assign_attrs(derivative.attrs)
+            study = study.assign(derivative=signed_derivative)
+        study = study.assign_coords(parameter=np.array([new_names.get(name, name) for name in parameter_names]))
+
+    # Shadowed names first: they are free for the second group then.
+    for group in (shadowed, new_names.keys() - shadowed):
+        study = study.rename({name: new_names[name] for name in group if name in study.coords or name in study.dims})
+
+    # Tables in the attributes are keyed by the new names.
     values = {name: _negative(word) if signs.get(name, 1) < 0 else word for name, word in parameters.items()}
     tables: dict[str, Mapping[str, Any]] = {"parameters": values}
     tables |= {name: json.loads(study.attrs[name]) for name in ("units", "roles") if name in study.attrs}
     for title, table in tables.items():
-        study.attrs[title] = json.dumps({new.get(name, name): value for name, value in table.items()})
-    study.attrs["curve"] = new.get(study.attrs.get("curve", ""), study.attrs.get("curve", ""))
+        study.attrs[title] = json.dumps({new_names.get(name, name): value for name, value in table.items()})
+    study.attrs["curve"] = new_names.get(study.attrs.get("curve", ""), study.attrs.get("curve", ""))
     return study
 
 
 def _negative(word: str) -> str:
-    """Minus a number, in words."""
+    """The text of a number with its sign changed."""
     return f"{-float(word) + 0.0:.12g}"

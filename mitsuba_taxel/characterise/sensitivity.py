@@ -23,30 +23,30 @@ if TYPE_CHECKING:
 def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     """Slopes of the readings along one force.
 
-    All scenes of a study share their random numbers, so slopes are computed replicate by replicate; their scatter gives
-    the error of the light. Slopes of readings changed by their ``deviation`` give that of the mechanics, by their
-    ``geometry_error`` that of the geometry. Missing readings are left out.
+    All scenes of a study share their random numbers, so slopes are computed for each replicate; their scatter gives the
+    error of the light. Slopes of readings changed by their ``deviation`` give the error of the mechanics, slopes of
+    readings changed by their ``geometry_error`` that of the geometry. Missing readings are left out.
 
     Parameters
     ----------
     study : xr.Dataset
         As returned by ``sweep``.
     force : str
-        ``fx``, ``fy`` or ``fz``, or the parameter that is this component, if it is varied alone, along its own
-        dimension or in the steps of a path; or the
-        dimension of a path along which a force changes in one direction (the abscissa is then the component along it:
-        the resultant of a diagonal load).
+        ``fx``, ``fy`` or ``fz``, or the name of the parameter with this role, if it is varied alone, along a dimension
+        of its own or in the steps of a path. Or the dimension of a path along which the force changes in one direction:
+        the abscissa is then the component in that direction, such as the resultant of a diagonal load.
 
     Returns
     -------
-    Over the other varied parameters and ``taxel``: ``max_slope``, ``mean_slope`` and ``zero_slope`` in W/N, or V/N for
-    a study in volts, each with its ``_error``, and ``max_slope_at`` in N, as in :class:`Slopes`; and ``relative_slope``
-    in %/N, the mean slope over the reading at the least force, with its error.
+    xr.Dataset
+        Over the other varied parameters and ``taxel``: ``max_slope``, ``mean_slope`` and ``zero_slope`` in W/N, or V/N
+        for a study in volts, each with its ``_error``; ``max_slope_at`` in N, as in :class:`Slopes`; and
+        ``relative_slope`` in %/N, the mean slope over the reading at the least force, with its error.
 
     Raises
     ------
     InputError
-        if ``force`` is not varied alone, has only one value, or grows along several runs of a path.
+        if ``force`` is not varied alone, has a single value, or grows along several runs of a path.
     """
     force = json.loads(study.attrs.get("forces", "{}")).get(force, [force])[0]
     study = with_forces_named(study)
@@ -59,16 +59,16 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
 
 
 def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
-    """:func:`sensitivity` along every line of load of a study, one row per line and taxel.
+    """Slopes along every line of load of a study, as of :func:`sensitivity`, one row per line and taxel.
 
-    For a path back and forth along a line, this is the first run of growing force. Columns: ``force``, the other varied
-    parameters, ``taxel``, the slopes with their unit in the name, and ``remark`` on the largest slope. There is no row
-    if no force is varied.
+    Of a path up and down along a line, the first run of growing force is used. Columns: ``force``, the other varied
+    parameters, ``taxel``, the slopes with their unit in the name, and ``remark`` on the largest slope. The table is
+    empty if no force is varied.
 
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Results of one scene.
 
     Returns
     -------
@@ -84,46 +84,50 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
         table = result.to_dataframe().reset_index()
         table["remark"] = [_remark(*row) for row in table[["max_slope", "max_slope_error", "mean_slope"]].to_numpy()]
         table = table.rename(columns=names).assign(force=line.name, **line.constant)
-        others = [*line.constant, *(str(dim) for dim in result.max_slope.dims)]
-        tables.append(table[["force", *others, *names.values(), "remark"]])
+        varied = [*line.constant, *(str(dim) for dim in result.max_slope.dims)]
+        tables.append(table[["force", *varied, *names.values(), "remark"]])
     if not tables:
         return pandas.DataFrame()
     table = pandas.concat(tables, ignore_index=True)
-    last = [name for name in table.columns if name in (*names.values(), "remark")]
-    others = [name for name in table.columns if name not in (*last, "force", "taxel")]
-    return table[["force", *others, "taxel", *last]]
+    slope_columns = [name for name in table.columns if name in (*names.values(), "remark")]
+    varied = [name for name in table.columns if name not in (*slope_columns, "force", "taxel")]
+    return table[["force", *varied, "taxel", *slope_columns]]
 
 
 def _slopes_along(study: xr.Dataset, line: LoadLine) -> xr.Dataset:
-    others = [dim for dim in study.replicate_power.dims if dim not in (line.dim, "replicate", "taxel")]
-    shape = tuple(study.sizes[dim] for dim in (*others, "taxel"))
+    """The slopes along a line of load, over the other dimensions and ``taxel``."""
+    other_dims = [dim for dim in study.replicate_power.dims if dim not in (line.dim, "replicate", "taxel")]
+    shape = tuple(study.sizes[dim] for dim in (*other_dims, "taxel"))
     names = (*Slopes._fields, "relative_slope", "relative_slope_error")
-    lines = [run for _, run in runs(study, line)]
-    found, derived = np.array([_found(run) for run in lines]), np.array([run.tangents is not None for run in lines])
-    off = {
-        mode: [np.array([_found(run) for _, run in runs(other, line)]) for other in both]
-        for mode, both in off_by_shape(study).items()
+    branches = [run for _, run in runs(study, line)]
+    figures = np.array([_all_slopes(run) for run in branches])
+
+    # Errors of the light become errors of light and shape.
+    derived = np.array([run.tangents is not None for run in branches])
+    changed_figures = {
+        mode: [np.array([_all_slopes(run) for _, run in runs(changed_study, line)]) for changed_study in pair]
+        for mode, pair in off_by_shape(study).items()
     }
     for name in ("max_slope", "mean_slope", "zero_slope", "relative_slope"):
         value, error = names.index(name), names.index(f"{name}_error")
-        changed = {mode: [each[:, value] for each in both] for mode, both in off.items()}
-        found[:, error] = with_shape(found[:, error], found[:, value], changed, derived[:, None])
-    coordinates = {dim: study[dim] for dim in (*others, "taxel") if dim in study.coords}
+        changed = {mode: [figure[:, value] for figure in pair] for mode, pair in changed_figures.items()}
+        figures[:, error] = with_shape(figures[:, error], figures[:, value], changed, derived[:, None])
+    coordinates = {dim: study[dim] for dim in (*other_dims, "taxel") if dim in study.coords}
     return xr.Dataset(
         {
-            name: ([*others, "taxel"], found[:, number].reshape(shape), {"units": _unit(study, name)})
+            name: ([*other_dims, "taxel"], figures[:, number].reshape(shape), {"units": _unit(study, name)})
             for number, name in enumerate(names)
         },
         coords=coordinates,
     )
 
 
-def _found(run: Branch) -> tuple[np.ndarray, ...]:
-    """The slopes of a run, and the relative one with its error."""
-    found = slopes(run)
+def _all_slopes(run: Branch) -> tuple[np.ndarray, ...]:
+    """The slopes of a run, the relative slope and its error, each (channels,)."""
+    run_slopes = slopes(run)
     if not len(run.force):
-        return (*found, found.mean_slope, found.mean_slope_error)
-    return (*found, *relative_slope(run, found, run.samples[np.abs(run.force).argmin()]))
+        return (*run_slopes, run_slopes.mean_slope, run_slopes.mean_slope_error)
+    return (*run_slopes, *relative_slope(run, run_slopes, run.samples[np.abs(run.force).argmin()]))
 
 
 def _remark(largest: float, error: float, mean: float) -> str:

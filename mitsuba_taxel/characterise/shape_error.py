@@ -62,7 +62,7 @@ def off_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Results of one scene.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Experiments of a study: lines of load, the same changed by the errors of the shape, and tangential maps."""
+"""Experiments of a study: its lines of load, the same lines changed by the errors of the shape, and tangential maps."""
 
 from __future__ import annotations
 
@@ -15,20 +15,32 @@ from mitsuba_taxel.characterise.tangential import TangentialMap, tangential_maps
 from mitsuba_taxel.electronics import Circuit, in_volts
 
 ERROR = (
-    "Error: 1 sigma of the light, from the random numbers that all scenes share, and what the errors of mechanics and "
-    "geometry do; on maps and of symmetric pairs that of the light alone."
+    "Error: 1 sigma of the light, from the random numbers common to all scenes, combined with the errors of mechanics "
+    "and geometry; on maps and for symmetric pairs, the error of the light alone."
 )
 
 
 SLOPES = (
     "Slopes: from derivatives, without random numbers; their error is that of the derivatives, without that of the "
-    "cubic curves between the forces."
+    "cubic interpolation between the forces."
 )
 
 
 class Simulated(NamedTuple):
-    """``experiments``; ``off``, the same by mode of the errors of the shape, for ``characteristics``; ``maps``; and
-    ``notes``."""
+    """Experiments of a study.
+
+    Attributes
+    ----------
+    experiments : list[Experiment]
+        The lines of load.
+    off : dict of lists
+        The same experiments with readings changed up and down by each mode of the errors of the shape, as
+        ``characteristics`` takes them.
+    maps : list[TangentialMap]
+        Changes of all taxels under tangential loads.
+    notes : list[str]
+        What the errors contain, and remarks on the results.
+    """
 
     experiments: list[Experiment]
     off: Changed
@@ -46,12 +58,12 @@ def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | No
     study : xr.Dataset or xr.DataTree
         As returned by ``open_study``.
     circuit : Circuit, optional
-        Behind which the readings are in V as well.
+        Circuit that converts the readings into V.
 
     Returns
     -------
     Simulated
-        Experiments, the same changed by errors of the shape, maps and notes.
+        Experiments, the experiments changed by errors of the shape, maps and notes.
     """
     study = with_forces_named(study) if isinstance(study, xr.Dataset) else study.map_over_datasets(_named)
     scenes = [study] if isinstance(study, xr.Dataset) else [leaf.to_dataset() for leaf in study.leaves]
@@ -64,12 +76,12 @@ def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | No
     except InputError as error:
         maps = []
         notes.append(f"No map of tangential loads: {error}")
-    off = scenes_off_by_shape(study) if isinstance(study, xr.DataTree) else off_by_shape(study)
-    found = _shown(study, circuit)
-    moved = {mode: [_shown(one, circuit) for one in both] for mode, both in off.items()}
-    if any(run.tangents is not None for one in found for run in one.runs):
+    changed_studies = scenes_off_by_shape(study) if isinstance(study, xr.DataTree) else off_by_shape(study)
+    unchanged = _shown(study, circuit)
+    changed = {mode: [_shown(experiment, circuit) for experiment in pair] for mode, pair in changed_studies.items()}
+    if any(run.tangents is not None for experiment in unchanged for run in experiment.runs):
         notes.insert(1, SLOPES)
-    return Simulated(found, moved, maps, notes)
+    return Simulated(unchanged, changed, maps, notes)
 
 
 def _named(leaf: xr.Dataset) -> xr.Dataset:
@@ -77,13 +89,13 @@ def _named(leaf: xr.Dataset) -> xr.Dataset:
 
 
 def _shown(study: xr.Dataset | xr.DataTree, circuit: Circuit | None) -> list[Experiment]:
-    """The experiments of a study, with a circuit in watts and in volts."""
+    """The experiments of a study in watts and, with a circuit, in volts as well."""
     watts = experiments(study)
     if circuit is None:
         return watts
 
-    def shown(leaf: xr.Dataset) -> xr.Dataset:
+    def converted(leaf: xr.Dataset) -> xr.Dataset:
         return in_volts(leaf, circuit) if "replicate_power" in leaf else leaf
 
-    volts = shown(study) if isinstance(study, xr.Dataset) else study.map_over_datasets(shown)
-    return [one.labelled(reading=one.unit) for one in (*watts, *experiments(volts))]
+    volts = converted(study) if isinstance(study, xr.Dataset) else study.map_over_datasets(converted)
+    return [experiment.labelled(reading=experiment.unit) for experiment in (*watts, *experiments(volts))]

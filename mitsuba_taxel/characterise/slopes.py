@@ -11,26 +11,27 @@ from mitsuba_taxel.characterise.experiment import Branch, Tangents
 from mitsuba_taxel.characterise.replicates import at_largest
 
 PLACES = 1001
-"""Evenly spaced points of a run at which the largest slope of curves is searched."""
+"""Evenly spaced forces of a run at which the largest slope of a cubic curve is searched."""
 
 
 class Slopes(NamedTuple):
-    """Slopes (channels,) in W/N or V/N with their standard errors; NaN where the run has none.
+    """Slopes (channels,) in W/N or V/N with their standard errors; NaN where the run has no such slope.
 
-    If the run has tangents these are slopes of the cubic curves through values and slopes, with the errors of the
+    If the run has tangents, these are slopes of the cubic curves through values and slopes, with the errors of the
     slopes. Otherwise they are differences of readings:
 
-    ``max_slope`` : between the neighbouring points where it is largest in magnitude, which the literature on this kind
-    of sensor calls the sensitivity of a simulated taxel (paper, section 2.3). ``max_slope_at`` : the middle between
-    these points in N.
+    ``max_slope`` : the slope of largest magnitude between neighbouring points, which the literature on this kind of
+    sensor calls the sensitivity of a simulated taxel (paper, section 2.3). ``max_slope_at`` : the middle between these
+    points in N.
 
-    ``mean_slope`` : between the ends of the run; the paper's sensitivity of a measured taxel (section 3.1) is that of
-    the force-voltage relation.
+    ``mean_slope`` : the slope between the ends of the run. The paper's sensitivity of a measured taxel (section 3.1) is
+    the mean slope of the force-voltage relation.
 
-    ``zero_slope`` : at zero force, of the parabola through the three points of least force in magnitude, evenly spaced
-    or not. It is exact for a parabola; its error is of second order in their distances (v'''/6 times the product of the
-    distances of the two other points from zero, if one lies there). With two points it is the slope between them. Zero
-    must lie in the run, or closer to it than the distance of its neighbouring points.
+    ``zero_slope`` : the slope at zero force of the parabola through the three points of least force in magnitude,
+    evenly spaced or not. It is exact for a parabola; its error is of second order in the distances of the points
+    (v'''/6 times the product of the distances of two points from zero, if the third lies at zero). With two points it
+    is the slope between them. Zero must lie in the run, or closer to the run than the distance of its neighbouring
+    points.
     """
 
     max_slope: np.ndarray
@@ -43,12 +44,12 @@ class Slopes(NamedTuple):
 
 
 def slopes(run: Branch) -> Slopes:
-    """All slopes of a run, so that common noise of its readings cancels.
+    """All slopes of a run, computed for each replicate so that common noise of its readings cancels.
 
     Parameters
     ----------
     run : Branch
-        With tangents, whose slopes are then taken, or without.
+        If it has tangents, the slopes are those of the tangents.
 
     Returns
     -------
@@ -65,12 +66,12 @@ def slopes(run: Branch) -> Slopes:
     mean = (run.samples[-1] - run.samples[0]) / (run.force[-1] - run.force[0])
     zero = np.einsum("p,prc->rc", *_at_zero(run))
     middle = (run.force[1:] + run.force[:-1]) / 2
-    # The largest is anywhere within the excess.
+    # The largest slope is uniformly distributed over the excess.
     steepest_error = np.hypot(steepest.error_of(steepest.magnitude), steepest.excess / np.sqrt(12))
     return Slopes(
         steepest.value,
         steepest_error,
-        middle[steepest.place],
+        middle[steepest.point],
         mean.mean(axis=0),
         standard_error(mean),
         zero.mean(axis=0),
@@ -78,17 +79,17 @@ def slopes(run: Branch) -> Slopes:
     )
 
 
-def relative_slope(run: Branch, found: Slopes, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def relative_slope(run: Branch, run_slopes: Slopes, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean slopes of a run over readings at rest, and their standard errors.
 
-    A ratio of means, with its error to first order; common noise of readings and rest cancels.
+    The result is a ratio of means, with its error to first order; common noise of readings and rest cancels.
 
     Parameters
     ----------
     run : Branch
-        Of growing force.
-    found : Slopes
-        Of the run.
+        A run of growing force.
+    run_slopes : Slopes
+        Slopes of the run.
     rest : (replicates, channels) ndarray
         Readings at rest.
 
@@ -99,39 +100,41 @@ def relative_slope(run: Branch, found: Slopes, rest: np.ndarray) -> tuple[np.nda
     """
     level = rest.mean(axis=0)
     level = np.where(level != 0, level, np.nan)
-    ratio = found.mean_slope / level
+    ratio = run_slopes.mean_slope / level
     if run.tangents is not None or len(run.force) < 2:
-        return 100 * ratio, 100 * np.hypot(found.mean_slope_error, ratio * standard_error(rest)) / np.abs(level)
+        return 100 * ratio, 100 * np.hypot(run_slopes.mean_slope_error, ratio * standard_error(rest)) / np.abs(level)
     slope = (run.samples[-1] - run.samples[0]) / (run.force[-1] - run.force[0])
     return 100 * ratio, 100 * standard_error(slope - ratio * rest) / np.abs(level)
 
 
 def _of_tangents(force: np.ndarray, tangents: Tangents) -> Slopes:
+    """Slopes of the cubic Hermite curves through values and slopes at forces (points,)."""
     from scipy.interpolate import CubicHermiteSpline
 
     order = np.argsort(force)
     x, (value, slope, error) = force[order], tangents.part(order)
     curve, channels = CubicHermiteSpline(x, value, slope).derivative(), np.arange(slope.shape[1])
-    places = np.union1d(np.linspace(x[0], x[-1], PLACES), x)
-    rates = curve(places)
-    most = np.abs(rates).argmax(axis=0)
-    errors = _between(places, x, error)
-    length = x[-1] - x[0]
+    positions = np.union1d(np.linspace(x[0], x[-1], PLACES), x)
+    rates = curve(positions)
+    steepest = np.abs(rates).argmax(axis=0)
+    errors = _between(positions, x, error)
+    span = x[-1] - x[0]
+    # The slope at zero is known only if zero lies in the run, or closer to it than its neighbouring points.
     zero = np.array([0.0 if max(x[0], -x[-1], 0.0) <= np.diff(x).min() else np.nan])
     return Slopes(
-        rates[most, channels],
-        errors[most, channels],
-        places[most],
-        (value[-1] - value[0]) / length,
-        np.trapezoid(error, x, axis=0) / length,
+        rates[steepest, channels],
+        errors[steepest, channels],
+        positions[steepest],
+        (value[-1] - value[0]) / span,
+        np.trapezoid(error, x, axis=0) / span,
         curve(zero)[0],
         _between(zero, x, error)[0],
     )
 
 
-def _between(places: np.ndarray, x: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(places, channels) linear interpolation of values (x, channels), constant beyond them."""
-    return np.stack([np.interp(places, x, column) for column in values.T], axis=1)
+def _between(positions: np.ndarray, x: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Linear interpolation of values (x, channels) at positions, constant beyond the ends: (positions, channels)."""
+    return np.stack([np.interp(positions, x, column) for column in values.T], axis=1)
 
 
 def _at_zero(run: Branch) -> tuple[np.ndarray, np.ndarray]:

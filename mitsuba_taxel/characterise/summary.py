@@ -1,4 +1,4 @@
-"""One channel to represent all taxels of an array, and the slopes of a study in few rows."""
+"""The channel that represents all taxels of an array, and the slopes of a study in few rows."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
 
 class Channel(NamedTuple):
-    """Weights (taxels,) of the taxels, and a name for their sum; empty for a single taxel."""
+    """Weights (taxels,) of the taxels, and a name for their weighted sum; the name is empty for a single taxel."""
 
     weights: np.ndarray
     words: str
 
 
 def common_channel(compared: Sequence[Experiment]) -> Channel:
-    """One channel for comparing experiments with equally many taxels along one force.
+    """The channel by which experiments with equally many taxels along one force are compared.
 
-    It is the mean of the taxels under a normal force; under a tangential one, where taxels change in opposite
-    directions, the taxel that changes most, on average over the experiments.
+    Under a normal force it is the mean of the taxels. Under a tangential force, where taxels change in opposite
+    directions, it is the taxel with the largest change on average over the experiments.
     """
     count = len(compared[0].taxel)
     if count == 1:
@@ -39,48 +39,52 @@ def common_channel(compared: Sequence[Experiment]) -> Channel:
 
 
 def most_affected(compared: Sequence[Experiment]) -> Channel:
-    """The taxel that changes most, on average over experiments with equally many taxels.
+    """The taxel with the largest change on average over experiments with equally many taxels.
 
     Parameters
     ----------
     compared : sequence of Experiment
-        At least one.
+        At least one experiment.
 
     Returns
     -------
     Channel
-        Weights of the taxels, and words.
+        Weight 1 of that taxel, 0 of all others, and its name.
     """
-    largest = np.mean([one.largest_change.mean(axis=0) for one in compared], axis=0)
-    most = int(largest.argmax())
-    words = f"taxel {compared[0].taxel[most]}" if len(largest) > 1 else ""
-    return Channel(np.eye(len(largest))[most], words)
+    largest = np.mean([experiment.largest_change.mean(axis=0) for experiment in compared], axis=0)
+    index = int(largest.argmax())
+    words = f"taxel {compared[0].taxel[index]}" if len(largest) > 1 else ""
+    return Channel(np.eye(len(largest))[index], words)
 
 
 def slope_summary(study: xr.Dataset) -> tuple[str, pandas.DataFrame]:
-    """Slopes along the first run of each line of load: a row per taxel for a single line.
+    """Slopes along the first run of each line of load.
 
-    Several lines of one force have a row each, for the channel by which they are compared.
+    A single line has a row per taxel. Several lines of one force have one row each, for the channel of
+    :func:`common_channel`.
 
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Results of one scene.
 
     Returns
     -------
     words : str
-        Name of the channel; empty if the rows are of taxels.
+        Name of the channel; empty if rows belong to taxels.
     table : pandas.DataFrame
-        As of :func:`characteristics`; it has no row if no force is varied.
+        As returned by :func:`characteristics`; empty if no force is varied.
     """
-    found = experiments(study)
-    off = {mode: [experiments(one) for one in both] for mode, both in off_by_shape(study).items()}
+    lines = experiments(study)
+    changed = {mode: [experiments(line) for line in pair] for mode, pair in off_by_shape(study).items()}
     words = ""
-    if len(found) > 1 and len({one.force for one in found}) == 1:
-        weights, words = common_channel(found)
+    if len(lines) > 1 and len({line.force for line in lines}) == 1:
+        weights, words = common_channel(lines)
     if words:
-        found = [one.weighted(weights) for one in found]
-        off = {mode: [[one.weighted(weights) for one in all_] for all_ in both] for mode, both in off.items()}
-    table = characteristics(found, off)
+        lines = [line.weighted(weights) for line in lines]
+        changed = {
+            mode: [[line.weighted(weights) for line in changed_lines] for changed_lines in pair]
+            for mode, pair in changed.items()
+        }
+    table = characteristics(lines, changed)
     return words, table[table.loading == 1].drop(columns="taxel" if words else [])

@@ -21,18 +21,28 @@ if TYPE_CHECKING:
     import pandas
 
 MIRRORS = {"across": -1, "along": 1}
-"""``across`` mirrors at the line through the centre perpendicular to the load: the two taxels lie before and behind it.
-``along`` mirrors at the line of the load: the two lie on either side of it."""
+"""``across`` mirrors at the line through the centre perpendicular to the load; ``along`` at the line of the load."""
 
 
 @dataclass(frozen=True, eq=False)
 class TangentialMap:
     """Changes of the taxels' readings under a tangential load.
 
-    ``experiment`` : its origin; ``direction`` (2,) : of the load in the board's plane; ``force`` : its component along
-    that in N; ``shape`` : rows and columns; ``samples`` (replicates, taxels) : change since the start of the experiment
-    in its unit. Taxels are numbered row by row from (-x, +y), so that a picture of rows and columns shows the board
-    with x to the right and y upwards.
+    Taxels are numbered row by row from (-x, +y), so that a picture of rows and columns shows the board with x to the
+    right and y upwards.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        The experiment from which the map is taken.
+    direction : (2,) ndarray
+        Direction of the load in the plane of the board.
+    force : float
+        Component of the load in that direction, N.
+    shape : tuple[int, int]
+        Rows and columns.
+    samples : (replicates, taxels) ndarray
+        Change since the start of the experiment, in its unit.
     """
 
     experiment: Experiment
@@ -65,16 +75,28 @@ def tangential_maps(study: xr.Dataset | xr.DataTree) -> list[TangentialMap]:
     """
     if isinstance(study, xr.DataTree):
         return [
-            replace(one, experiment=one.experiment.labelled(scene=leaf.name))
+            replace(line, experiment=line.experiment.labelled(scene=leaf.name))
             for leaf in study.leaves
-            for one in tangential_maps(leaf.to_dataset())
+            for line in tangential_maps(leaf.to_dataset())
         ]
-    loads = [one for one in experiments(study) if one.direction[2] == 0 and one.direction.any()]
-    return [tangential_map(one, *_grid(study)) for one in loads]
+    loads = [line for line in experiments(study) if line.direction[2] == 0 and line.direction.any()]
+    return [tangential_map(line, *_grid(study)) for line in loads]
 
 
 def tangential_map(experiment: Experiment, rows: int, columns: int) -> TangentialMap:
     """The map at the largest magnitude of force in the first run of an experiment.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Along a tangential load.
+    rows, columns : int
+        Numbers of rows and columns of the taxels.
+
+    Returns
+    -------
+    TangentialMap
+        Changes of all taxels.
 
     Raises
     ------
@@ -84,26 +106,29 @@ def tangential_map(experiment: Experiment, rows: int, columns: int) -> Tangentia
     if experiment.direction[2] or not experiment.direction.any():
         raise InputError(f"the load {experiment.force} is not tangential: fx, fy or both are needed.")
     if rows * columns != len(experiment.taxel):
-        raise InputError(f"{rows} rows and {columns} columns do not hold {len(experiment.taxel)} taxels.")
+        raise InputError(
+            f"{rows} rows and {columns} columns are not allowed for {len(experiment.taxel)} taxels: their product must "
+            "be the number of taxels."
+        )
     run = next(run for run in experiment.runs if len(run.force))
-    most = int(np.abs(run.force).argmax())
+    largest = int(np.abs(run.force).argmax())
     return TangentialMap(
-        experiment, experiment.direction[:2], float(run.force[most]), (rows, columns), run.samples[most]
+        experiment, experiment.direction[:2], float(run.force[largest]), (rows, columns), run.samples[largest]
     )
 
 
 def symmetric_pairs(maps: Iterable[TangentialMap]) -> pandas.DataFrame:
-    """Taxels that mirror each other, and the difference of their changes.
+    """Pairs of taxels at mirrored positions, and the difference of their changes.
 
-    There are two mirrors. Across the load, a symmetric and linear pad has opposite changes: along the secondary
-    diagonal of a square of nine (the paper's Fig. 10), 3 and 7 differ most, 2 and 4 as well as 6 and 8 less. Along the
-    load, such a pad has equal changes. There are no pairs if the grid is not symmetric, as for a diagonal load on
-    different numbers of rows and columns; equal pitches are assumed.
+    There are two mirrors. Across the load, a symmetric and linear pad has opposite changes: under a load along the
+    secondary diagonal of a square of nine (the paper's Fig. 10), taxels 3 and 7 differ most, 2 and 4 as well as 6 and 8
+    less. Along the load, such a pad has equal changes. There are no pairs if the grid is not symmetric, as for a
+    diagonal load on different numbers of rows and columns. Equal pitches in x and y are assumed.
 
     Parameters
     ----------
     maps : iterable of TangentialMap
-        Of a study.
+        Maps of a study.
 
     Returns
     -------
@@ -115,32 +140,32 @@ def symmetric_pairs(maps: Iterable[TangentialMap]) -> pandas.DataFrame:
     import pandas
 
     rows = [
-        {"force": one.experiment.force, **one.experiment.where, "at_N": one.force, "mirror": mirror, **pair}
-        for one in maps
+        {"force": taxels.experiment.force, **taxels.experiment.where, "at_N": taxels.force, "mirror": mirror, **pair}
+        for taxels in maps
         for mirror, sign in MIRRORS.items()
-        for pair in _pairs(one, sign)
+        for pair in _pairs(taxels, sign)
     ]
-    last = ("at_N", "mirror", "taxel", "other", "difference", "error", "unit", "remark")
-    others = dict.fromkeys(name for row in rows for name in row if name not in ("force", *last))
-    return pandas.DataFrame(rows, columns=["force", *others, *last])
+    columns = ("at_N", "mirror", "taxel", "other", "difference", "error", "unit", "remark")
+    varied = dict.fromkeys(name for row in rows for name in row if name not in ("force", *columns))
+    return pandas.DataFrame(rows, columns=["force", *varied, *columns])
 
 
 def _pairs(taxels: TangentialMap, sign: int) -> Iterator[dict[str, Any]]:
-    """The pairs of one mirror: at the load's line, or with ``sign`` -1 across it."""
+    """The pairs of a mirror at the line of the load (``sign`` 1) or across it (``sign`` -1)."""
     rows, columns = taxels.shape
     y, x = np.meshgrid((rows - 1) / 2 - np.arange(rows), np.arange(columns) - (columns - 1) / 2, indexing="ij")
-    place = np.stack([x.ravel(), y.ravel()], axis=1)
-    image = sign * (2 * np.outer(place @ taxels.direction, taxels.direction) - place)
-    distance = np.linalg.norm(image[:, None] - place, axis=2)
+    position = np.stack([x.ravel(), y.ravel()], axis=1)
+    image = sign * (2 * np.outer(position @ taxels.direction, taxels.direction) - position)
+    distance = np.linalg.norm(image[:, None] - position, axis=2)
     if (distance.min(axis=1) > 0.1).any():
         return
-    for one, other in enumerate(distance.argmin(axis=1)):
-        if one < other:
-            difference = taxels.samples[:, one] - taxels.samples[:, other]
+    for first, second in enumerate(distance.argmin(axis=1)):
+        if first < second:
+            difference = taxels.samples[:, first] - taxels.samples[:, second]
             value, error = float(difference.mean()), float(standard_error(difference))
             yield {
-                "taxel": int(taxels.experiment.taxel[one]),
-                "other": int(taxels.experiment.taxel[other]),
+                "taxel": int(taxels.experiment.taxel[first]),
+                "other": int(taxels.experiment.taxel[second]),
                 "difference": value,
                 "error": error,
                 "unit": taxels.experiment.unit,
@@ -152,9 +177,11 @@ def _grid(study: xr.Dataset) -> tuple[int, int]:
     """Rows and columns of the taxels."""
     count = study.sizes["taxel"]
     side = math.isqrt(count)
-    given = {**json.loads(study.attrs.get("parameters", "{}")), **study.attrs}
-    if "rows" in given and "columns" in given:
-        return int(given["rows"]), int(given["columns"])
+    attributes = {**json.loads(study.attrs.get("parameters", "{}")), **study.attrs}
+    if "rows" in attributes and "columns" in attributes:
+        return int(attributes["rows"]), int(attributes["columns"])
     if side * side != count:
-        raise InputError(f"{count} taxels are no square: the study's attributes rows and columns are needed.")
+        raise InputError(
+            f"{count} taxels do not form a square: the attributes rows and columns of the study are needed."
+        )
     return side, side

@@ -1,4 +1,4 @@
-"""A study behind a circuit: volts and counts at rest and per newton, noise-equivalent force, saturation."""
+"""Figures of a study behind a circuit: volts and counts at rest and per newton, noise-equivalent force, saturation."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ MOST_NAMED = 5
 
 
 def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float = math.inf) -> pandas.DataFrame:
-    """One row per line of load and taxel of a study behind a circuit; none if no force is varied.
+    """Figures of a study behind a circuit: one row per line of load and taxel, none if no force is varied.
 
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        With readings in W.
+        Results with readings in W.
     circuit : Circuit
         Phototransistor, load, buffer and converter.
     up_to : float
-        Largest force that counts, N.
+        Largest force that is used, N.
 
     Returns
     -------
@@ -42,13 +42,15 @@ def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float 
         Columns: ``force``; the other varied parameters; ``taxel``; ``rest_V``, ``rest_counts`` and ``noise_V`` (1
         sigma) at the least force; ``mean_slope_V_per_N`` and its ``_error``, between the ends of the line, and
         ``mean_slope_counts_per_N``; ``signal_counts``, from the least force to the largest; ``noise_force_N``, the
-        noise as a force at the first step, and ``least_noise_force_N``, the least of all steps, both infinite beyond
-        the converter's full scale, where nothing is read; ``saturation_N``, the least force where the output reaches
-        the circuit's limit, by linear interpolation of the power, NaN if it does not.
+        force equivalent to the noise at the first step, and ``least_noise_force_N``, the least over all steps, both
+        infinite beyond the full scale of the converter, where nothing is read; ``saturation_N``, the least force at
+        which the output reaches the limit of the circuit, by linear interpolation of the power, NaN if it does not.
     """
     import pandas
 
-    leaves = [("", study)] if isinstance(study, xr.Dataset) else [(one.name, one.to_dataset()) for one in study.leaves]
+    leaves = (
+        [("", study)] if isinstance(study, xr.Dataset) else [(node.name, node.to_dataset()) for node in study.leaves]
+    )
     return pandas.DataFrame(
         [
             {"force": row.pop("force"), **({"scene": name} if name else {}), **row}
@@ -59,15 +61,15 @@ def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float 
 
 
 def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
-    """What limits the numbers of a :func:`volts_table`: saturated taxels, a range that is not used, few counts of
-    signal, and noise that the converter does not see.
+    """Notes on what limits the figures of a :func:`volts_table`: saturated taxels, an unused range of the converter,
+    few counts of signal, and noise below the step of the converter.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        Of :func:`volts_table`.
+        As returned by :func:`volts_table`.
     circuit : Circuit or None
-        Of the study.
+        Circuit of the study.
 
     Returns
     -------
@@ -80,14 +82,15 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
     saturated = table[table.saturation_N.notna()]
     if len(saturated):
         at_rest = (saturated.saturation_N == 0) | (saturated.rest_counts == 2**circuit.adc_bits - 1)
-        places = [
-            f"taxel {taxel} {'at rest' if rest else f'from {force:.4g} N on'}"
-            for taxel, force, rest in zip(saturated.taxel, saturated.saturation_N, at_rest, strict=True)
+        taxels = [
+            f"taxel {number} {'at rest' if rest else f'from {force:.4g} N on'}"
+            for number, force, rest in zip(saturated.taxel, saturated.saturation_N, at_rest, strict=True)
         ]
-        more = f" and {len(places) - MOST_NAMED} more" if len(places) > MOST_NAMED else ""
+        remainder = f" and {len(taxels) - MOST_NAMED} more" if len(taxels) > MOST_NAMED else ""
         notes.append(
             f"Saturated (output of {circuit.limit:.4g} V or more; full scale {circuit.full_scale:.4g} V): "
-            f"{', '.join(places[:MOST_NAMED])}{more}. Slopes and noise as a force hold up to there only."
+            f"{', '.join(taxels[:MOST_NAMED])}{remainder}. "
+            "Slopes and noise-equivalent forces are valid up to that force only."
         )
     notes += unused_range(circuit, int(np.maximum(table.rest_counts, table.rest_counts + table.signal_counts).max()))
     signal = int(table.signal_counts.abs().max())
@@ -97,35 +100,42 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
 
 
 def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[str, Any]]:
+    """Rows of a scene: for each line of load, combination of the other parameters, and taxel."""
+    # Readings in watts, in volts, and in volts changed by each mode of the errors of the shape.
     study = with_forces_named(study)
-    off = off_by_shape(study)
-    every = (study, *(in_volts(one, circuit) for one in (study, *(one for both in off.values() for one in both))))
+    changed_studies = off_by_shape(study)
+    watts = (study, *(changed for pair in changed_studies.values() for changed in pair))
+    studies = (study, *(in_volts(readings, circuit) for readings in watts))
+
     for line in loading_lines(study):
-        for (where, power), *shown in zip(*(runs(one, line) for one in every), strict=True):
+        for (where, power), *voltages in zip(*(runs(readings, line) for readings in studies), strict=True):
             within = np.abs(power.force) <= up_to
             if within.sum() < 2:
                 continue
-            derived = shown[0][1].tangents is not None
-            slope, *changed = (slopes(voltage.part(within)) for _, voltage in shown)
-            means = [one.mean_slope for one in changed]
-            pairs = {mode: means[2 * number : 2 * number + 2] for number, mode in enumerate(off)}
-            error = with_shape(slope.mean_slope_error, slope.mean_slope, pairs, derived)
-            found = _figures(circuit, power.part(within), slope.mean_slope, error)
-            for number, taxel in enumerate(study.taxel.values.tolist()):
-                figures = {name: values[number].item() for name, values in found.items()}
-                yield {"force": line.name, **where, **line.constant, "taxel": taxel, **figures}
+            derived = voltages[0][1].tangents is not None
+            unchanged, *changed_slopes = (slopes(voltage.part(within)) for _, voltage in voltages)
+            means = [changed.mean_slope for changed in changed_slopes]
+            pairs = {mode: means[2 * index : 2 * index + 2] for index, mode in enumerate(changed_studies)}
+            error = with_shape(unchanged.mean_slope_error, unchanged.mean_slope, pairs, derived)
+            figures = _figures(circuit, power.part(within), unchanged.mean_slope, error)
+            for index, taxel in enumerate(study.taxel.values.tolist()):
+                row = {name: values[index].item() for name, values in figures.items()}
+                yield {"force": line.name, **where, **line.constant, "taxel": taxel, **row}
 
 
 def _figures(circuit: Circuit, power: Branch, slope: np.ndarray, error: np.ndarray) -> dict[str, np.ndarray]:
-    """Each (channels,), along a run; the first step is that from the least force towards the largest."""
+    """Figures (channels,) of a run; the first step is the step from the least force towards the largest."""
     order = np.argsort(power.force)
     force, light = power.force[order], np.maximum(power.value[order], 0.0)
     shown, noise = respond(circuit, light), total_noise(circuit, light)
+
+    # Noise over slope at each step: the force that the noise hides. Where the output is saturated, nothing is read.
     steps = np.abs(np.diff(shown.voltage, axis=0) / np.diff(force)[:, None])
     with np.errstate(divide="ignore"):
         hidden = np.divide((noise[1:] + noise[:-1]) / 2, steps)
     blind = shown.rate == 0
     hidden[blind[1:] | blind[:-1]] = np.inf
+
     least, largest = np.abs(force).argmin(), np.abs(force).argmax()
     return {
         "rest_V": shown.voltage[least],

@@ -17,17 +17,17 @@ LATEX = {"µ": r"$\mu$", "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "
 }
 
 AS_SHOWN = "As the circuit shows it"
-"""Title of a table of circuit figures."""
+"""Title of the table of circuit figures."""
 REMARKS = {
-    NOT_RESOLVED: "smaller than its standard error; the tables on disk hold the number",
-    NOT_ABOVE: "no slope is resolved to be larger than the mean one",
+    NOT_RESOLVED: "smaller than its standard error; the tables on disk contain the number",
+    NOT_ABOVE: "no slope is resolved to be larger than the mean slope",
 }
 
 
 def with_error(value: float, error: float, latex: bool = False) -> str:
-    """``(1.480 ± 0.031)e-04``: the error with two digits, the value to the same place; ``-`` for a missing value.
+    """A value with its error as text, such as ``(1.480 ± 0.031)e-04``.
 
-    Without an error, the value has four digits.
+    The error has two digits and the value as many decimals; without an error, the value has four digits.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def with_error(value: float, error: float, latex: bool = False) -> str:
     Returns
     -------
     str
-        One word.
+        ``-`` for a value that is missing.
     """
     if not math.isfinite(value):
         return "--" if latex else "-"
@@ -48,12 +48,12 @@ def with_error(value: float, error: float, latex: bool = False) -> str:
     power = 0 if -2 <= power <= 3 else power
     value, error = value / 10.0**power, error / 10.0**power
     plus_minus, scale = (r" \pm ", rf" \times 10^{{{power}}}") if latex else (" ± ", f"e{power:+03d}")
-    known = error > 0
-    leading = math.floor(math.log10(error if known else abs(value) or 1.0))
-    digits = max((1 if known else 3) - leading, 0)
-    text = f"{round(value, digits) + 0.0:.{digits}f}"  # no minus before a zero
+    has_error = error > 0
+    leading = math.floor(math.log10(error if has_error else abs(value) or 1.0))
+    digits = max((1 if has_error else 3) - leading, 0)
+    text = f"{round(value, digits) + 0.0:.{digits}f}"  # adding 0.0 removes the minus sign of a zero
     if not math.isnan(error):
-        text = f"{text}{plus_minus}{error:.{digits if known else 0}f}"
+        text = f"{text}{plus_minus}{error:.{digits if has_error else 0}f}"
         text = f"({text})" if power else text
     text += scale if power else ""
     return f"${text}$" if latex else text
@@ -62,26 +62,26 @@ def with_error(value: float, error: float, latex: bool = False) -> str:
 def table_rows(
     table: pandas.DataFrame, figures: Sequence[str], latex: bool = False
 ) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows, one per taxel and run, of those ``figures`` that are in a table of characteristics.
+    """Headings and rows of selected figures of a table of characteristics, one row per taxel and run.
 
-    Units have the prefix that fits a figure's numbers; a remark replaces the number. Constant columns other than the
-    force and the taxel are left out.
+    Units have the prefix that suits the numbers of a figure. A remark replaces the number. Columns that are constant
+    are left out, except the force and the taxel.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        Of :func:`characteristics`.
+        As returned by :func:`characteristics`.
     figures : sequence of str
-        Names of figures.
+        Names of figures; names that are not in the table are ignored.
     latex : bool
         Whether numbers are formulas of LaTeX.
 
     Returns
     -------
     headings : list[str]
-        Of the columns.
+        Headings of the columns.
     rows : list[list[str]]
-        Their cells.
+        Cells of each row.
     """
     table = table[table.figure.isin(figures)]
     figures = [name for name in figures if name in set(table.figure)]
@@ -96,32 +96,34 @@ def table_rows(
         if _has_place(record["figure"]):
             cells.append("" if record["remark"] else as_word(round(record["at_N"], 3) + 0.0))
         rows.setdefault(key, {})[record["figure"]] = cells
-    wide = [
+    figure_headings = [
         cell
         for name in figures
         for cell in [f"{name.replace('_', ' ')} [{scales[name][1]}]", *["at [N]"] * _has_place(name)]
     ]
-    blank = {name: ["-"] * (1 + _has_place(name)) for name in figures}
-    kept = [keys.index(name) for name in headings]
-    return headings + wide, [
-        [*(key[number] for number in kept), *(cell for name in figures for cell in found.get(name, blank[name]))]
-        for key, found in rows.items()
+    missing = {name: ["-"] * (1 + _has_place(name)) for name in figures}
+    key_columns = [keys.index(name) for name in headings]
+    return headings + figure_headings, [
+        [
+            *(key[number] for number in key_columns),
+            *(cell for name in figures for cell in cells_by_figure.get(name, missing[name])),
+        ]
+        for key, cells_by_figure in rows.items()
     ]
 
 
 def by_reading(table: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
-    """A table of characteristics split by the unit of the readings if it has several; else the whole table, by
-    ``""``.
+    """A table of characteristics split by the unit of the readings.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        Of :func:`characteristics`.
+        As returned by :func:`characteristics`.
 
     Returns
     -------
     dict[str, pandas.DataFrame]
-        By unit.
+        Tables by unit; the whole table by ``""`` if readings have a single unit.
     """
     if "reading" not in table:
         return {"": table}
@@ -131,15 +133,14 @@ def by_reading(table: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
 def merit_tables(
     table: pandas.DataFrame, volts: pandas.DataFrame | None = None
 ) -> dict[str, tuple[list[str], list[list[str]]]]:
-    """Headings and rows of slopes and deviations, for each unit of the readings, and of a table of circuit figures, by
-    title.
+    """Tables of slopes and deviations, for each unit of the readings, and of circuit figures, as text.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        Of :func:`characteristics`.
+        As returned by :func:`characteristics`.
     volts : pandas.DataFrame, optional
-        Of :func:`volts_table`.
+        As returned by :func:`volts_table`.
 
     Returns
     -------
@@ -147,29 +148,29 @@ def merit_tables(
         Headings and rows by title.
     """
     titled = {}
-    for unit, part in by_reading(table).items():
-        of = f" of readings in {unit}" if unit else ""
-        titled[f"Sensitivities{of}"] = table_rows(part, SLOPES)
-        titled[f"Largest deviations{of}, in percent of the largest change"] = table_rows(part, DEVIATIONS)
+    for unit, rows in by_reading(table).items():
+        suffix = f" of readings in {unit}" if unit else ""
+        titled[f"Sensitivities{suffix}"] = table_rows(rows, SLOPES)
+        titled[f"Largest deviations{suffix}, in percent of the largest change"] = table_rows(rows, DEVIATIONS)
     return titled if volts is None else {**titled, AS_SHOWN: figure_rows(volts)}
 
 
 def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of a table of symmetric pairs, one per pair.
+    """Headings and rows of a table of symmetric pairs, one row per pair.
 
     Parameters
     ----------
     pairs : pandas.DataFrame
-        Of :func:`symmetric_pairs`.
+        As returned by :func:`symmetric_pairs`.
     latex : bool
         Whether numbers are formulas of LaTeX.
 
     Returns
     -------
     headings : list[str]
-        Of the columns; none without a pair.
+        Headings of the columns; empty without a pair.
     rows : list[list[str]]
-        Their cells.
+        Cells of each row.
     """
     if not len(pairs):
         return [], []
@@ -182,26 +183,26 @@ def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], 
 
 
 def figure_rows(table: pandas.DataFrame) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of a table of circuit figures, with four digits; ``-`` for a missing one.
+    """Headings and rows of a table of circuit figures, with four digits; ``-`` for a missing number.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        Of :func:`volts_table`.
+        As returned by :func:`volts_table`.
 
     Returns
     -------
     headings : list[str]
-        Of the columns.
+        Headings of the columns.
     rows : list[list[str]]
-        Their cells.
+        Cells of each row.
     """
     cells = table.map(lambda value: as_word(float(f"{value:.4g}")) if isinstance(value, float) else str(value))
     return list(table.columns), cells.values.tolist()
 
 
 def _scale(table: pandas.DataFrame, column: str = "value") -> tuple[float, str]:
-    """Factor and unit of the numbers in a column, all of one unit."""
+    """Factor and prefixed unit of the numbers in a column, which all have the same unit."""
     return prefixed(float(table[column].abs().max()), table.unit.iloc[0])
 
 
@@ -210,36 +211,36 @@ def _number(record: dict[Any, Any], column: str, factor: float, latex: bool) -> 
 
 
 def remarks_explained(*tables: pandas.DataFrame) -> list[str]:
-    """A line for each remark that replaces numbers in some tables.
+    """Explanations of the remarks that replace numbers in tables, one line per remark.
 
     Parameters
     ----------
     *tables : pandas.DataFrame
-        With a column ``remark``.
+        Tables with a column ``remark``.
 
     Returns
     -------
     list[str]
         Empty if there is no remark.
     """
-    said = {remark for table in tables for remark in table.remark}
-    return [f"{remark}: {meaning}." for remark, meaning in REMARKS.items() if remark in said]
+    remarks = {remark for table in tables for remark in table.remark}
+    return [f"{remark}: {meaning}." for remark, meaning in REMARKS.items() if remark in remarks]
 
 
 def latex_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A plain ``tabular``, which needs no package. Cells that start and end with ``$`` are not escaped.
+    """A plain LaTeX ``tabular``, which needs no package. Cells that start and end with ``$`` are not escaped.
 
     Parameters
     ----------
     headings : sequence of str
-        Of the columns.
+        Headings of the columns.
     rows : sequence of sequence of str
-        Their cells.
+        Cells of each row.
 
     Returns
     -------
     str
-        Text of LaTeX.
+        LaTeX source.
     """
 
     def line(cells: Sequence[str]) -> str:
@@ -256,17 +257,17 @@ def escape(text: str) -> str:
 
 
 def as_word(value: Any) -> str:
-    """A parameter or a number as text; ``-`` if missing.
+    """A parameter or a number as text.
 
     Parameters
     ----------
     value : Any
-        A number is given six digits.
+        A float is printed with six digits.
 
     Returns
     -------
     str
-        One word.
+        ``-`` for a number that is not finite.
     """
     if isinstance(value, float):
         return f"{value:.6g}" if math.isfinite(value) else "-"

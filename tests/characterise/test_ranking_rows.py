@@ -50,4 +50,4 @@ def test_a_variant_of_a_larger_error_may_be_first_more_often():
     found = compare(study_of([0.02, 0.0199, 0.0199, 0.0199], [1e-4, 2e-3, 2e-3, 2e-3]), "mean_slope")
     best = found.table["first"]
     assert best.sum() == pytest.approx(1) and found.table.cell[0] == "a" and best.max() > best[0]
-    assert "whose error is larger" in ranking_notes(found)[-1] and len(ranking_notes(found)) == 2
+    assert "with a larger error" in ranking_notes(found)[-1] and len(ranking_notes(found)) == 2

@@ -74,7 +74,7 @@ def test_a_grid_of_six_by_two(attrs):
 
 
 def test_what_is_no_grid_or_no_tangential_load_is_refused():
-    with pytest.raises(InputError, match="12 taxels are no square"):
+    with pytest.raises(InputError, match="12 taxels do not form a square"):
         tangential_maps(load((1, 0), (6, 2)))
     (one,) = experiments(load((1, 0)))
     with pytest.raises(InputError, match="4 rows and 2 columns"):

@@ -114,7 +114,7 @@ def test_a_tangential_load(characterise, tmp_path, monkeypatch, taxels, maps):
     monkeypatch.setattr(mitsuba_taxel, "open_study", lambda folder: tangential(taxels), raising=False)
     code, out, err = characterise(tmp_path)
     assert code == 0 and err == "" and sorted(os.listdir(tmp_path)) == sorted([*FILES, *maps])
-    assert ("Symmetric pairs" in out) == bool(maps) and ("12 taxels are no square" in out) != bool(maps)
+    assert ("Symmetric pairs" in out) == bool(maps) and ("12 taxels do not form a square" in out) != bool(maps)
 
 
 def test_scenes_notes_and_missing_readings(characterise, tmp_path, monkeypatch):

@@ -1,1 +1,1 @@
-"""Variants of a sensor, ranked by a figure of merit: experiments enter, probabilities and their words leave."""
+"""Ranking of variants of a sensor by a figure of merit: from experiments to probabilities, and their text."""

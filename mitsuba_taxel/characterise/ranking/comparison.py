@@ -32,26 +32,28 @@ NEEDS = {
     "repeatability": "two cycles",
 }
 SLACK = 1 + 1e-9
-"""Factor of forces that are equal to a limit but for rounding."""
+"""Factor that absorbs rounding where a force is compared with a limit."""
 WITHIN = 0.5
-"""Least probability to meet the limits of a variant that counts as within them."""
+"""Least probability of meeting the limits with which a variant counts as within them."""
 DRAWS = 20_000
-"""Random draws for the probabilities: accurate to 0.4 percentage points."""
+"""Random draws for the probabilities, which are then accurate to 0.4 percentage points."""
 
 
 class Comparison(NamedTuple):
     """Variants by rank.
 
-    Where no variant is more likely within the limits than not, none has a rank, and ``behind`` is NaN.
+    If no variant meets the limits with a probability of at least one half, no variant has a rank, and ``behind`` is
+    NaN.
 
     Attributes
     ----------
     table : pandas.DataFrame
         A row for each variant: ``rank``; the parameters in which the variants differ; a column for each figure and its
-        ``_error``; ``allowed``, the probability that the variant meets the limits; ``first``, that it is the best of
-        those that do; ``behind``, the difference from the first one, and ``behind_error``.
+        ``_error``; ``allowed``, the probability that the variant meets the limits; ``first``, the probability that it
+        is the best of the variants that meet them; ``behind``, the difference from the first variant, and
+        ``behind_error``.
     by : str
-        The figure of the ranking.
+        The figure by which variants are ranked.
     limits : dict[str, float]
         Largest magnitudes of figures, in their units.
     unit : dict[str, str]
@@ -61,7 +63,7 @@ class Comparison(NamedTuple):
     volts : pandas.DataFrame or None
         The ``volts_table`` of all studies; None without a circuit.
     notes : list[str]
-        What a reader of the table should know.
+        Remarks for readers of the table.
     """
 
     table: pandas.DataFrame
@@ -79,11 +81,18 @@ class Comparison(NamedTuple):
 
 
 class _Variant(NamedTuple):
+    """A variant of the sensor and its readings along the force.
+
+    ``where`` holds the parameters of the variant, ``changed`` the readings changed by each mode of the errors of the
+    shape, ``numbers`` what determines its random numbers (seed, points, replicates), and ``saturated`` the least
+    magnitude of force in N at which a taxel saturates.
+    """
+
     where: dict[str, Any]
     reading: Experiment
-    off: dict[Mode, list[Experiment]]
-    numbers: tuple[Any, ...]  # the random numbers: seed and points
-    saturated: float = math.inf  # least magnitude of force in N at which a taxel saturates
+    changed: dict[Mode, list[Experiment]]
+    numbers: tuple[Any, ...]
+    saturated: float = math.inf
 
 
 def compare(
@@ -95,31 +104,33 @@ def compare(
     up_to: float | None = None,
     circuit: Circuit | None = None,
 ) -> Comparison:
-    """Rank the variants of a sensor in studies: one for each combination of the parameters varied besides the force.
+    """Rank the variants of a sensor in studies; each combination of the parameters besides the force is a variant.
 
-    Arrays are represented by one channel. Slopes are ranked by magnitude, the largest first; deviations the smallest
-    first. Errors are those of ``taxel characterise``. Variants of the same seed and points share their random numbers,
-    whose common effect cancels in differences, as estimated by the jackknife over replicates. Errors of mechanics and
-    geometry have a correlation of 0.88 between variants that differ in numerical parameters only; those of other shapes
-    or scenes are independent.
+    Arrays are represented by one channel. Slopes are ranked by magnitude, the largest first; deviations are ranked the
+    smallest first. Errors are those of ``taxel characterise``. Variants of the same seed and points share their random
+    numbers, whose common effect cancels in differences, as estimated by the jackknife over replicates. Errors of
+    mechanics and geometry have a correlation of 0.88 between variants that differ in numerical parameters only; between
+    other variants and between scenes they are independent.
 
-    Readings are in volts if there is a circuit, else in watts. A variant that saturates within the range of forces is
-    not ranked, as its figures are those of its circuit.
+    Readings are in volts with a circuit, otherwise in watts. A variant that saturates within the range of forces is not
+    ranked, as its figures are then those of its circuit.
 
     Parameters
     ----------
     studies : Mapping[str, xr.Dataset or xr.DataTree]
         Studies by a unique name.
     by : str
-        One of max_slope, mean_slope, zero_slope, relative_slope, nonlinearity, hysteresis and repeatability.
+        Figure by which to rank: max_slope, mean_slope, zero_slope, relative_slope, nonlinearity, hysteresis or
+        repeatability.
     at_most : Mapping[str, float], optional
-        Limits of some of these in their units: % for deviations, %/N and W/N, or V/N behind a circuit, for slopes.
+        Largest magnitudes of figures in their units: % for deviations, %/N and W/N, or V/N behind a circuit, for
+        slopes.
     force : str, optional
         Force along which to compare, if the studies vary several.
     up_to : float, optional
         Largest force in N that is used; variants that do not reach it are left out.
     circuit : Circuit, optional
-        Behind which all readings are compared, instead of those of the studies.
+        Circuit for all readings, instead of the circuits of the studies.
 
     Returns
     -------
@@ -129,7 +140,7 @@ def compare(
     Raises
     ------
     InputError
-        if there are fewer than two variants, all saturate, or they lack a figure; or if only some of the studies have a
+        if there are fewer than two variants, if all saturate or lack a figure, or if only some of the studies have a
         circuit.
     """
     import pandas
@@ -138,6 +149,8 @@ def compare(
     for name in (by, *limits):
         if name not in FIGURES:
             raise InputError(f"figure {name!r} is not known: one of {', '.join(FIGURES)} is needed.")
+
+    # Variants along one force, within its range, unsaturated, with one channel each.
     notes: list[str] = []
     circuits = _circuits(studies, circuit)
     variants = _in_range(_along(list(_variants(studies, circuits)), force), up_to, notes)
@@ -145,20 +158,26 @@ def compare(
         raise InputError(f"{len(variants)} variants along a force are not enough: at least two to compare are needed.")
     variants = _unsaturated(variants, up_to, notes)
     variants, channel = _one_channel(variants)
+
+    # Random draws of all figures (draws, figures, variants) with their errors and correlations.
     names = list(dict.fromkeys([by, *limits]))
-    value, light, shifts, units = _figures(variants, names)
-    covariance = _covariance(variants, names, light, shifts)
+    value, light, shape_shifts, units = _figures(variants, names)
+    covariance = _covariance(variants, names, light, shape_shifts)
     random = np.random.default_rng(0)
     drawn = random.multivariate_normal(value.ravel(), covariance, DRAWS, method="eigh").reshape(DRAWS, *value.shape)
+
+    # Probabilities to meet the limits, and to be the best variant that meets them.
     allowed = np.ones((DRAWS, len(variants)), dtype=bool)
     for name, limit in limits.items():
         allowed &= np.abs(drawn[:, names.index(name)]) <= limit
     score = np.where(allowed, _score(by, drawn[:, 0]), -np.inf)
     first = np.bincount(score.argmax(axis=1)[allowed.any(axis=1)], minlength=len(variants)) / DRAWS
-    meets = allowed.mean(axis=0)
-    within = meets >= WITHIN
-    order = np.lexsort((-_score(by, value[0]), ~within if within.any() else -meets))
-    table = _table(variants, names, value, covariance, meets, first, order)
+    meets_limits = allowed.mean(axis=0)
+
+    # Variants within the limits rank first, by their figure. If there are none, the probability to meet them counts.
+    within = meets_limits >= WITHIN
+    order = np.lexsort((-_score(by, value[0]), ~within if within.any() else -meets_limits))
+    table = _table(variants, names, value, covariance, meets_limits, first, order)
     if not within.any():
         table = table.assign(
             rank=pandas.array([pandas.NA] * len(table), dtype="Int64"), behind=np.nan, behind_error=np.nan
@@ -168,19 +187,20 @@ def compare(
 
 
 def _score(by: str, value: np.ndarray) -> np.ndarray:
+    """The larger, the better: magnitude of a slope, minus a deviation."""
     return -value if by in DEVIATIONS else np.abs(value)
 
 
 def _circuits(studies: Mapping[str, xr.Dataset | xr.DataTree], circuit: Circuit | None) -> dict[str, Circuit]:
     """The circuit behind each study; empty if there is none."""
-    own = {name: circuit or circuit_of_study(study) for name, study in studies.items()}
-    known = {name: each for name, each in own.items() if each is not None}
-    if known and len(known) < len(own):
-        without = next(name for name in own if name not in known)
+    of_study = {name: circuit or circuit_of_study(study) for name, study in studies.items()}
+    circuits = {name: value for name, value in of_study.items() if value is not None}
+    if circuits and len(circuits) < len(of_study):
+        without = next(name for name in of_study if name not in circuits)
         raise InputError(
-            f"{next(iter(known))} in volts and {without} in watts cannot be compared: a circuit for all is needed."
+            f"{next(iter(circuits))} in volts and {without} in watts cannot be compared: a circuit for all is needed."
         )
-    return known
+    return circuits
 
 
 def _volts(
@@ -190,7 +210,7 @@ def _volts(
     up_to: float | None,
     notes: list[str],
 ) -> pandas.DataFrame:
-    """What the circuits show along the lines that are compared; that steps of a converter hide the noise is noted."""
+    """Circuit figures of all studies along the compared force; adds a note if converter steps hide the noise."""
     import pandas
 
     tables = [
@@ -204,50 +224,53 @@ def _volts(
         for name, rows in table.groupby("study", sort=False)
         for note in resolution_notes(circuits[str(name)].step, rows.noise_V.to_numpy())
     )
-    first = ["force", *(["study"] if len(studies) > 1 else [])]
-    return table[[*first, *(name for name in table.columns if name not in ("force", "study"))]]
+    leading = ["force", *(["study"] if len(studies) > 1 else [])]
+    return table[[*leading, *(name for name in table.columns if name not in ("force", "study"))]]
 
 
 def _variants(studies: Mapping[str, xr.Dataset | xr.DataTree], circuits: Mapping[str, Circuit]) -> Iterator[_Variant]:
+    """All variants of all studies and scenes, with readings in volts behind their circuit."""
+
+    def readings_of(name: str, leaf: xr.Dataset) -> list[Experiment]:
+        return experiments(in_volts(leaf, circuits[name]) if circuits else leaf)
+
     for name, study in studies.items():
-        for each in [study] if isinstance(study, xr.Dataset) else study.leaves:
-            scene, leaf = ("", each) if isinstance(each, xr.Dataset) else (each.name, each.to_dataset())
+        for node in [study] if isinstance(study, xr.Dataset) else study.leaves:
+            scene, leaf = ("", node) if isinstance(node, xr.Dataset) else (node.name, node.to_dataset())
             labels = {**({"study": name} if len(studies) > 1 else {}), **({"scene": scene} if scene else {})}
-            numbers = (leaf.attrs.get("seed"), leaf.attrs.get("points"), leaf.sizes["replicate"])
+            random_numbers = (leaf.attrs.get("seed"), leaf.attrs.get("points"), leaf.sizes["replicate"])
             watts = experiments(leaf)
-            found = experiments(in_volts(leaf, circuits[name])) if circuits else watts
-            off = {
-                mode: [experiments(in_volts(each, circuits[name]) if circuits else each) for each in both]
-                for mode, both in off_by_shape(leaf).items()
-            }
-            for number, one in enumerate(found):
-                if one.loading_runs:
+            changed = {mode: [readings_of(name, side) for side in pair] for mode, pair in off_by_shape(leaf).items()}
+            for number, reading in enumerate(readings_of(name, leaf)):
+                if reading.loading_runs:
                     saturated = _saturated(watts[number], circuits[name]) if circuits else math.inf
-                    changed = {mode: [all_[number] for all_ in both] for mode, both in off.items()}
-                    yield _Variant({**labels, **one.where}, one, changed, numbers, saturated)
+                    by_mode = {mode: [side[number] for side in pair] for mode, pair in changed.items()}
+                    yield _Variant({**labels, **reading.where}, reading, by_mode, random_numbers, saturated)
 
 
 def _saturated(watts: Experiment, circuit: Circuit) -> float:
-    """Least magnitude of force at which a taxel brings the output to the circuit's limit; infinite if none does."""
+    """Least magnitude of force in N at which the output of a taxel reaches the limit of the circuit, or infinity."""
     rest = 0.0 if watts.rest is None else watts.rest.mean(axis=0)
     forces = [saturation_force(circuit, run.force, run.value + rest) for run in watts.runs if len(run.force)]
     return float(np.nanmin(np.abs(forces), initial=math.inf))
 
 
 def _unsaturated(variants: list[_Variant], up_to: float | None, notes: list[str]) -> list[_Variant]:
-    """Variants that do not saturate within the range of force; the others are noted and left out."""
-    most = math.inf if up_to is None else up_to * SLACK
-    blind = [one for one in variants if one.saturated <= most and math.isfinite(one.saturated)]
-    for one in blind:
-        where = "at rest" if one.saturated == 0 else f"from {one.saturated:.4g} N on"
-        notes.append(f"Left out, as its output is saturated {where}: {_words(one.where)}.")
-    if len(blind) == len(variants):
-        raise InputError(f"no variant can be ranked: all {len(blind)} saturate. {notes[-1]}")
-    return [one for one in variants if one not in blind]
+    """Variants that do not saturate within the range of force; others are left out, with a note."""
+    largest_force = math.inf if up_to is None else up_to * SLACK
+    saturated = [
+        variant for variant in variants if variant.saturated <= largest_force and math.isfinite(variant.saturated)
+    ]
+    for variant in saturated:
+        where = "at rest" if variant.saturated == 0 else f"from {variant.saturated:.4g} N on"
+        notes.append(f"Left out, as its output is saturated {where}: {_words(variant.where)}.")
+    if len(saturated) == len(variants):
+        raise InputError(f"no variant can be ranked: all {len(saturated)} saturate. {notes[-1]}")
+    return [variant for variant in variants if variant not in saturated]
 
 
 def _along(variants: list[_Variant], force: str | None) -> list[_Variant]:
-    """The variants along one force."""
+    """The variants along the force ``force``, or along the only force if it is None."""
     forces = list(dict.fromkeys(variant.reading.force for variant in variants))
     if force is None and len(forces) > 1:
         raise InputError(f"variants along {' and '.join(forces)} cannot be compared: one force has to be named.")
@@ -257,65 +280,70 @@ def _along(variants: list[_Variant], force: str | None) -> list[_Variant]:
 
 
 def _in_range(variants: list[_Variant], up_to: float | None, notes: list[str]) -> list[_Variant]:
-    """Variants restricted to a range of force; those that do not reach it are noted and left out."""
+    """Variants restricted to a range of force; variants that do not reach its end are left out, with a note."""
     if up_to is None:
         return variants
 
-    def cut(one: Experiment) -> Experiment:
-        parts = (run.part(np.abs(run.force) <= up_to * SLACK) for run in one.runs)
-        return replace(one, runs=tuple(part for part in parts if len(part.force) > 1))
+    def cut(reading: Experiment) -> Experiment:
+        branches = (run.part(np.abs(run.force) <= up_to * SLACK) for run in reading.runs)
+        return replace(reading, runs=tuple(branch for branch in branches if len(branch.force) > 1))
 
     reach = [max(np.abs(run.force).max() for run in variant.reading.runs) for variant in variants]
-    for variant, most in zip(variants, reach, strict=True):
-        if most < up_to * (1 - 1e-9):
-            notes.append(f"Left out, as it ends at {most:g} N: {_words(variant.where)}.")
-    enough = [one for one, most in zip(variants, reach, strict=True) if most >= up_to * (1 - 1e-9)]
-    return [_mapped(one, cut) for one in enough]
+    for variant, largest_force in zip(variants, reach, strict=True):
+        if largest_force < up_to * (1 - 1e-9):
+            notes.append(f"Left out, as it ends at {largest_force:g} N: {_words(variant.where)}.")
+    kept = [variant for variant, largest in zip(variants, reach, strict=True) if largest >= up_to * (1 - 1e-9)]
+    return [_mapped(variant, cut) for variant in kept]
 
 
 def _mapped(variant: _Variant, function: Callable[[Experiment], Experiment]) -> _Variant:
-    off = {mode: list(map(function, both)) for mode, both in variant.off.items()}
-    return variant._replace(reading=function(variant.reading), off=off)
+    """The variant with a function applied to its readings and to its changed readings."""
+    changed = {mode: list(map(function, pair)) for mode, pair in variant.changed.items()}
+    return variant._replace(reading=function(variant.reading), changed=changed)
 
 
 def _one_channel(variants: list[_Variant]) -> tuple[list[_Variant], str]:
+    """Variants reduced to one channel, and the name of that channel."""
     readings = [variant.reading for variant in variants]
-    alike = len({len(one.taxel) for one in readings}) == 1
-    channels = [common_channel(readings if alike else [one]) for one in readings]
+    same_size = len({len(reading.taxel) for reading in readings}) == 1
+    channels = [common_channel(readings if same_size else [reading]) for reading in readings]
     reduced = [
-        _mapped(one, lambda each, weights=weights: each.weighted(weights))  # type: ignore[misc]
-        for one, (weights, _) in zip(variants, channels, strict=True)
+        _mapped(variant, lambda reading, weights=weights: reading.weighted(weights))  # type: ignore[misc]
+        for variant, (weights, _) in zip(variants, channels, strict=True)
     ]
-    return reduced, channels[0].words if alike else "mean of the taxels of each"
+    return reduced, channels[0].words if same_size else "mean of the taxels of each"
 
 
-def _found(readings: Sequence[Experiment], names: Sequence[str], column: str = "value") -> np.ndarray:
-    """(figures, readings) of the first run of growing force."""
-    table = characteristics([replace(one, where={"number": number}) for number, one in enumerate(readings)])
+def _first_run_figures(readings: Sequence[Experiment], names: Sequence[str], column: str = "value") -> np.ndarray:
+    """Figures (figures, readings) of the first run of growing force of each reading, or their errors."""
+    table = characteristics([replace(reading, where={"number": number}) for number, reading in enumerate(readings)])
     rows: list[dict[str, float]] = [{} for _ in readings]
     for number, figure, loading, cell in zip(table.number, table.figure, table.loading, table[column], strict=True):
         if loading == 1:
             rows[number][figure] = cell
     for name in names:
         if any(name not in row or not np.isfinite(row[name]) for row in rows):
-            raise InputError(f"{name} is not known of every variant: {NEEDS.get(name, 'two forces')} are needed.")
+            raise InputError(f"{name} is unknown for some variants: {NEEDS.get(name, 'two forces')} are needed.")
     return np.array([[row[name] for row in rows] for name in names])
 
 
 def _figures(
     variants: Sequence[_Variant], names: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray], dict[str, str]]:
-    """Values, errors of the light, changes by each mode of the errors of the shape (figures, variants), and units.
+    """Values, errors of the light, and changes by each mode of the errors of the shape, each (figures, variants), with
+    the units of figures.
 
-    Errors of derivatives beside those of the shape are counted as of the light.
+    The errors of derivatives, less those of the shape, count as errors of the light.
     """
     readings = [variant.reading for variant in variants]
-    value, light = _found(readings, names), _found(readings, names, "error")
+    value, light = _first_run_figures(readings, names), _first_run_figures(readings, names, "error")
     shifts = []
-    for mode in dict.fromkeys(mode for variant in variants for mode in variant.off):
-        both = [[variant.off.get(mode, [variant.reading] * 2)[n] for variant in variants] for n in range(2)]
-        shifts.append(shape_shift(value, [_found(changed, names) for changed in both]))
-    derived = [[name.endswith("slope") and one.runs[0].tangents is not None for one in readings] for name in names]
+    for mode in dict.fromkeys(mode for variant in variants for mode in variant.changed):
+        pair = [[variant.changed.get(mode, [variant.reading] * 2)[n] for variant in variants] for n in range(2)]
+        shifts.append(shape_shift(value, [_first_run_figures(changed, names) for changed in pair]))
+    derived = [
+        [name.endswith("slope") and reading.runs[0].tangents is not None for reading in readings] for name in names
+    ]
     light = np.where(derived, besides_shape(light, shifts), light)
     table = characteristics(readings[:1])
     return value, light, shifts, dict(zip(table.figure, table.unit, strict=True))
@@ -324,26 +352,28 @@ def _figures(
 def _covariance(
     variants: Sequence[_Variant], names: Sequence[str], light: np.ndarray, shifts: Sequence[np.ndarray]
 ) -> np.ndarray:
-    """Covariance of all figures (figures x variants): of the light by the jackknife over replicates, and of the
-    shape."""
-    left_out = np.array([_found(_without_each(variant.reading), names) for variant in variants])
-    spread = left_out - left_out.mean(axis=2, keepdims=True)  # variants, figures, replicates
+    """Covariance of all figures of all variants, (figures x variants) squared: of the light, and of the shape."""
+    # Correlations of the light by the jackknife over replicates, of variants with the same random numbers.
+    jackknife = np.array([_first_run_figures(_without_each(variant.reading), names) for variant in variants])
+    spread = jackknife - jackknife.mean(axis=2, keepdims=True)  # variants, figures, replicates
     spread = spread.transpose(1, 0, 2).reshape(light.size, -1)
     size = np.linalg.norm(spread, axis=1)
-    share = spread / np.where(size > 0, size, 1)[:, None]
+    direction = spread / np.where(size > 0, size, 1)[:, None]
     numbers = [variant.numbers for variant in variants] * len(names)
-    shared = np.array([[one == other for other in numbers] for one in numbers])
-    correlation = np.where(shared, share @ share.T, 0.0)
+    same_numbers = np.array([[first == second for second in numbers] for first in numbers])
+    correlation = np.where(same_numbers, direction @ direction.T, 0.0)
     np.fill_diagonal(correlation, 1.0)
     errors = light.ravel()
-    kinds = [[value for value in variant.where.values() if isinstance(value, str)] for variant in variants]
-    same = np.array([[one == other for other in kinds] for one in kinds])
-    alike = np.tile(same * np.where(np.eye(len(variants)), 1.0, VARIANTS), (len(names), len(names)))
+
+    # Errors of the shape: nearly the same for variants that differ in numbers, independent between other variants.
+    labels = [[value for value in variant.where.values() if isinstance(value, str)] for variant in variants]
+    same_scene = np.array([[first == second for second in labels] for first in labels])
+    alike = np.tile(same_scene * np.where(np.eye(len(variants)), 1.0, VARIANTS), (len(names), len(names)))
     return correlation * np.outer(errors, errors) + alike * sum(np.outer(shift, shift) for shift in shifts)
 
 
 def _without_each(reading: Experiment) -> list[Experiment]:
-    """The experiment without each of its replicates."""
+    """The experiment with each of its replicates left out in turn."""
     count = reading.runs[0].samples.shape[1]
 
     def without(number: int) -> Experiment:
@@ -359,10 +389,11 @@ def _table(
     names: Sequence[str],
     value: np.ndarray,
     covariance: np.ndarray,
-    meets: np.ndarray,
+    meets_limits: np.ndarray,
     first: np.ndarray,
     order: np.ndarray,
 ) -> pandas.DataFrame:
+    """The table of a :class:`Comparison`, its rows in the order of the ranks."""
     import pandas
 
     count = len(variants)
@@ -370,20 +401,21 @@ def _table(
     sign, best = np.sign(value[0]) if names[0] not in DEVIATIONS else -np.ones(count), order[0]
     rows = []
     for rank, number in enumerate(order.tolist(), start=1):
+        # The difference from the best variant is a weighted sum of the figures.
         weights = np.zeros(covariance.shape[0])
         weights[best] += sign[best]
         weights[number] -= sign[number]
         figures = {
             key: cell
-            for place, name in enumerate(names)
-            for key, cell in ((name, value[place, number]), (f"{name}_error", error[place, number]))
+            for row, name in enumerate(names)
+            for key, cell in ((name, value[row, number]), (f"{name}_error", error[row, number]))
         }
         rows.append(
             {
                 "rank": rank,
                 **variants[number].where,
                 **figures,
-                "allowed": meets[number],
+                "allowed": meets_limits[number],
                 "first": first[number],
                 "behind": float(weights[:count] @ value[0]),
                 "behind_error": float(np.sqrt(max(weights @ covariance @ weights, 0.0))),
@@ -393,4 +425,5 @@ def _table(
 
 
 def _words(where: Mapping[str, Any]) -> str:
+    """The parameters of a variant as text."""
     return ", ".join(f"{name} = {value}" for name, value in where.items())

@@ -1,4 +1,4 @@
-"""A ranking of variants as text: rows of a table, and what explains its probabilities."""
+"""A ranking of variants as text: rows of a table, and notes that explain its probabilities."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from mitsuba_taxel.characterise.ranking.comparison import DRAWS, Comparison
 from mitsuba_taxel.characterise.wording import AS_SHOWN, as_word, figure_rows, with_error
 
 
-def varied_names(found: Comparison) -> list[str]:
-    """Columns in which the variants differ.
+def varied_names(comparison: Comparison) -> list[str]:
+    """Parameters in which the variants of a comparison differ.
 
     Parameters
     ----------
-    found : Comparison
-        As :func:`compare` returns it.
+    comparison : Comparison
+        As returned by :func:`compare`.
 
     Returns
     -------
     list[str]
         Names of parameters.
     """
-    names = list(found.table.columns)
-    return names[1 : names.index(found.by)]
+    names = list(comparison.table.columns)
+    return names[1 : names.index(comparison.by)]
 
 
-def comparison_rows(found: Comparison) -> tuple[list[str], list[list[str]]]:
+def comparison_rows(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of a comparison, as text."""
-    table, where = found.table, varied_names(found)
+    table, where = comparison.table, varied_names(comparison)
     names = [name for name in table.columns if f"{name}_error" in table.columns]
-    units = {**found.unit, "behind": found.unit[found.by]}
+    units = {**comparison.unit, "behind": comparison.unit[comparison.by]}
     scale = {name: prefixed(float(table[name].abs().max()), units[name]) for name in names}
     limited = bool((table.allowed < 1).any()) or len(names) > 2
     shown = [name for name in names if name != "behind"]
@@ -37,7 +37,7 @@ def comparison_rows(found: Comparison) -> tuple[list[str], list[list[str]]]:
     headings += [*(["allowed"] if limited else []), "first", f"behind [{scale['behind'][1]}]"]
     rows = []
     for record in table.to_dict("records"):
-        cells = [str(record["rank"]) if found.ranked else "-", *(as_word(record[name]) for name in where)]
+        cells = [str(record["rank"]) if comparison.ranked else "-", *(as_word(record[name]) for name in where)]
         numbers = {
             name: with_error(*(record[key] / scale[name][0] for key in (name, f"{name}_error"))) for name in names
         }
@@ -47,40 +47,40 @@ def comparison_rows(found: Comparison) -> tuple[list[str], list[list[str]]]:
     return headings, rows
 
 
-def printed_comparison(found: Comparison) -> Printed:
-    """A comparison as it is printed.
+def printed_comparison(comparison: Comparison) -> Printed:
+    """A comparison as tables and notes for the terminal.
 
     Parameters
     ----------
-    found : Comparison
-        As :func:`compare` returns it.
+    comparison : Comparison
+        As returned by :func:`compare`.
 
     Returns
     -------
     Printed
         Tables and notes.
     """
-    of = "" if found.volts is None else "readings in V"
-    title = ", ".join(filter(None, (f"By {found.by.replace('_', ' ')}", of, found.channel)))
-    shown: Printed = [figures_table(title, *comparison_rows(found)), *ranking_notes(found)]
-    if found.volts is not None and len(found.volts):
-        shown.append(figures_table(AS_SHOWN, *figure_rows(found.volts)))
-    return [*shown, *found.notes]
+    unit = "" if comparison.volts is None else "readings in V"
+    title = ", ".join(filter(None, (f"By {comparison.by.replace('_', ' ')}", unit, comparison.channel)))
+    shown: Printed = [figures_table(title, *comparison_rows(comparison)), *ranking_notes(comparison)]
+    if comparison.volts is not None and len(comparison.volts):
+        shown.append(figures_table(AS_SHOWN, *figure_rows(comparison.volts)))
+    return [*shown, *comparison.notes]
 
 
-def ranking_notes(found: Comparison) -> list[str]:
+def ranking_notes(comparison: Comparison) -> list[str]:
     """Lines that explain the columns of a comparison."""
-    best = found.table["first"]
+    best = comparison.table["first"]
     lines = [
-        "first: probability to be the best of those within the limits, in "
-        f"{DRAWS} draws of all figures with their errors; behind: difference from the first, with its error."
+        "first: probability of being the best variant within the limits, in "
+        f"{DRAWS} draws of all figures with their errors; behind: difference from the first variant, with its error."
     ]
-    nobody = 1 - best.sum()
-    if nobody > 0.5 / DRAWS:
-        lines.append(f"In {nobody:.1%} of the draws no variant is within the limits.")
-    if best.max() > best.iloc[0] and found.ranked:
+    none_allowed = 1 - best.sum()
+    if none_allowed > 0.5 / DRAWS:
+        lines.append(f"In {none_allowed:.1%} of the draws no variant is within the limits.")
+    if best.max() > best.iloc[0] and comparison.ranked:
         lines.append(
-            "Ranks follow the figures themselves: a variant whose error is larger may be the best more often than one "
-            "that ranks before it."
+            "Variants rank by the value of their figure: a variant with a larger error may be the best more often than "
+            "a variant that ranks before it."
         )
     return lines

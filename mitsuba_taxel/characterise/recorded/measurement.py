@@ -26,11 +26,22 @@ FORCE_COLUMNS = ({"force"}, {"fx"}, {"fy"}, {"fz"}, {"fx", "fy", "fz"})
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """A record of a bench.
+    """A record of force and voltages from a test bench.
 
-    ``time`` (rows,) in s, or None if the record has no column of it; ``force`` (rows, 1 or 3) in N, its columns named
-    by ``force_names``; ``voltage`` (rows, taxels) in V; ``taxel`` (taxels,) their numbers; ``file`` where it comes
-    from, for messages.
+    Attributes
+    ----------
+    time : (rows,) ndarray or None
+        In s; None if the record has no column of time.
+    force : (rows, 1 or 3) ndarray
+        In N.
+    force_names : tuple[str, ...]
+        Names of the columns of ``force``.
+    voltage : (rows, taxels) ndarray
+        In V.
+    taxel : (taxels,) ndarray
+        Numbers of the taxels.
+    file : str
+        Name of the file, for messages.
     """
 
     time: np.ndarray | None
@@ -45,18 +56,18 @@ def read_measurement(file: str | Path) -> Measurement:
     """Read a table of time, force and one voltage per taxel: ``time_s,force_N,v1_V,v2_V``; see
     `mitsuba_taxel.base.files.table.read_table`.
 
-    Every heading is a name and a unit, such as ``v1_V``, ``v1 [V]`` or ``v1 (V)``, or the units are a line of their
-    own; names are case-insensitive, in any order:
+    A heading is a name and a unit, such as ``v1_V``, ``v1 [V]`` or ``v1 (V)``; the units may also stand on a separate
+    line. Names are case-insensitive. Columns may be in any order:
 
     - ``time`` or ``t`` in s or ms, or ``millis``, rising from row to row; without it, rows are in the order of the
       record;
-    - ``force`` or ``f``, or one of ``fx``, ``fy``, ``fz``, or all three of these, in N, mN, kN, g or kg of weight;
+    - ``force`` or ``f``, or ``fx``, ``fy`` or ``fz``, or all three components, in N, mN, kN, g or kg of weight;
     - ``v1``, ``v2``, ... or ``voltage1``, ... in V or mV, with the number of the taxel.
 
     Parameters
     ----------
     file : str or Path
-        The table, as text.
+        A text file.
 
     Returns
     -------
@@ -66,8 +77,8 @@ def read_measurement(file: str | Path) -> Measurement:
     Raises
     ------
     InputError
-        if the file cannot be read, a heading is none of these, or a number is missing, not finite or out of order;
-        the message names the line of the file and the column.
+        if the file cannot be read, a heading is unknown, or a number is missing, not finite or out of order; the
+        message names the line of the file and the column.
     """
 
     def refuse(problem: str) -> NoReturn:
@@ -77,17 +88,21 @@ def read_measurement(file: str | Path) -> Measurement:
     headings = [column.heading for column in table.columns]
     if not any(map(str.isalpha, "".join(headings))):
         refuse(" has no headings: a first line such as time_s,force_N,v1_V,v2_V is needed.")
+
+    # The quantity of each column: time, a force or the number of a taxel.
     volts = [column for column in table.columns if _VOLTAGE.fullmatch(column.name.lower())]
     names = [_quantity(column, len(volts), refuse) for column in table.columns]
     forces = tuple(sorted(name for name in names if not isinstance(name, int) and name != "time"))
     taxels = sorted(name for name in names if isinstance(name, int))
     shown = f"{', '.join(headings)} (separated by {table.separator})"
     if len(set(names)) < len(names):
-        refuse(f": columns {shown} are not allowed: each must occur once.")
+        refuse(f": columns {shown} are not allowed: each quantity must occur once.")
     if set(forces) not in FORCE_COLUMNS or not taxels:
         refuse(f": columns {shown} are not enough: force_N (or fx_N, fy_N, fz_N) and v1_V, ... are needed.")
     if len(table.lines) < FEWEST_ROWS:
         refuse(f" holds {len(table.lines)} rows of numbers: at least {FEWEST_ROWS} are needed.")
+
+    # Time rises from row to row; forces are converted into N and voltages into V.
     data = np.stack([table.numbers(column) for column in table.columns], axis=1)
     if "time" in names:
         clock = names.index("time")

@@ -1,4 +1,4 @@
-"""From a recorded measurement to an experiment: turning points of the load, and each run's curve with its noise."""
+"""From a recorded measurement to an experiment: turning points of the load, curves of the runs and their noise."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from mitsuba_taxel.characterise.recorded.recorded_noise import LEAST_CORRELATION
 from mitsuba_taxel.characterise.recorded.recorded_points import middle_of_turn, noise_of, points_of
 
 REPLICATES = 64
-"""Samples of each point that carry its error."""
+"""Samples of each point, whose scatter represents its error."""
 SMALLEST_RUN = 0.1
-"""Least share of the whole range of force covered by a run; less is noise or a hold."""
+"""Least fraction of the range of force that a run covers; less is noise or a hold."""
 UNLOADED = 0.02
-"""Largest force at rest, relative to the largest one, that needs no word."""
+"""Largest force at rest, relative to the largest force, that is not mentioned in a note."""
 ROUGH = 0.7
-"""Correlation of neighbouring rows from which errors may be a third too small."""
+"""Correlation of neighbouring rows above which errors may be a third too small."""
 NEAR_REST = 0.005
-"""Relative to the largest force: points so near to the least force count as those of least force."""
+"""Points within this fraction of the largest force from the least force count as points of least force."""
 
 
 def recorded_experiment(measurement: Measurement) -> Experiment:
@@ -31,11 +31,11 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
     noise. Three components of force must change together along one line; the component along this line is used.
 
     Each run becomes a curve: a point for each hold of the force, such as a weight, and at most 40 points evenly spread
-    over the ranges in which it moves, each the mean of its rows. Errors of points follow from the noise of the rows
-    around the curve, with its correlation, and from the steps of the converter; they are the scatter of the samples.
-    Slower changes are not noise: drift and creep count as hysteresis and lack of repeatability. If the noise is
-    unknown, as of few rows, there is one sample and no error. Changes are relative to the first of the points of least
-    force.
+    over the ranges in which the force moves. A point is the mean of its rows. Errors of points follow from the noise of
+    the rows around the curve, with its correlation, and from the steps of the converter; the scatter of the samples
+    represents them. Slower changes are not noise: drift and creep count as hysteresis and lack of repeatability. If the
+    noise is unknown, as for few rows, there is one sample and no error. Changes are relative to the first of the points
+    of least force.
 
     Parameters
     ----------
@@ -54,35 +54,45 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
     """
     name, direction, force, pieces = runs_of(measurement)
     noise, voltage = noise_of(force), measurement.voltage
+
+    # Points of each run; a run that stands still at one level is left out.
     groups = [points_of(force[piece], noise) for piece in pieces]
     if not any(len(points) > 1 for points, _ in groups):
         raise InputError(
             f"measurement {measurement.file!r}: the force stands still at one level: at least two levels are needed."
         )
-    kept = [(piece, *group) for piece, group in zip(pieces, groups, strict=True) if len(group[0]) > 1]
-    curves = [_Curve(force[piece], voltage[piece], points) for piece, points, _ in kept]
-    residuals, steady, curve = ([getattr(one, name) for one in curves] for name in ("residuals", "steady", "curve"))
-    errors = point_errors(residuals, steady, curve, voltage)
-    values = [one.value for one in curves]
+    moving_runs = [(piece, *group) for piece, group in zip(pieces, groups, strict=True) if len(group[0]) > 1]
+    curves = [_Curve(force[piece], voltage[piece], points) for piece, points, _ in moving_runs]
+
+    # Samples of each point whose scatter represents its error.
+    residuals, steady, smooth = (
+        [getattr(curve, name) for curve in curves] for name in ("residuals", "steady", "curve")
+    )
+    errors = point_errors(residuals, steady, smooth, voltage)
+    values = [curve.value for curve in curves]
     points = [value[:, None] for value in values] if errors is None else with_errors(values, errors, REPLICATES)
-    runs = [one.branch(samples, moving) for one, samples, (*_, moving) in zip(curves, points, kept, strict=True)]
+    runs = [
+        curve.branch(samples, moving) for curve, samples, (*_, moving) in zip(curves, points, moving_runs, strict=True)
+    ]
+
+    # The reading at rest is that of the first point of least force.
     nodes, samples = (np.concatenate([getattr(run, name) for run in runs]) for name in ("force", "samples"))
     least, largest = np.abs(nodes).min(), np.abs(nodes).max()
     rest = samples[np.flatnonzero(np.abs(nodes) <= least + NEAR_REST * largest)[0]]
     notes = [f"{len(runs)} runs of {min(len(run.force) for run in runs)} points or more.", *_words(errors)]
     if least > UNLOADED * largest:
         notes.append(
-            f"The record never is without load: changes, and relative slopes, are those from the least force, "
-            f"{least:.3g} N."
+            f"The record never is without load: changes and relative slopes refer to the least force, {least:.3g} N."
         )
     return Experiment(name, direction, {}, "V", measurement.taxel, since(rest, runs), rest=rest, notes=tuple(notes))
 
 
 class _Curve:
-    """The means of a run's points, and its rows around the curve through them.
+    """The curve through the points of a run, and the residuals of its rows.
 
-    ``node`` (points,) in N; ``value`` and ``slope`` (points, channels) in V and V/N; ``residuals`` (rows, channels) of
-    each point in V, ``steady``, the same at a force without noise, and ``curve``, the curve there.
+    ``node`` (points,) is the mean force of each point in N; ``value`` and ``slope`` (points, channels) are its voltage
+    in V and the slope there in V/N. For each point, ``residuals`` (rows, channels) are the voltages less the curve in
+    V, ``steady`` the same with the curve at the force without its noise, and ``curve`` that curve.
     """
 
     def __init__(self, force: np.ndarray, voltage: np.ndarray, points: list[np.ndarray]) -> None:
@@ -92,40 +102,43 @@ class _Curve:
         self.node = np.array([force[rows].mean() for rows in points])
         self.value = np.array([voltage[rows].mean(axis=0) for rows in points])
         self.slope = self._slopes(self.value)
-        along = isotonic_regression(force, increasing=bool(force[-1] > force[0])).x
+        monotonic = isotonic_regression(force, increasing=bool(force[-1] > force[0])).x
         self.residuals, self.steady = (
             [
-                voltage[rows] - value - np.outer(at[rows] - node, slope)
+                voltage[rows] - value - np.outer(abscissa[rows] - node, slope)
                 for rows, value, node, slope in zip(points, self.value, self.node, self.slope, strict=True)
             ]
-            for at in (force, along)
+            for abscissa in (force, monotonic)
         )
         self.curve = [
-            value + np.outer(along[rows] - node, slope)
+            value + np.outer(monotonic[rows] - node, slope)
             for rows, value, node, slope in zip(points, self.value, self.node, self.slope, strict=True)
         ]
 
     def _slopes(self, value: np.ndarray) -> np.ndarray:
+        """Slopes of values (points, ...) against the force."""
         return np.gradient(value, self.node, axis=0, edge_order=2 if len(self.node) > 2 else 1)
 
     def branch(self, samples: np.ndarray, moving: tuple[bool, bool]) -> Branch:
-        """The curve with samples (points, replicates, channels), from end to end of a moving force instead of between
-        the middles of its last ranges."""
+        """The curve with samples (points, replicates, channels).
+
+        Where the force moves at an end of the run, the curve is extended from the middle of its last range to its end.
+        """
         ends, samples = self.node.copy(), samples.copy()
         slope = self._slopes(samples)
-        for place, rows in ((0, self.points[0]), (-1, self.points[-1])):
-            if moving[place]:
-                few = max(len(rows) // 8, 1)
-                ends[place] = self.force[rows[:few] if place == 0 else rows[-few:]].mean()
+        for end, rows in ((0, self.points[0]), (-1, self.points[-1])):
+            if moving[end]:
+                count = max(len(rows) // 8, 1)
+                ends[end] = self.force[rows[:count] if end == 0 else rows[-count:]].mean()
         samples += slope * (ends - self.node)[:, None, None]
         return Branch(ends, samples)
 
 
 def _words(errors: PointErrors | None) -> list[str]:
-    """What the errors are."""
+    """Notes on what the errors contain."""
     if errors is None:
         return [
-            "Error: not known (few rows, or no noise); without it the largest slope and deviations contain the noise, "
+            "Error: unknown (few rows, or no noise); without it the largest slope and deviations contain the noise, "
             "which makes them too large."
         ]
     words = ["Error: 1 sigma of the recording's noise."]
@@ -136,8 +149,8 @@ def _words(errors: PointErrors | None) -> list[str]:
         )
     if errors.hidden.any():
         words.append(
-            f"The converter's step of {errors.step[errors.hidden].max():.3g} V hides the noise: errors contain the "
-            "step / sqrt(12) that all rows of a point share."
+            f"The converter's step of {errors.step[errors.hidden].max():.3g} V hides the noise: errors contain "
+            "step / sqrt(12), which is common to all rows of a point."
         )
     return words
 
@@ -153,11 +166,11 @@ def runs_of(measurement: Measurement) -> tuple[str, np.ndarray, np.ndarray, list
     Returns
     -------
     name : str
-        Of the line of the force.
+        Name of the line of the force.
     direction : (3,) ndarray
-        Of that line.
+        Unit vector of that line.
     force : (rows,) ndarray
-        The component along it, N.
+        The component along that line, N.
     runs : list[slice]
         Rows of each run.
 
@@ -179,24 +192,24 @@ def _along_one_line(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
     force = measurement.force
     if force.shape[1] == 1:
         name = measurement.force_names[0]
-        return np.array([float(name == other) for other in FORCES]), force[:, 0]
+        return np.array([float(name == component) for component in FORCES]), force[:, 0]
     centred = force - force.mean(axis=0)
     direction = np.linalg.svd(centred, full_matrices=False)[2][0]
     direction[np.abs(direction) < SMALLEST_RUN] = 0  # cross-axis signal of the reference sensor
     direction /= np.linalg.norm(direction)
     direction *= np.sign(direction[np.flatnonzero(direction)[0]])
-    along = centred @ direction
-    across = np.sqrt(np.square(centred - along[:, None] * direction).sum(axis=1).mean())
-    if across > SMALLEST_RUN * np.ptp(along):
+    projection = centred @ direction
+    residual = np.sqrt(np.square(centred - projection[:, None] * direction).sum(axis=1).mean())
+    if residual > SMALLEST_RUN * np.ptp(projection):
         raise InputError(
             f"measurement {measurement.file!r}: the force changes in several directions "
-            f"({across:.2g} N, root mean square, off a line): a file for each direction is needed."
+            f"({residual:.2g} N, root mean square, off a line): a file for each direction is needed."
         )
     return direction, force @ direction
 
 
 def _turning_points(force: np.ndarray, noise: float, file: str) -> np.ndarray:
-    """Rows at which the force turns, with the first and the last."""
+    """Rows at which the force turns, including the first and the last row."""
     from scipy.signal import find_peaks
 
     spread = np.ptp(force)
