@@ -12,16 +12,17 @@ from mitsuba_taxel.base.arguments import path_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.toml import read_toml
 from mitsuba_taxel.parameters import REQUIRED, Checked, Number, number, values_of, whole
-from mitsuba_taxel.parameters.parameter import stated
+from mitsuba_taxel.parameters.parameter import parameter_field
 
 ROOM_TEMPERATURE = 25.0
-"""In degrees C; datasheets refer to it."""
+"""In degrees C: the temperature to which datasheets refer."""
 ZERO_CELSIUS = 273.15
 MOST_DECADES = 100
+"""Most decades by which the dark current may rise with temperature."""
 BOLTZMANN = 1.380649e-23
 """In J/K."""
 CHARGE = 1.602176634e-19
-"""Of an electron, in A s."""
+"""Elementary charge, in A s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +37,7 @@ class _Resistance(Number):
 class Circuit(Checked):
     """A phototransistor as emitter follower on a load resistor, a buffer and an analogue-digital converter.
 
-    It is the same for all taxels. Values from datasheets are those at 25 degrees C.
+    All taxels have the same circuit. Values are those at 25 degrees C, as in datasheets.
 
     Raises
     ------
@@ -45,9 +46,12 @@ class Circuit(Checked):
     """
 
     supply: float = number(REQUIRED, "V", "Supply voltage of phototransistor, buffer and converter.", above=0)
-    load_resistance: float = stated(
+    load_resistance: float = parameter_field(
         _Resistance(
-            default=REQUIRED, unit="Ohm", doc="From the emitter to ground; `inf` for an open emitter.", minimum=0
+            default=REQUIRED,
+            unit="Ohm",
+            doc="Load resistance from the emitter to ground; `inf` for an open emitter.",
+            minimum=0,
         )
     )
     transfer: float = number(
@@ -68,8 +72,8 @@ class Circuit(Checked):
     saturation_voltage: float = number(
         0.1,
         "V",
-        "Collector-emitter voltage at which the phototransistor passes half of its photocurrent; 0 for one that "
-        "passes all of it down to 0 V.",
+        "Collector-emitter voltage at which the phototransistor passes half of its photocurrent; with 0 it passes all "
+        "of it down to 0 V.",
         minimum=0,
     )
     dark_current: float = number(0.0, "A", "Current of the phototransistor without light.", minimum=0)
@@ -115,11 +119,12 @@ class Circuit(Checked):
                 )
 
     def _grown(self, drift: float) -> float:
+        """Factor of a quantity with a relative drift, at the temperature of the circuit."""
         return 1 + drift * (self.temperature - ROOM_TEMPERATURE)
 
     @property
     def current_per_power(self) -> float:
-        """Photocurrent per power of a reading, in A/W, with LED current and temperature."""
+        """Photocurrent per power of a reading, in A/W, at the LED current and the temperature."""
         emitted = 1.0 if self.led_current is None else self.led_current * (self.led_efficiency or 0.0)
         return emitted * self._grown(self.led_drift) * self.transfer * self._grown(self.transfer_drift)
 
@@ -150,8 +155,11 @@ class Circuit(Checked):
 
     @property
     def limit(self) -> float:
-        """Output in V from which the circuit counts as saturated: that of the converter or the buffer, or where the
-        phototransistor passes only half of its photocurrent."""
+        """Output in V above which the circuit counts as saturated.
+
+        It is the least of the converter's full scale, the supply, and the output at which the phototransistor passes
+        half of its photocurrent.
+        """
         return min(self.full_scale, self.supply, self.buffer_gain * (self.supply - self.saturation_voltage))
 
     def as_table(self) -> dict[str, Any]:
@@ -160,18 +168,18 @@ class Circuit(Checked):
         Returns
         -------
         dict[str, Any]
-            All parameters by name.
+            Values of the parameters by name.
         """
         return values_of(self)
 
 
 def circuit_of(table: object) -> Circuit:
-    """The circuit that a table of a TOML file describes.
+    """The circuit described by a table of a TOML file.
 
     Parameters
     ----------
     table : object
-        Numbers by the name of a parameter of :class:`Circuit`.
+        Values of the parameters of :class:`Circuit` by name.
 
     Returns
     -------
@@ -181,10 +189,10 @@ def circuit_of(table: object) -> Circuit:
     Raises
     ------
     InputError
-        if it is no such table, or a value is not allowed.
+        if it is not such a table, or a value is not allowed.
     """
     if not isinstance(table, Mapping):
-        raise InputError("circuit is not allowed as it stands: a table [circuit] of numbers is needed.")
+        raise InputError(f"circuit = {table!r} is not allowed: a table [circuit] of numbers is needed.")
     allowed = [field.name for field in fields(Circuit)]
     for name in table:
         if name not in allowed:
@@ -208,7 +216,7 @@ def read_circuit(file: str | Path) -> Circuit:
     Raises
     ------
     InputError
-        if it cannot be read, or is not a circuit.
+        if the file cannot be read, or does not describe a circuit.
     """
     file = path_of("circuit", file)
     content = read_toml(f"circuit {str(file)!r}", file)

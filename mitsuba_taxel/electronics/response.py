@@ -19,10 +19,10 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit
 
 BISECTIONS = 80
-"""Bisections of the voltage's range: beyond double precision."""
+"""Bisections of the range of voltages: enough for double precision."""
 LARGEST_EXPONENT = 700.0
 LEAST_CONDUCTANCE = 1e-200
-"""In 1/Ohm; smaller ones count as an open circuit."""
+"""In 1/Ohm; a smaller conductance counts as an open circuit."""
 
 
 class Response(NamedTuple):
@@ -33,22 +33,22 @@ class Response(NamedTuple):
     photocurrent : ndarray
         I_L in A, dark current included.
     voltage : ndarray
-        As the converter reads it, in V: at most its full scale.
+        Voltage that the converter reads, in V: at most its full scale.
     rate : ndarray
-        Its derivative with respect to the power, in V/W: 0 from the full scale on.
+        Derivative of ``voltage`` with respect to the power, in V/W: 0 at and above the full scale.
     counts : ndarray of int
-        From 0 to the converter's largest.
+        Counts of the converter, from 0 to the largest.
     saturated : ndarray of bool
         Where the output is at the circuit's limit (:attr:`Circuit.limit`).
     output : ndarray
-        Voltage before the converter, in V: at most the supply. Noise adds to this one.
+        Voltage before the converter, in V: at most the supply. Noise is added to this voltage.
     output_rate : ndarray
-        Its derivative with respect to the power, in V/W.
+        Derivative of ``output`` with respect to the power, in V/W.
     resistance : ndarray
         Small-signal resistance of the emitter's node in Ohm: the load in parallel with the phototransistor; 0 for an
         open emitter without any current, which stays at 0 V.
     passed : ndarray
-        Share of the photocurrent that the phototransistor passes.
+        Fraction of the photocurrent that the phototransistor passes.
     """
 
     photocurrent: np.ndarray
@@ -85,17 +85,23 @@ def respond(circuit: Circuit, power: Any) -> Response:
     power = np.asarray(power, dtype=float)
     if (power < 0).any():
         raise InputError(f"power = {power.min():g} is not allowed: at least 0 W is needed.")
+
+    # Operating point: the collector-emitter voltage, the fraction of the photocurrent that passes, the emitter voltage.
     current = circuit.current_per_power * power + circuit.leakage
     with np.errstate(divide="ignore"):
         conductance = np.divide(1.0, circuit.load_resistance)
     u = _excess(circuit, current, conductance)
     passed, steepness = _passed(circuit, u)
     emitter = _emitter_voltage(circuit, current, conductance, u, passed)
-    known = conductance + current * steepness / circuit.thermal_voltage
-    resistance = np.divide(1.0, known, out=np.zeros_like(known), where=known > LEAST_CONDUCTANCE)
+
+    # Small-signal resistance of the emitter node, and the slope of the output where neither buffer nor supply limit it.
+    node_conductance = conductance + current * steepness / circuit.thermal_voltage
+    resistance = np.divide(
+        1.0, node_conductance, out=np.zeros_like(node_conductance), where=node_conductance > LEAST_CONDUCTANCE
+    )
     output = circuit.buffer_gain * emitter
-    free = (emitter < circuit.supply) & (output < circuit.supply)
-    output_rate = np.where(free, circuit.buffer_gain * passed * resistance * circuit.current_per_power, 0.0)
+    unlimited = (emitter < circuit.supply) & (output < circuit.supply)
+    output_rate = np.where(unlimited, circuit.buffer_gain * passed * resistance * circuit.current_per_power, 0.0)
     output = np.minimum(output, circuit.supply)
     return Response(
         photocurrent=current,
@@ -111,7 +117,7 @@ def respond(circuit: Circuit, power: Any) -> Response:
 
 
 def lit(power: Any) -> np.ndarray:
-    """Powers as input of a circuit: 0 for missing ones, and for those that are negative by their error.
+    """Powers as input of a circuit: missing powers, and powers that are negative due to their error, become 0.
 
     Parameters
     ----------
@@ -132,7 +138,7 @@ def counts_of(circuit: Circuit, voltage: Any) -> np.ndarray:
     Parameters
     ----------
     circuit : Circuit
-        With the converter.
+        Circuit with the converter.
     voltage : array_like
         In V, of any shape; NaN counts as 0.
 
@@ -146,7 +152,7 @@ def counts_of(circuit: Circuit, voltage: Any) -> np.ndarray:
 
 
 def power_at(circuit: Circuit, voltage: Any) -> np.ndarray:
-    """Optical power that brings the converter to a voltage; the inverse of :func:`respond`.
+    """Optical power at which the converter reads a voltage; the inverse of :func:`respond`.
 
     Parameters
     ----------
@@ -158,8 +164,8 @@ def power_at(circuit: Circuit, voltage: Any) -> np.ndarray:
     Returns
     -------
     ndarray
-        In W, of the same shape: negative where the dark current alone exceeds the voltage, NaN where no power reaches
-        it.
+        In W, of the same shape: negative where the dark current alone exceeds the voltage, NaN for a voltage that no
+        power reaches.
     """
     voltage = np.asarray(voltage, dtype=float)
     emitter = voltage / circuit.buffer_gain
@@ -171,7 +177,7 @@ def power_at(circuit: Circuit, voltage: Any) -> np.ndarray:
 
 
 def _excess(circuit: Circuit, current: np.ndarray, conductance: float) -> np.ndarray:
-    """V_CE / V_T, by bisection: the current of the phototransistor rises with it, that of the load falls."""
+    """V_CE / V_T by bisection: the current of the phototransistor rises with it, the current of the load falls."""
     low = np.zeros_like(current)
     high = np.full_like(current, circuit.supply / circuit.thermal_voltage)
     if np.isinf(conductance):
@@ -179,16 +185,16 @@ def _excess(circuit: Circuit, current: np.ndarray, conductance: float) -> np.nda
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         load = conductance * (circuit.supply - circuit.thermal_voltage * middle)
-        beyond = current * _passed(circuit, middle)[0] > load
-        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+        too_high = current * _passed(circuit, middle)[0] > load
+        low, high = np.where(too_high, low, middle), np.where(too_high, middle, high)
     return high
 
 
 def _passed(circuit: Circuit, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Share of the photocurrent that the phototransistor passes, and its derivative by u."""
-    half = circuit.saturation_voltage / circuit.thermal_voltage
-    rest, forward = np.exp(-u), -np.expm1(-u)
-    backward = np.exp(np.minimum(half - u, LARGEST_EXPONENT)) - rest
+    """Fraction of the photocurrent that the phototransistor passes, and its derivative with respect to u."""
+    exponent = circuit.saturation_voltage / circuit.thermal_voltage
+    decay, forward = np.exp(-u), -np.expm1(-u)
+    backward = np.exp(np.minimum(exponent - u, LARGEST_EXPONENT)) - decay
     total = forward + backward
     return forward / total, backward / total / total
 
@@ -196,10 +202,10 @@ def _passed(circuit: Circuit, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _emitter_voltage(
     circuit: Circuit, current: np.ndarray, conductance: float, u: np.ndarray, passed: np.ndarray
 ) -> np.ndarray:
-    """In V; from the current where it is small, from the supply less V_CE where that is small."""
+    """Emitter voltage in V: from the current where the voltage is small, from supply minus V_CE where that is small."""
     if np.isinf(conductance):
         return np.zeros_like(current)
-    across = circuit.thermal_voltage * u
+    collector_emitter = circuit.thermal_voltage * u
     with np.errstate(divide="ignore", invalid="ignore"):
         small = np.where(current > 0, current * passed / conductance, 0.0)
-    return np.where((current > 0) & (across < circuit.supply / 2), circuit.supply - across, small)
+    return np.where((current > 0) & (collector_emitter < circuit.supply / 2), circuit.supply - collector_emitter, small)

@@ -10,10 +10,10 @@ from mitsuba_taxel.electronics.response import counts_of, lit, respond
 
 
 def sampled(circuit: Circuit, power: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """One sample of each reading, with its noise.
+    """A random sample of each reading, with its noise.
 
-    The voltage has all noise but that of the converter, whose steps and range the counts contain. Missing and negative
-    powers are read as 0.
+    The voltage contains all noise except that of the converter; the counts contain its steps and its range. Missing and
+    negative powers count as 0.
 
     Parameters
     ----------
@@ -22,17 +22,17 @@ def sampled(circuit: Circuit, power: np.ndarray, random: np.random.Generator) ->
     power : ndarray
         Optical powers in W, of any shape.
     random : np.random.Generator
-        Of which one normal number is drawn for each reading.
+        Generator from which a normal number is drawn for each reading.
 
     Returns
     -------
     voltage : ndarray
-        Before the converter, V.
+        Voltage before the converter, V.
     counts : ndarray of int
-        Of the converter.
+        Counts of the converter.
     """
     power = lit(power)
-    parts = noise_parts(circuit, power)
-    deviation = np.sqrt(sum(part**2 for name, part in parts.items() if name != "quantisation"))
+    sources = noise_parts(circuit, power)
+    deviation = np.sqrt(sum(source**2 for name, source in sources.items() if name != "quantisation"))
     output = respond(circuit, power).output + deviation * random.standard_normal(power.shape)
     return output, counts_of(circuit, output)

@@ -1,4 +1,4 @@
-"""Where a circuit saturates: the light, the force along a line of load, and the change of a parameter."""
+"""Saturation of a circuit: the power, the force on a line of load, and the parameter change at which it occurs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mitsuba_taxel.electronics.response import lit, power_at, respond
 
 
 def saturating_power(circuit: Circuit) -> float:
-    """Optical power in W from which the output is at the circuit's limit; infinite if no power reaches it.
+    """Least optical power at which the output is at the circuit's limit.
 
     Parameters
     ----------
@@ -22,14 +22,14 @@ def saturating_power(circuit: Circuit) -> float:
     Returns
     -------
     float
-        In W.
+        In W; infinite if no power reaches the limit.
     """
-    found = float(power_at(circuit, np.nextafter(circuit.limit, 0.0)))
-    return math.inf if math.isnan(found) else found
+    power = float(power_at(circuit, np.nextafter(circuit.limit, 0.0)))
+    return math.inf if math.isnan(power) else power
 
 
 def saturated_words(circuit: Circuit, power: Any) -> str:
-    """How many readings bring the output to the circuit's limit, in words.
+    """A note on readings that bring the output to the circuit's limit.
 
     Parameters
     ----------
@@ -41,22 +41,22 @@ def saturated_words(circuit: Circuit, power: Any) -> str:
     Returns
     -------
     str
-        Empty if none does.
+        Empty if there is no such reading.
     """
     power = np.asarray(power, dtype=float)
     saturated = respond(circuit, lit(power)).saturated & np.isfinite(power)
     if not saturated.any():
         return ""
-    most = int(saturated.reshape(-1, saturated.shape[-1]).sum(axis=0).argmax())
+    index = int(saturated.reshape(-1, saturated.shape[-1]).sum(axis=0).argmax())
     return (
         f"the output is saturated (at {circuit.limit:.4g} V or more) in {saturated.sum()} of "
-        f"{np.isfinite(power).sum()} readings, most often of taxel {most + 1}: these tell little of the force, or "
-        "nothing from the full scale on"
+        f"{np.isfinite(power).sum()} readings, most often of taxel {index + 1}: such readings depend little on the "
+        "force, and not at all at the full scale"
     )
 
 
 def saturation_force(circuit: Circuit, force: Any, power: Any) -> np.ndarray:
-    """Force of least magnitude at which the light brings the output to the circuit's limit.
+    """Force of least magnitude at which the output is at the circuit's limit.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def saturation_force(circuit: Circuit, force: Any, power: Any) -> np.ndarray:
     force : (K,) array_like
         In N, in any order.
     power : (..., K, T) array_like
-        Readings in W at these forces, between which the light is linear.
+        Readings in W at these forces; they are interpolated linearly.
 
     Returns
     -------
@@ -73,31 +73,36 @@ def saturation_force(circuit: Circuit, force: Any, power: Any) -> np.ndarray:
         In N; NaN where the output stays below its limit.
     """
     force, power = np.asarray(force, dtype=float), np.asarray(power, dtype=float)
+
+    # Between which forces the power crosses the saturating power, and where.
     order = np.argsort(force)
-    force, beyond = force[order], np.moveaxis(power - saturating_power(circuit), -2, 0)[order]
-    low, high = beyond[:-1], beyond[1:]
+    force, excess = force[order], np.moveaxis(power - saturating_power(circuit), -2, 0)[order]
+    low, high = excess[:-1], excess[1:]
     crossed = (low >= 0) != (high >= 0)
-    share = np.zeros_like(low)
-    share[crossed] = low[crossed] / (low[crossed] - high[crossed])
-    at = (-1, *[1] * (beyond.ndim - 1))
-    start, length = force[:-1].reshape(at), np.diff(force).reshape(at)
-    # Zero lies between two forces, at both of which the output is at its limit.
+    fraction = np.zeros_like(low)
+    fraction[crossed] = low[crossed] / (low[crossed] - high[crossed])
+    shape = (-1, *[1] * (excess.ndim - 1))
+    start, length = force[:-1].reshape(shape), np.diff(force).reshape(shape)
+
+    # Candidates: forces at the limit, crossings, and zero if it lies between two forces at the limit.
     inside = (low >= 0) & (high >= 0) & (start * (start + length) < 0)
-    found = [
-        np.where(beyond >= 0, force.reshape(at), np.inf),
-        np.where(crossed, start + share * length, np.inf),
+    candidates = [
+        np.where(excess >= 0, force.reshape(shape), np.inf),
+        np.where(crossed, start + fraction * length, np.inf),
         np.where(inside, 0.0, np.inf),
     ]
-    every = np.concatenate(found)
-    least = np.take_along_axis(every, np.abs(every).argmin(axis=0)[None], axis=0)[0]
+    forces = np.concatenate(candidates)
+    least = np.take_along_axis(forces, np.abs(forces).argmin(axis=0)[None], axis=0)[0]
     return np.where(np.isfinite(least), least, np.nan)
 
 
 def change_to_saturation(circuit: Circuit, power: Any, slopes: Any) -> np.ndarray:
-    """(T, P) changes of parameters that bring the output to the circuit's limit if the light follows its slopes.
+    """Changes of parameters that bring the output to the circuit's limit, if the power is linear in the parameters.
 
     Parameters
     ----------
+    circuit : Circuit
+        Phototransistor, load, buffer and converter.
     power : (T,) array_like
         Readings in W.
     slopes : (T, P) array_like
@@ -106,9 +111,9 @@ def change_to_saturation(circuit: Circuit, power: Any, slopes: Any) -> np.ndarra
     Returns
     -------
     (T, P) ndarray
-        0 where the output is at its limit, infinite where the light does not depend on the parameter.
+        0 where the output is at its limit, infinite where the power does not depend on the parameter.
     """
     slopes = np.asarray(slopes, dtype=float)
     missing = np.maximum(saturating_power(circuit) - np.asarray(power, dtype=float), 0.0)[:, None]
-    found = np.divide(missing, slopes, out=np.full(slopes.shape, np.inf), where=slopes != 0)
-    return np.where(missing > 0, found, 0.0)
+    change = np.divide(missing, slopes, out=np.full(slopes.shape, np.inf), where=slopes != 0)
+    return np.where(missing > 0, change, 0.0)

@@ -1,4 +1,4 @@
-"""Readings as a circuit shows them."""
+"""Readings behind a circuit: volts, counts, noise, and their derivatives."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ class ShownDerivatives(NamedTuple):
     Attributes
     ----------
     in_volts : Derivatives
-        Those of the readings, in volts instead of watts.
+        Derivatives of the readings in volts instead of watts.
     counts : (T, P) ndarray
-        The same in counts of the converter.
+        Derivatives in counts of the converter.
     noise_equivalent : (T, P) ndarray
-        Noise as a change of the parameter; infinite where the derivative is 0.
+        Change of the parameter that is equivalent to the noise; infinite where the derivative is 0.
     to_saturation : (T, P) ndarray
-        Change of the parameter that brings the output to the circuit's limit, if the light follows its derivative; 0
-        where it is there, infinite where the light does not change.
+        Change of the parameter that brings the output to the circuit's limit, if the power is linear in it; 0 where the
+        output is at the limit, infinite where the power does not change.
     """
 
     in_volts: Any
@@ -36,15 +36,15 @@ class ShownDerivatives(NamedTuple):
     to_saturation: np.ndarray
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """The derivatives one by one.
+        """The derivatives as rows of a table.
 
         Yields
         ------
         dict[str, Any]
-            As of ``Derivatives.rows``, in V, with ``counts``, ``noise_equivalent`` and ``to_saturation`` beside.
+            A row of ``Derivatives.rows`` in V, with ``counts``, ``noise_equivalent`` and ``to_saturation`` in addition.
         """
-        others = (self.counts, self.noise_equivalent, self.to_saturation)
-        cells = zip(*(values.T.ravel().tolist() for values in others), strict=True)
+        arrays = (self.counts, self.noise_equivalent, self.to_saturation)
+        cells = zip(*(values.T.ravel().tolist() for values in arrays), strict=True)
         for row, (counts, noise, change) in zip(self.in_volts.rows(), cells, strict=True):
             yield {**row, "counts": counts, "noise_equivalent": noise, "to_saturation": change}
 
@@ -55,15 +55,18 @@ class Shown(NamedTuple):
     Attributes
     ----------
     voltage, error, noise : (T,) ndarray
-        In V: voltage at the converter, its error due to the power's total error, and 1 sigma of the electronics.
+        In V: voltage at the converter, its error due to the total error of the power, and 1 sigma of the noise of the
+        electronics.
     counts : (T,) ndarray of int
+        Counts of the converter.
     saturated : (T,) ndarray of bool
         Where the output is at the circuit's limit.
     step : float
         Voltage of one count, in V.
     derivatives : ShownDerivatives or None
-        Those of the readings.
+        Derivatives of the readings, if these have derivatives.
     circuit : Circuit
+        Phototransistor, load, buffer and converter.
     """
 
     voltage: np.ndarray
@@ -77,7 +80,7 @@ class Shown(NamedTuple):
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
-        """The numbers by a name with its unit."""
+        """The numbers by column name, which contains the unit."""
         return {
             "voltage_V": self.voltage,
             "voltage_error_V": self.error,
@@ -88,30 +91,30 @@ class Shown(NamedTuple):
 
     @property
     def notes(self) -> list[str]:
-        """What limits the numbers: saturation, a range that is not used, and noise that the converter does not see."""
+        """Notes on what limits the numbers: saturation, an unused range, and noise below the converter's step."""
         notes = unused_range(self.circuit, int(self.counts.max(initial=0)))
         if self.saturated.any():
             notes.append(
-                "saturated: the output is at the circuit's limit; from the converter's full scale on readings tell "
-                "nothing."
+                "saturated: the output is at the circuit's limit; at the converter's full scale readings do not depend "
+                "on the force."
             )
         return [*notes, *resolution_notes(self.step, self.noise)]
 
 
 def shown(circuit: Circuit, readings: Any) -> Shown:
-    """``Readings`` behind a circuit.
+    """Convert ``Readings`` to volts and counts behind a circuit.
 
     Parameters
     ----------
     circuit : Circuit
         Phototransistor, load, buffer and converter.
     readings : Readings
-        Of :func:`measure`; powers that are negative by their error count as 0.
+        Readings of :func:`measure`; powers that are negative due to their error count as 0.
 
     Returns
     -------
     Shown
-        Voltages, counts and their errors for each taxel; derivatives if the readings have them.
+        Voltages, counts and their errors for each taxel, and derivatives if the readings have derivatives.
     """
     power = np.maximum(readings.power, 0.0)
     response, noise = respond(circuit, power), total_noise(circuit, power)
@@ -123,15 +126,15 @@ def shown(circuit: Circuit, readings: Any) -> Shown:
 
 
 def _shown(circuit: Circuit, derivatives: Any, noise: np.ndarray) -> ShownDerivatives:
-    """``Derivatives`` behind a circuit, by the chain rule with its exact slope, with the noise (T,) of the readings."""
-    at = respond(circuit, np.maximum(derivatives.power, 0.0))
+    """``Derivatives`` behind a circuit, by the chain rule; ``noise`` (T,) is the noise of the readings in V."""
+    response = respond(circuit, np.maximum(derivatives.power, 0.0))
     in_volts = replace(
         derivatives,
         units=tuple(unit.replace("W", "V", 1) for unit in derivatives.units),
-        values=at.rate[:, None] * derivatives.values,
-        standard_errors=at.rate[:, None] * derivatives.standard_errors,
-        power=at.voltage,
-        power_errors=at.rate * derivatives.power_errors,
+        values=response.rate[:, None] * derivatives.values,
+        standard_errors=response.rate[:, None] * derivatives.standard_errors,
+        power=response.voltage,
+        power_errors=response.rate * derivatives.power_errors,
     )
     with np.errstate(divide="ignore"):
         equivalent = np.divide(noise[:, None], np.abs(in_volts.values))

@@ -1,4 +1,4 @@
-"""A study in volts: its readings as a circuit shows them."""
+"""Studies in volts: readings behind a circuit."""
 
 from __future__ import annotations
 
@@ -16,40 +16,40 @@ VOLTS = ("voltage", "voltage_error", "counts", "noise", "saturated")
 
 
 def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
-    """A study with voltages and counts beside its powers.
+    """Add voltages and counts to a study.
 
-    Added are ``voltage``, ``voltage_error`` (due to the total error of the power), ``counts``, ``noise`` and
-    ``saturated`` (1 where the output is at the circuit's limit), and the circuit as the attribute ``circuit``.
+    The result has the variables ``voltage``, ``voltage_error`` (due to the total error of the power), ``counts``,
+    ``noise`` and ``saturated`` (1 where the output is at the circuit's limit), and the attribute ``circuit``.
 
     Parameters
     ----------
     study : xr.Dataset
-        With readings in W.
+        Results with readings in W.
     circuit : Circuit or None
         Phototransistor, load, buffer and converter.
 
     Returns
     -------
     xr.Dataset
-        The study itself without a circuit.
+        The study itself if ``circuit`` is None.
     """
     if circuit is None:
         return study
     power = study.power.values
-    known = np.isfinite(power)
-    light = lit(power)
-    shown = respond(circuit, light)
+    finite = np.isfinite(power)
+    lit_power = lit(power)
+    response = respond(circuit, lit_power)
     dims = study.power.dims
 
     def column(values: np.ndarray, unit: str, name: str) -> tuple:
-        return dims, np.where(known, values, np.nan), {"units": unit, "long_name": name}
+        return dims, np.where(finite, values, np.nan), {"units": unit, "long_name": name}
 
     return study.assign(
-        voltage=column(shown.voltage, "V", "voltage at the converter"),
-        voltage_error=column(shown.rate * study.total_error.values, "V", "error of voltage by that of power"),
-        counts=column(shown.counts, "1", "counts of the converter"),
-        noise=column(total_noise(circuit, light), "V", "1 sigma of voltage by the electronics"),
-        saturated=column(shown.saturated, "1", "whether the output is at the circuit's limit"),
+        voltage=column(response.voltage, "V", "voltage at the converter"),
+        voltage_error=column(response.rate * study.total_error.values, "V", "error of voltage by that of power"),
+        counts=column(response.counts, "1", "counts of the converter"),
+        noise=column(total_noise(circuit, lit_power), "V", "1 sigma of voltage by the electronics"),
+        saturated=column(response.saturated, "1", "whether the output is at the circuit's limit"),
     ).assign_attrs(circuit=json.dumps(circuit.as_table()))
 
 
@@ -71,34 +71,37 @@ def circuit_of_study(study: xr.Dataset | xr.DataTree) -> Circuit | None:
 
 
 def in_volts(study: xr.Dataset, circuit: Circuit) -> xr.Dataset:
-    """A study with readings, their errors and derivatives in volts instead of watts, for figures of merit and plots.
+    """Convert readings, their errors and their derivatives to volts, for figures of merit and plots.
 
     Voltages of the mean powers are exact; deviations of the replicates are linearised.
 
     Parameters
     ----------
     study : xr.Dataset
-        With readings in W.
+        Results with readings in W.
     circuit : Circuit
         Phototransistor, load, buffer and converter.
 
     Returns
     -------
     xr.Dataset
-        With the same variables.
+        The study with the same variables in V.
     """
+    # Readings: the voltage of the mean, and linearised deviations of the replicates.
     mean = study.replicate_power.mean("replicate")
-    shown = respond(circuit, lit(mean.values))
-    voltage = mean.copy(data=np.where(np.isfinite(mean), shown.voltage, np.nan))
-    rate = mean.copy(data=shown.rate)
+    response = respond(circuit, lit(mean.values))
+    voltage = mean.copy(data=np.where(np.isfinite(mean), response.voltage, np.nan))
+    rate = mean.copy(data=response.rate)
     converted = {"replicate_power": voltage + rate * (study.replicate_power - mean)}
     if "total_error" in study:
         converted["total_error"] = rate * study.total_error
+
+    # Readings without random numbers, and derivatives by the chain rule.
     if "smooth_power" in study:
-        shown = respond(circuit, lit(study.smooth_power.values))
-        rate = study.smooth_power.copy(data=shown.rate)
-        known = np.isfinite(study.smooth_power.values)
-        converted["smooth_power"] = study.smooth_power.copy(data=np.where(known, shown.voltage, np.nan))
+        response = respond(circuit, lit(study.smooth_power.values))
+        rate = study.smooth_power.copy(data=response.rate)
+        finite = np.isfinite(study.smooth_power.values)
+        converted["smooth_power"] = study.smooth_power.copy(data=np.where(finite, response.voltage, np.nan))
         slopes = ("smooth_power_error", "derivative", "derivative_error")
         converted |= {name: study[name] * rate for name in slopes if name in study}
     for name, values in converted.items():

@@ -1,4 +1,4 @@
-"""Parameters: fields of dataclasses with allowed values, checked when an object is made."""
+"""Parameters: fields of dataclasses with allowed values, which are checked when an object is created."""
 
 from mitsuba_taxel.parameters.checked import Checked, Kinded, check, parameters_of, values_of
 from mitsuba_taxel.parameters.parameter import (
@@ -12,12 +12,12 @@ from mitsuba_taxel.parameters.parameter import (
     Vector,
     Whole,
     choice,
+    field_of,
     kind,
     nested,
     number,
-    stated,
+    parameter_field,
     switch,
-    taken,
     text,
     transform,
     vector,
@@ -38,13 +38,13 @@ __all__ = [
     "Whole",
     "check",
     "choice",
+    "field_of",
     "kind",
     "nested",
     "number",
+    "parameter_field",
     "parameters_of",
-    "stated",
     "switch",
-    "taken",
     "text",
     "transform",
     "values_of",

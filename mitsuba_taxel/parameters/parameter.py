@@ -1,7 +1,7 @@
-"""Parameters: kind, unit, range, default, meaning, and the conditions under which they apply.
+"""Parameters: type, unit, range, default, meaning, and the conditions under which they apply.
 
-A parameter is declared as a field of a dataclass, by :func:`number` and the like. All else is derived from that: checks
-and their messages, tables of the documentation, the schema of scenes, units of studies.
+A parameter is declared as a field of a dataclass, by :func:`number` and the like. Checks and their messages, tables of
+the documentation, the schema of scenes and units of studies are derived from that declaration.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.parameters.similarity import similarity_scale
 
 LARGEST = 1e18
-"""Largest magnitude of a number: its square is still finite in single precision."""
+"""Largest magnitude of a number, whose square is still finite in single precision."""
 REQUIRED: Any = ...
 """Default of parameters that must be given if they apply."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One parameter of a plugin.
+    """A parameter of a plugin.
 
     Attributes
     ----------
     doc : str
-        Its meaning, in sentences.
+        Meaning, in sentences.
     name : str
-        As in a scene.
+        Name in a scene.
     unit : str
-        Empty if dimensionless.
+        Unit; empty if dimensionless.
     default : Any
-        :data:`REQUIRED` if there is none; None if the parameter may be absent, or follows from others.
+        :data:`REQUIRED` if a value must be given; None if the parameter may be absent, or follows from others.
     default_words : str
-        The default in words, if its value does not tell.
+        Description of the default, where its value is not clear by itself.
     when : tuple[str, ...]
-        Another parameter, and its values for which this one applies; empty for all.
+        Name of another parameter, followed by its values for which this parameter applies; empty if it always applies.
     without, needs : str
-        Another parameter that this one excludes, or requires; empty for none.
+        Name of another parameter that this parameter excludes, or requires; empty for none.
     """
 
     doc: str
@@ -56,10 +56,10 @@ class Parameter:
     needs: str = ""
 
     type: ClassVar[str]
-    """Mitsuba's name of the type."""
+    """Name of the type in Mitsuba."""
 
     def checked(self, value: Any) -> Any:
-        """A value converted to its Python type; raises `InputError` if it is not allowed."""
+        """The value, converted to its Python type; raises `InputError` if it is not allowed."""
         raise NotImplementedError
 
     def words(self, value: Any) -> str:
@@ -68,39 +68,39 @@ class Parameter:
 
     @property
     def range(self) -> str:
-        """The allowed range, in words to follow "a number"; empty if unlimited."""
+        """Description of the allowed range, to follow "a number"; empty if unlimited."""
         return ""
 
     @property
     def needed(self) -> str:
-        """What is needed, in words."""
+        """Description of the values that are allowed, for messages: "a whole number from 1 to 9 is needed"."""
         raise NotImplementedError
 
     @property
     def default_text(self) -> str:
-        """The default in words; empty where a value must be given."""
+        """Description of the default; empty if a value must be given."""
         if self.default_words:
             return self.default_words
         return "" if self.default is REQUIRED else "none" if self.default is None else self.words(self.default)
 
     @property
     def is_conditional(self) -> bool:
-        """Whether its use depends on other parameters."""
+        """Whether the parameter applies only for some values of other parameters."""
         return bool(self.when or self.without or self.needs)
 
     @property
     def label(self) -> str:
-        """Its name in a table."""
+        """Name in the table of parameters."""
         return self.name
 
     @property
     def meaning(self) -> str:
         """Meaning, allowed values and conditions."""
-        *others, last = [f"`{word}`" for word in self.when[1:]] or [""]
-        words = f"{', '.join(others)} or {last}" if others else last
-        only = f"for {self.when[0]} {words}" if self.when else ""
-        beside = f"with {self.needs}" if self.needs else f"instead of {self.without}" if self.without else ""
-        facts = "; ".join(filter(None, (self.range.removeprefix("of "), only, beside)))
+        *values, last = [f"`{word}`" for word in self.when[1:]] or [""]
+        words = f"{', '.join(values)} or {last}" if values else last
+        condition = f"for {self.when[0]} {words}" if self.when else ""
+        dependence = f"with {self.needs}" if self.needs else f"instead of {self.without}" if self.without else ""
+        facts = "; ".join(filter(None, (self.range.removeprefix("of "), condition, dependence)))
         return f"{self.doc} {facts[0].upper()}{facts[1:]}." if facts else self.doc
 
     @property
@@ -119,17 +119,17 @@ class Parameter:
 
     @property
     def shown(self) -> str:
-        """The parameter as a scene has it, for messages."""
+        """Name of the parameter in a scene, for messages."""
         return self.name
 
-    def conflict(self, given: Any) -> str:
-        """Why it is not allowed with the other values ``given``, as attributes of an object; empty if it is."""
-        if self.when and (chosen := getattr(given, self.when[0])) not in self.when[1:]:
+    def conflict(self, instance: Any) -> str:
+        """Message on why the parameter is not allowed with the other values of an object; empty if it is allowed."""
+        if self.when and (chosen := getattr(instance, self.when[0])) not in self.when[1:]:
             words = ", ".join(map(repr, self.when[1:]))
             return f"{self.name} is not allowed for {self.when[0]} = {chosen!r}, only for {words}."
-        if self.without and getattr(given, self.without) is not None:
+        if self.without and getattr(instance, self.without) is not None:
             return f"{self.shown} and {self.without} exclude each other: one of them is needed."
-        if self.needs and getattr(given, self.needs) is None:
+        if self.needs and getattr(instance, self.needs) is None:
             return f"{self.name} is not allowed without {self.needs}."
         return ""
 
@@ -238,7 +238,7 @@ class Text(Parameter):
 
 @dataclass(frozen=True, kw_only=True)
 class Points(Text):
-    """Pairs of numbers as text, separated by ';', or as rows, which become such text."""
+    """Pairs of numbers, as text separated by ';' or as rows, which are converted into such text."""
 
     what: str = "pairs of finite numbers, separated by ';',"
 
@@ -250,7 +250,7 @@ class Points(Text):
             pairs = [()]
         if not pairs or not all(len(pair) == 2 and all(map(math.isfinite, pair)) for pair in pairs):
             raise _refused(self, value)
-        return "; ".join(f"{one:.16g} {other:.16g}" for one, other in pairs)
+        return "; ".join(f"{x:.16g} {y:.16g}" for x, y in pairs)
 
     @property
     def needed(self) -> str:
@@ -259,13 +259,14 @@ class Points(Text):
 
 @dataclass(frozen=True, kw_only=True)
 class Choice(Parameter):
-    """One of some words, each with its meaning, or nothing if that is obvious.
+    """A word from a list of allowed words.
 
     Attributes
     ----------
     allowed : Mapping[str, str]
+        Meaning of each allowed word; empty if it is obvious.
     family : type[Kind], optional
-        Family of the kinds that are chosen among; the parameters of a kind then apply where it is chosen.
+        Family of kinds, if the words are names of kinds. The parameters of a kind apply if it is chosen.
     """
 
     allowed: Mapping[str, str]
@@ -295,9 +296,9 @@ class Vector(Parameter):
     Attributes
     ----------
     common : tuple[float, float] or None
-        As of a `Number`.
+        Usual range, as of a `Number`.
     is_direction : bool
-        Whether one of them must not be 0.
+        Whether at least one component must differ from 0.
     """
 
     above: float = -math.inf
@@ -349,16 +350,16 @@ class Transform(Parameter):
 
 @dataclass(frozen=True, kw_only=True)
 class Nested(Parameter):
-    """An object nested in a plugin's element.
+    """An object nested in the element of a plugin.
 
     Attributes
     ----------
     kind : str
-        Of its plugin, as ``bsdf``.
+        Kind of its plugin, such as ``bsdf``.
     made_of : Any
-        Class of the corresponding Python object, None if there is none.
+        Class of the corresponding Python object, or None.
     by_name : bool
-        Whether it is identified by its name, not only by its kind.
+        Whether the object is identified by its name, not only by its kind.
     """
 
     kind: str
@@ -398,20 +399,20 @@ def number(default: float | None, unit: str, doc: str, **about: Any) -> Any:
     Parameters
     ----------
     default : float or None
-        REQUIRED for none.
+        Default; `REQUIRED` if a value must be given.
     unit : str
-        Empty if dimensionless.
+        Unit; empty if dimensionless.
     doc : str
-        For the reference, in sentences.
+        Description for the reference, in sentences.
     **about : Any
         Other attributes of `Number`, by name.
 
     Returns
     -------
     Any
-        For the body of a dataclass.
+        A field for the body of a dataclass.
     """
-    return stated(Number(default=default, unit=unit, doc=doc, **about))
+    return parameter_field(Number(default=default, unit=unit, doc=doc, **about))
 
 
 def whole(default: int, minimum: int, maximum: int, doc: str, **conditions: Any) -> Any:
@@ -420,20 +421,20 @@ def whole(default: int, minimum: int, maximum: int, doc: str, **conditions: Any)
     Parameters
     ----------
     default : int
-        Within the bounds.
+        Default, within the bounds.
     minimum, maximum : int
-        Both allowed.
+        Bounds, inclusive.
     doc : str
-        For the reference, in sentences.
+        Description for the reference, in sentences.
     **conditions : Any
-        Attributes of `Parameter`, by name.
+        Other attributes of `Parameter`, by name.
 
     Returns
     -------
     Any
-        For the body of a dataclass.
+        A field for the body of a dataclass.
     """
-    return stated(Whole(default=default, minimum=minimum, maximum=maximum, doc=doc, **conditions))
+    return parameter_field(Whole(default=default, minimum=minimum, maximum=maximum, doc=doc, **conditions))
 
 
 def switch(default: bool, doc: str, **conditions: Any) -> Any:
@@ -442,18 +443,18 @@ def switch(default: bool, doc: str, **conditions: Any) -> Any:
     Parameters
     ----------
     default : bool
-        As given if it is left out.
+        Default.
     doc : str
-        For the reference, in sentences.
+        Description for the reference, in sentences.
     **conditions : Any
-        Attributes of `Parameter`, by name.
+        Other attributes of `Parameter`, by name.
 
     Returns
     -------
     Any
-        For the body of a dataclass.
+        A field for the body of a dataclass.
     """
-    return stated(Switch(default=default, doc=doc, **conditions))
+    return parameter_field(Switch(default=default, doc=doc, **conditions))
 
 
 def text(default: str | None, doc: str, what: str = "text", **conditions: Any) -> Any:
@@ -462,67 +463,69 @@ def text(default: str | None, doc: str, what: str = "text", **conditions: Any) -
     Parameters
     ----------
     default : str or None
-        REQUIRED for none.
+        Default; `REQUIRED` if a value must be given.
     doc : str
-        For the reference, in sentences.
+        Description for the reference, in sentences.
     what : str
-        What is needed, for messages.
+        Description of the text that is needed, for messages.
     **conditions : Any
-        Attributes of `Parameter`, by name.
+        Other attributes of `Parameter`, by name.
 
     Returns
     -------
     Any
-        For the body of a dataclass.
+        A field for the body of a dataclass.
     """
-    return stated(Text(default=default, what=what, doc=doc, **conditions))
+    return parameter_field(Text(default=default, what=what, doc=doc, **conditions))
 
 
 def choice(default: str, allowed: Mapping[str, str] | Sequence[str], doc: str, **conditions: Any) -> Any:
-    """A field for one of some words; see `Choice` and `Parameter`.
+    """A field for a word from a list; see `Choice` and `Parameter`.
 
     Parameters
     ----------
     default : str
-        One of the words.
+        Default, an allowed word.
     allowed : Mapping[str, str] or sequence of str
-        The words, with their meanings.
+        The allowed words, with their meanings if these are not obvious.
     doc : str
-        For the reference, in sentences.
+        Description for the reference, in sentences.
     **conditions : Any
-        Attributes of `Parameter`, by name.
+        Other attributes of `Parameter`, by name.
 
     Returns
     -------
     Any
-        For the body of a dataclass.
+        A field for the body of a dataclass.
     """
     table = allowed if isinstance(allowed, Mapping) else dict.fromkeys(allowed, "")
-    return stated(Choice(default=default, allowed=table, doc=doc, **conditions))
+    return parameter_field(Choice(default=default, allowed=table, doc=doc, **conditions))
 
 
 def kind(default: str, family: Any, doc: str, also: Mapping[str, str] = MappingProxyType({}), **conditions: Any) -> Any:
-    """A field for the name of a kind of a family, or one of the words ``also``; see `Choice`.
+    """A field for the name of a kind of a family, or for a word of ``also``; see `Choice`.
 
     Parameters
     ----------
     default : str
-        One of the names or words.
+        Default, an allowed name or word.
     family : type[Kind]
-        Whose kinds are allowed, those of a user as well.
+        Family whose kinds are allowed, including kinds defined by a user.
     doc : str
-        For the reference, in sentences.
+        Description for the reference, in sentences.
     also : Mapping[str, str]
-        Further words, with their meanings.
+        Additional words, with their meanings.
     **conditions : Any
-        Attributes of `Parameter`, by name.
+        Other attributes of `Parameter`, by name.
 
     Returns
     -------
     Any
-        For the body of a dataclass.
+        A field for the body of a dataclass.
     """
-    return stated(Choice(default=default, allowed=_Meanings(family, also), family=family, doc=doc, **conditions))
+    return parameter_field(
+        Choice(default=default, allowed=_Meanings(family, also), family=family, doc=doc, **conditions)
+    )
 
 
 def vector(default: tuple[float, float, float], unit: str, doc: str, **conditions: Any) -> Any:
@@ -531,20 +534,20 @@ def vector(default: tuple[float, float, float], unit: str, doc: str, **condition
     Parameters
     ----------
     default : tuple[float, float, float]
-        In the unit.
+        Default, in the unit.
     unit : str
-        Empty if dimensionless.
+        Unit; empty if dimensionless.
     doc : str
-        For the reference, in sentences.
+        Description for the reference, in sentences.
     **conditions : Any
-        Attributes of `Parameter`, by name.
+        Other attributes of `Parameter`, by name.
 
     Returns
     -------
     Any
-        For the body of a dataclass.
+        A field for the body of a dataclass.
     """
-    return stated(Vector(default=default, unit=unit, doc=doc, **conditions))
+    return parameter_field(Vector(default=default, unit=unit, doc=doc, **conditions))
 
 
 def transform(doc: str) -> Any:
@@ -553,14 +556,14 @@ def transform(doc: str) -> Any:
     Parameters
     ----------
     doc : str
-        For the reference, in sentences.
+        Description for the reference, in sentences.
 
     Returns
     -------
     Any
-        For the body of a dataclass.
+        A field for the body of a dataclass.
     """
-    return stated(Transform(doc=doc))
+    return parameter_field(Transform(doc=doc))
 
 
 def nested(kind: str, made_of: type, default: Any, doc: str, **about: Any) -> Any:
@@ -573,42 +576,42 @@ def nested(kind: str, made_of: type, default: Any, doc: str, **about: Any) -> An
     made_of : type
         Class of its Python object.
     default : Any
-        Such an object, or None.
+        Default: an object of that class, or None.
     doc : str
-        For the reference, in sentences.
+        Description for the reference, in sentences.
     **about : Any
         Other attributes of `Nested`, by name.
 
     Returns
     -------
     Any
-        For the body of a dataclass.
+        A field for the body of a dataclass.
     """
-    return stated(Nested(kind=kind, made_of=made_of, default=default, doc=doc, **about))
+    return parameter_field(Nested(kind=kind, made_of=made_of, default=default, doc=doc, **about))
 
 
-def stated(parameter: Parameter, **changes: Any) -> Any:
+def parameter_field(parameter: Parameter, **changes: Any) -> Any:
     """A field for a parameter, with changes.
 
     Parameters
     ----------
     parameter : Parameter
-        As another class states it.
+        The parameter.
     **changes : Any
-        To its attributes, by name.
+        Changed attributes of the parameter, by name.
 
     Returns
     -------
     Any
-        For the body of a dataclass.
+        A field for the body of a dataclass.
     """
     parameter = replace(parameter, **changes)
     default = None if parameter.is_conditional or parameter.default is REQUIRED else parameter.default
     return field(default=default, metadata={"parameter": parameter})
 
 
-def taken(owner: Any, field: str, **changes: Any) -> Any:
-    """A field for a parameter of another class, with other conditions or another default.
+def field_of(owner: Any, field: str, **changes: Any) -> Any:
+    """A field for the same parameter as a field of another class, with other conditions or another default.
 
     Parameters
     ----------
@@ -617,38 +620,38 @@ def taken(owner: Any, field: str, **changes: Any) -> Any:
     field : str
         Name of its field.
     **changes : Any
-        To attributes of the parameter, by name.
+        Changed attributes of the parameter, by name.
 
     Returns
     -------
     Any
-        For the body of a dataclass.
+        A field for the body of a dataclass.
     """
-    (own,) = (stated_field.metadata["parameter"] for stated_field in fields(owner) if stated_field.name == field)
-    return stated(named(own, field), **changes)
+    (parameter,) = (entry.metadata["parameter"] for entry in fields(owner) if entry.name == field)
+    return parameter_field(named(parameter, field), **changes)
 
 
 def named(parameter: Parameter, name: str) -> Parameter:
-    """A parameter with the name of its field, unless it has another."""
+    """A parameter with the name of its field, unless it has a name already."""
     return parameter if parameter.name else replace(parameter, name=name)
 
 
 def describe_range(above: float, minimum: float, maximum: float) -> str:
-    """Words for an allowed range, as ``above 0`` or ``from 0 to 1``; empty if it has no bounds."""
-    parts = []
+    """Description of an allowed range, such as ``above 0`` or ``from 0 to 1``; empty if it has no bounds."""
+    phrases = []
     if above > -math.inf:
-        parts.append(f"above {above:g}")
+        phrases.append(f"above {above:g}")
     if minimum > -math.inf and maximum < math.inf:
-        parts.append(f"from {minimum:g} to {maximum:g}")
+        phrases.append(f"from {minimum:g} to {maximum:g}")
     elif minimum > -math.inf:
-        parts.append(f"of at least {minimum:g}")
+        phrases.append(f"of at least {minimum:g}")
     elif maximum < math.inf:
-        parts.append(f"of at most {maximum:g}")
-    return " and ".join(parts)
+        phrases.append(f"of at most {maximum:g}")
+    return " and ".join(phrases)
 
 
 class _Meanings(Mapping[str, str]):
-    """Meaning of each kind of a family, also of kinds that are defined later, and of some other words."""
+    """Meaning of each kind of a family, including kinds that are defined later, and of additional words."""
 
     def __init__(self, family: Any, also: Mapping[str, str]) -> None:
         self._family, self._also = family, also
@@ -664,7 +667,7 @@ class _Meanings(Mapping[str, str]):
 
 
 def _refused(parameter: Parameter, value: Any, shown: str = "") -> InputError:
-    """The error for a value of a parameter that is not allowed, ``shown`` as text."""
+    """The error for a value of a parameter that is not allowed; ``shown`` is the value as text, if not its ``repr``."""
     if not shown:
         return refusal(parameter.name, value, parameter.needed)
     return InputError(f"{parameter.name} = {shown} is not allowed: {parameter.needed}.")

@@ -24,13 +24,13 @@ from mitsuba_taxel.parameters import (
     REQUIRED,
     Kinded,
     choice,
+    field_of,
     kind,
     nested,
     number,
+    parameter_field,
     parameters_of,
-    stated,
     switch,
-    taken,
     text,
     transform,
     values_of,
@@ -50,15 +50,15 @@ _LOAD = ("load",)
 
 
 def _of_pad(field: str) -> Any:
-    return taken(Pad, field, without="filename")
+    return field_of(Pad, field, without="filename")
 
 
 def _of_indenter(field: str) -> Any:
-    return taken(Indenter, field, when=("indenter",))  # the kinds say themselves whether they use it
+    return field_of(Indenter, field, when=("indenter",))  # the kinds say themselves whether they use it
 
 
 def _of_finish(word: str, field: str) -> Any:
-    return taken(FINISHES[word], field, when=("finish", word))
+    return field_of(FINISHES[word], field, when=("finish", word))
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ class DeformablePad(Specification, Kinded):
         "Your own pad: a closed surface as STL, PLY or OBJ, or a solid as STEP, in mm, standing on z = 0.",
         "the name of a file",
     )
-    file_scale: float | None = taken(PadFile, "scale", needs="filename")
-    file_up: str | None = taken(PadFile, "up", needs="filename")
+    file_scale: float | None = field_of(PadFile, "scale", needs="filename")
+    file_up: str | None = field_of(PadFile, "up", needs="filename")
     regions: str | None = text(
         None,
         "A TOML file of rules that assign faces to regions.",
@@ -98,9 +98,9 @@ class DeformablePad(Specification, Kinded):
     material: str = kind(
         "neo_hookean", Material, "A law, or a silicone of known stiffness.", also=dict.fromkeys(SILICONES, "")
     )
-    shore_a: float | None = stated(HARDNESS, name="shore_a", when=_NEO_HOOKEAN)
-    youngs_modulus: float | None = taken(NeoHookean, "youngs_modulus", when=_NEO_HOOKEAN, without="shore_a")
-    poisson_ratio: float | None = taken(
+    shore_a: float | None = parameter_field(HARDNESS, name="shore_a", when=_NEO_HOOKEAN)
+    youngs_modulus: float | None = field_of(NeoHookean, "youngs_modulus", when=_NEO_HOOKEAN, without="shore_a")
+    poisson_ratio: float | None = field_of(
         NeoHookean,
         "poisson_ratio",
         default=None,
@@ -154,7 +154,7 @@ class DeformablePad(Specification, Kinded):
     )
     patch_x: float | None = number(0.0, "mm", "Centre of the rectangle along x.", when=_LOAD)
     patch_y: float | None = number(0.0, "mm", "Centre of the rectangle along y.", when=_LOAD)
-    indenter: str | None = taken(Indenter, "shape", when=_LOAD)
+    indenter: str | None = field_of(Indenter, "shape", when=_LOAD)
     indenter_radius: float | None = _of_indenter("radius")
     indenter_edge_radius: float | None = _of_indenter("edge_radius")
     indenter_angle: float | None = _of_indenter("angle")
@@ -164,7 +164,7 @@ class DeformablePad(Specification, Kinded):
     indenter_file_up: str | None = _of_indenter("file_up")
     indenter_x: float | None = number(0.0, "mm", "Position of the indenter's tip along x.", when=_LOAD)
     indenter_y: float | None = number(0.0, "mm", "Position of the indenter's tip along y.", when=_LOAD)
-    friction: float | None = taken(Indenter, "friction", when=_LOAD)
+    friction: float | None = field_of(Indenter, "friction", when=_LOAD)
     self_contact: bool = switch(
         False,
         "Whether the load goes on where the pad touches itself, the board or a photo_reflector, which contact without "
@@ -209,7 +209,7 @@ class DeformablePad(Specification, Kinded):
     rms_height: float | None = _of_finish("random", "rms_height")
     correlation_length: float | None = _of_finish("random", "correlation_length")
     roughness_seed: int | None = _of_finish("random", "seed")
-    finish_refinement: float | None = taken(
+    finish_refinement: float | None = field_of(
         LayerSteps,
         "refinement",
         when=("finish", *FINISHES),

@@ -109,7 +109,7 @@ def test_a_variant_that_saturates_is_not_ranked_in_volts():
     assert list(first.table.cell) == ["a", "b"] and list(second.table.cell) == ["b"]
     left_out, steps = second.notes
     assert left_out == "Left out, as its output is saturated from 0.1 N on: cell = a."
-    assert steps.startswith("Noise before the converter is less than half of its step of 0.2062 V")
+    assert steps.startswith("The noise before the converter is less than half of its step of 0.2062 V")
     noisy = dataclasses.replace(CIRCUIT, other_noise=0.2)
     assert compare({"one": bright}, "mean_slope", circuit=noisy).notes == [left_out]
     assert len(compare({"one": bright}, "mean_slope", circuit=CIRCUIT, up_to=10).table) == 1

@@ -66,7 +66,7 @@ def test_no_slope_and_no_force_of_a_saturated_converter(study):
     ("load", "said"),
     [
         (22e3, []),  # 218 counts at rest, 655 under load
-        (2.2e3, ["The largest reading is 65 of 4096 counts; load_resistance = 67000 would use half."]),
+        (2.2e3, ["The largest reading is 65 of 4096 counts; load_resistance = 67000 would use half of the range."]),
         (220, ["The largest reading is 6 of 4096 counts", "from the least force to the largest: 4 at most."]),
         (0, ["The largest reading is 0 of 4096 counts.", "from the least force to the largest: 0 at most."]),
     ],

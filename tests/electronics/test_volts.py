@@ -100,7 +100,7 @@ def test_a_saturated_reading_is_named_and_has_no_derivative(circuit):
     assert told.derivatives.counts[1, 0] == 0 and np.isinf(told.derivatives.noise_equivalent[1, 0])
     assert [note.split(":")[0] for note in told.notes] == [
         "saturated",
-        "Noise before the converter is less than half of its step of 0.0001221 V",
+        "The noise before the converter is less than half of its step of 0.0001221 V",
     ]
     assert shown(circuit(other_noise=0.01), Readings(np.tile(power, (32, 1)), 64, 0)).notes == []
 
@@ -108,7 +108,7 @@ def test_a_saturated_reading_is_named_and_has_no_derivative(circuit):
 def test_readings_that_saturate_are_counted_in_words(circuit):
     one = circuit(adc_reference=0.5)
     assert saturated_words(one, POWER) == (
-        "the output is saturated (at 0.5 V or more) in 4 of 5 readings, most often of taxel 1: these tell little of "
-        "the force, or nothing from the full scale on"
+        "the output is saturated (at 0.5 V or more) in 4 of 5 readings, most often of taxel 1: such "
+        "readings depend little on the force, and not at all at the full scale"
     )
     assert saturated_words(one, 0.01 * POWER) == ""

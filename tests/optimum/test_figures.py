@@ -131,7 +131,7 @@ def test_what_a_circuit_shows_of_a_design():
     ]
     assert circuit_notes(Seen(lines, {}, None), {}) == []
     quiet = circuit_notes(Seen(lines, {}, replace(circuit, other_noise=0.0)), {"z": "fz", "x": "fx", "still": ""})
-    assert len(quiet) == 4 and quiet[-1].startswith("Noise before the converter is less than half of its step")
+    assert len(quiet) == 4 and quiet[-1].startswith("The noise before the converter is less than half of its step")
 
 
 def test_words():

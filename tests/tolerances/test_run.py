@@ -91,7 +91,7 @@ def test_noise_as_a_force_is_that_of_the_circuit(folder, result):
         f"one count: {3.3 / 2**12:.4g} V",
         "the output reaches the circuit's limit between 0 and -2 N in none of 8 samples",
     ]
-    assert result.notes[-2].startswith("Noise before the converter is less than half of its step of 0.0008057 V")
+    assert result.notes[-2].startswith("The noise before the converter is less than half of its step of 0.0008057 V")
     total = result.parameters.set_index("parameter").total_noise_force
     assert total["led_power"] > 0.8  # a count's noise does not depend on the light
 

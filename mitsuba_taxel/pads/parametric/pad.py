@@ -16,7 +16,7 @@ from mitsuba_taxel.base.sources import own_code
 from mitsuba_taxel.pads.cells import CellShape, Shaft
 from mitsuba_taxel.pads.cells.meridian import as_text
 from mitsuba_taxel.pads.cells.profile import MOST_POINTS, Profile
-from mitsuba_taxel.parameters import REQUIRED, Kinded, Points, choice, kind, number, stated, text, whole
+from mitsuba_taxel.parameters import REQUIRED, Kinded, Points, choice, kind, number, parameter_field, text, whole
 
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -84,7 +84,7 @@ class Pad(Kinded, Displayed):
         common=(0.05, 100),
         default_words=_default_heights(),
     )
-    profile: str | None = stated(
+    profile: str | None = parameter_field(
         Points(
             default=REQUIRED,
             doc="Points 'r z', separated by ';', of the B-spline that the roof follows, from its rim to the crown on "
