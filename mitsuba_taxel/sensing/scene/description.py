@@ -31,7 +31,13 @@ from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.parts.part import SUFFIX
 from mitsuba_taxel.sensing.scene.finding import find_scene
 from mitsuba_taxel.sensing.scene.left_out import NONE, parse_scene, used_by
-from mitsuba_taxel.sensing.scene.parsing import as_own_error, far_transforms, guilty_parameters, parser_config
+from mitsuba_taxel.sensing.scene.parsing import (
+    as_own_error,
+    far_transforms,
+    guilty_parameters,
+    parser_config,
+    with_own_parameters,
+)
 from mitsuba_taxel.sensing.scene.scene_file import read_scene_file
 
 if TYPE_CHECKING:
@@ -199,6 +205,8 @@ class Scene(Displayed):
                 _build_pads_last(state)
                 _announce_packages(state)
                 live = mi.parser.instantiate(config, state)
+            except InputError as error:  # of what is refused before Mitsuba builds anything
+                raise InputError(with_own_parameters(str(error), self), error.part) from error
             except RuntimeError as error:
                 if END_OF_PATH in str(error):
                     self._refuse_contact(config)

@@ -10,7 +10,7 @@ import mitsuba as mi
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing.scene.description import Scene
-from mitsuba_taxel.sensing.scene.parsing import as_own_error, parser_config
+from mitsuba_taxel.sensing.scene.parsing import as_own_error, parser_config, with_own_parameters
 from mitsuba_taxel.specification import specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 from mitsuba_taxel.specification.specification import Specification
@@ -36,7 +36,7 @@ def refusal_of(scene: Scene) -> InputError | None:
                 if isinstance(part, DeformablePad) and not part.filename:
                     part.build_pad()
         except InputError as error:
-            return error
+            return InputError(with_own_parameters(str(error), scene), error.part)
         except RuntimeError as error:  # Mitsuba's own
             return InputError(as_own_error(error, scene))
     return None

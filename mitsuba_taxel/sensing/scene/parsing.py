@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.sensing.scene.left_out import used_by
+from mitsuba_taxel.sensing.scene.scene_file import read_scene_file
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -125,7 +128,7 @@ def as_own_error(error: RuntimeError, scene: Described) -> InputError | Computat
     name, _, message = lines[-1].partition(": ")
     for kind in (ComputationError, InputError):
         if name in (kind.__name__, *(special.__name__ for special in kind.__subclasses__())):
-            return kind(message)
+            return kind(with_own_parameters(message, scene))
     if lines[-1].startswith("MemoryError"):
         return ComputationError(f"{scene.name}: there is not enough memory for it ({lines[-1]}).")
     head = re.sub(r"^\[[^\]]*\] ", "", lines[0]).split(": Traceback")[0]
@@ -139,3 +142,52 @@ def as_own_error(error: RuntimeError, scene: Described) -> InputError | Computat
     if re.search(r'Plugin "\w+" not found', text):
         text += ": your own are loaded by taxel --plugin FILE.py, or load_plugins in Python"
     return InputError(f"{scene.name}: {text}.")
+
+
+def with_own_parameters(message: str, scene: Described) -> str:
+    """A message about parameters of plugins, with the parameters of the scene that supply the values it refuses.
+
+    Parameters
+    ----------
+    message : str
+        It shows each value as ``name = value``, or begins with the name of the plugin's parameter.
+    scene : Described
+        From a file; a scene made in Python has no parameters of its own.
+
+    Returns
+    -------
+    str
+        The message, with ``(parameter roof = 1.2)`` before its last full stop if ``$roof`` supplies such a value. A
+        parameter of the same name as that of the plugin is not repeated.
+    """
+    if not isinstance(scene.source, Path):
+        return message
+    parameters = scene.parameters
+    supplying: dict[str, str] = {}
+    for element in (element for _, root in read_scene_file(scene.source) for element in root.iter()):
+        name, names = element.get("name", ""), used_by(element.attrib)
+        if element.tag == "default" or not name or names <= {name}:
+            continue
+        # The value that Mitsuba reads from the element: a word, a number, or three of them for a vector.
+        words = [element.get("value", "")] if "value" in element.attrib else [element.get(axis, "0") for axis in "xyz"]
+        value = re.sub(r"\$(\w+)", lambda match: parameters.get(match[1], match[0]), ", ".join(words))
+        # "history row '3'" shows a row of the value only, so that its first word must do.
+        shown = [message[match.end() :] for match in re.finditer(rf"\b{re.escape(name)} = ", message)]
+        if any(_begins_with(text, value) for text in shown) or (not shown and message.startswith(f"{name} ")):
+            supplying.update({name: parameters[name] for name in sorted(names) if name in parameters})
+    pairs = ", ".join(f"{name} = {value}" for name, value in supplying.items())
+    return f"{message.removesuffix('.')} (parameter {pairs})." if pairs else message
+
+
+def _begins_with(text: str, value: str) -> bool:
+    """Whether a text begins with a value of a scene, which messages show as a number, a word or a tuple."""
+    value = value.strip()
+    try:
+        numbers = [float(word) for word in re.split(r"[\s,]+", value)]
+    except ValueError:
+        return bool(value) and text.lstrip("'\"(").startswith(value)
+    shown = re.findall(r"[+-]?(?:inf|nan|\d*\.?\d+(?:e[+-]?\d+)?)", text)[: len(numbers)]
+    return len(shown) == len(numbers) and all(
+        math.isclose(number, float(word), rel_tol=1e-3) or (math.isnan(number) and word == "nan")
+        for number, word in zip(numbers, shown, strict=True)
+    )
