@@ -1,4 +1,4 @@
-"""The silicone pad: cell shapes, dimensions, pads from files, and volume meshes with tagged regions."""
+"""The silicone pad: shapes of its cells, its dimensions, pads from files, and volume meshes with tagged regions."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What a mould asks of a pad: thick walls, tapered cells, no tight bends."""
+"""Limits that casting sets to the shape of a pad: thick walls, tapered cells, no tight bends."""
 
 from __future__ import annotations
 
@@ -18,8 +18,11 @@ def thicknesses(pad: Pad) -> np.ndarray:
 
 
 def draft_angles(pad: Pad) -> np.ndarray:
-    """Degrees by which the wall of a cell leans inwards from the vertical, on its side and along its roof; negative
-    where the cell is wider above. Of leaning cells, where that is least around the axis."""
+    """Draft angles of the wall of a cell, in degrees from the vertical: of its side, then along its roof.
+
+    An angle is positive where the cell narrows upwards, so that the mould can be pulled out, and negative where it
+    widens.
+    Where cells lean, it is the smallest angle around the axis."""
     shape = pad.shape
     slope = max(map(abs, pad.slope)) if shape.is_square else math.hypot(*pad.slope)
     inwards, down = np.stack([leaning(shape.wall_tangents(), side * slope) for side in SIDES], axis=-1).swapaxes(0, 1)
@@ -27,16 +30,19 @@ def draft_angles(pad: Pad) -> np.ndarray:
 
 
 def bend_radii(pad: Pad) -> np.ndarray:
-    """Radii of curvature of the roof along its meridian, in mm; its rim, which may be sharp, does not count.
+    """Radii of curvature of the roof along its meridian, in mm. The rim, which may be sharp, is left out.
 
-    Of leaning cells, the least of those across and along the plane in which they lean; of domes, one.
+    Where cells lean, each is the smaller of the radii across and along the plane in which they lean. A dome has one
+    radius.
     """
     return pad.shape.bend_radii()
 
 
 def view_angles(pad: Pad) -> np.ndarray:
-    """Degrees between the roof of a profile, along its meridian, and rays to it from the middle of the cell's opening;
-    above 0 of all that can be made. It is that of the upright cell, as a shear turns no roof away."""
+    """Angles in degrees between the meridian of a roof and the rays to it from the middle of the cell's opening.
+
+    They are positive for every pad that can be made. They are computed for the upright cell: a shear changes no sign.
+    """
     return pad.shape.view_angles()
 
 
@@ -46,4 +52,4 @@ SHAPE: dict[str, Callable[[Pad], np.ndarray]] = {
     "least_radius": bend_radii,
     "view_angle": view_angles,
 }
-"""Figures of the shape of a pad alone, by name."""
+"""Figures that depend on the shape of a pad only, by name."""

@@ -81,8 +81,8 @@ class PadFile(Displayed):
         object.__setattr__(self, "path", path_of("path", self.path))
         object.__setattr__(self, "suffix", self.path.suffix.lower())
         if self.suffix not in SURFACE_FORMATS + STEP_FORMATS:
-            known = ", ".join(SURFACE_FORMATS + STEP_FORMATS)
-            raise InputError(f"filename = {self.path} is not allowed: a file that ends in one of {known} is needed.")
+            formats = ", ".join(SURFACE_FORMATS + STEP_FORMATS)
+            raise InputError(f"filename = {self.path} is not allowed: a file that ends in one of {formats} is needed.")
         check(self)
         require("regions", self.regions, (str, Path, Sequence), "rules or the name of a TOML file")
         rules = read_rules(self.regions) if isinstance(self.regions, str | Path) else tuple(self.regions)
@@ -167,11 +167,23 @@ class PadFile(Displayed):
 def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
     """Mesh a pad from a file with elements of about ``mesh_size`` mm.
 
+    Parameters
+    ----------
+    pad : PadFile
+        The file, with its rules, scale and direction.
+    mesh_size : float
+        Length of the edges of elements, mm.
+
+    Returns
+    -------
+    VolumeMesh
+        Undeformed quadratic tetrahedra with tagged faces.
+
     Raises
     ------
     InputError
         if ``mesh_size`` is not a finite length above 0, or asks for more elements than fit in memory, or the file holds
-        no pad that can be meshed; an error of the surface is reported with its place.
+        no pad that can be meshed; the message gives the position of an error of the surface.
     ComputationError
         if meshing fails, or leaves an inverted element that cannot be repaired.
     """
@@ -183,7 +195,7 @@ def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
 
     if not (math.isfinite(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
-    with _named(pad), activity(f"meshing {pad.path.name}, elements of {mesh_size:.3g} mm"):
+    with _naming_file(pad), activity(f"meshing {pad.path.name}, elements of {mesh_size:.3g} mm"):
         content = pad.content()
         if pad.is_drawn:
             mesh = mesh_step(pad.path.resolve(), pad.digest, pad.regions, mesh_size, pad.placement)
@@ -198,24 +210,24 @@ def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
 
 
 def default_size_of(pad: PadFile) -> float:
-    """Default size of elements in mm; raises as :func:`mesh_pad_file` does."""
+    """Default size of the elements of a pad from a file, in mm. Raises the errors of :func:`mesh_pad_file`."""
     from mitsuba_taxel.pads.imported.local_sizes import default_mesh_size
     from mitsuba_taxel.pads.imported.step import surveyed
     from mitsuba_taxel.pads.imported.surface_meshing import parts_of
 
-    with _named(pad), activity(f"reading {pad.path.name}"):
+    with _naming_file(pad), activity(f"reading {pad.path.name}"):
         content = pad.content()
         if pad.is_drawn:
             body = surveyed(pad.path.resolve(), pad.digest, pad.regions, pad.placement)
             surface = (body.patches.vertices, body.patches.triangles, body.patch_region, body.cell[body.face])
         else:
-            part, _, _ = parts_of(content, pad.suffix, pad.regions, pad.placement)
-            surface = (part.vertices, part.triangles, part.region, part.cell)
+            surface_part, _, _ = parts_of(content, pad.suffix, pad.regions, pad.placement)
+            surface = (surface_part.vertices, surface_part.triangles, surface_part.region, surface_part.cell)
         return default_mesh_size(*surface)
 
 
 @contextmanager
-def _named(pad: PadFile) -> Iterator[None]:
+def _naming_file(pad: PadFile) -> Iterator[None]:
     """Turn a `GeometryError` into an `InputError` that names the file."""
     from mitsuba_taxel.geometry.geometry_error import GeometryError
 

@@ -1,4 +1,4 @@
-"""Room for packages in the cells of undeformed pads of built-in shapes."""
+"""Room for packages in the cells of undeformed parametric pads."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 ROUNDING = 1e-5
 """Relative error of lengths in single precision."""
 WIDEST = 10.0
-"""Times the width of a package, of cells that are tried for it."""
+"""Largest width of a cell that is tried for a package, relative to the width of the package."""
 _BISECTIONS = 20
 
 
-def nearest_cell(pad: Pad, places: np.ndarray) -> np.ndarray:
+def nearest_cell(pad: Pad, points: np.ndarray) -> np.ndarray:
     """(N,) index of the cell nearest to each point (N, 2) on the pad's bottom.
 
     Parameters
     ----------
     pad : Pad
         In mm.
-    places : (N, 2) ndarray
-        On the pad's bottom, mm.
+    points : (N, 2) ndarray
+        x and y on the pad's bottom, mm.
 
     Returns
     -------
     (N,) ndarray of int
         From 0, row by row.
     """
-    last = np.array([pad.columns - 1, pad.rows - 1])
-    column, row = np.clip(np.round(places / pad.pitch * [1, -1] + last / 2), 0, last).astype(int).T
+    last_index = np.array([pad.columns - 1, pad.rows - 1])
+    column, row = np.clip(np.round(points / pad.pitch * [1, -1] + last_index / 2), 0, last_index).astype(int).T
     return row * pad.columns + column
 
 
 def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
-    """Which bodies lie in a cell as a whole.
+    """Which bodies lie entirely within a cell.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
     Returns
     -------
     (N,) ndarray of bool
-        Whether all points of a body do.
+        Whether all points of a body lie within.
     """
     slack = ROUNDING * pad.cell_size
     points = points - points[..., 2:] * [*pad.slope, 0.0]
@@ -55,7 +55,7 @@ def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
 
 
 def room_needed(pad: Pad, corners: np.ndarray) -> str:
-    """How wide the cells of a pad must be, in words, for a package that stands where it does.
+    """Words for the width of cells that a package needs at its position.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def room_needed(pad: Pad, corners: np.ndarray) -> str:
     Returns
     -------
     str
-        The least width by bisection, or that cells of this height hold it at no width.
+        The smallest width, found by bisection, or a statement that cells of this height are too low at any width.
     """
     low, high = corners.min(axis=0), corners.max(axis=0)
     number = nearest_cell(pad, 0.5 * (low + high)[None, :2])[0]
@@ -84,10 +84,10 @@ def room_needed(pad: Pad, corners: np.ndarray) -> str:
     sizes = [size for size in np.geomspace(width, WIDEST * width, 64).tolist() if fits(size)]
     if not sizes:
         return f"its cells, {pad.top_of_cell:.3g} mm high, are too low for a package of {high[2]:.3g} mm"
-    least, most = max(width * (1 - 1e-6), sizes[0] / WIDEST ** (1 / 63)), sizes[0]
+    too_narrow, wide_enough = max(width * (1 - 1e-6), sizes[0] / WIDEST ** (1 / 63)), sizes[0]
     for _ in range(_BISECTIONS):
-        middle = 0.5 * (least + most)
-        least, most = (least, middle) if fits(middle) else (middle, most)
-    rounded = np.ceil(most * 100 * (1 - 1e-9)) / 100
+        middle = 0.5 * (too_narrow + wide_enough)
+        too_narrow, wide_enough = (too_narrow, middle) if fits(middle) else (middle, wide_enough)
+    rounded = np.ceil(wide_enough * 100 * (1 - 1e-9)) / 100
     size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g} mm"
     return f"a package of {size} needs cells at least {rounded:g} mm wide there"

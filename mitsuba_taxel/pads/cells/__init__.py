@@ -1,8 +1,7 @@
-"""Shapes of cells: a class each, in a file of its own, bound to the dimensions of a pad.
+"""Shapes of cells: one class each, in its own file, bound to the dimensions of a pad.
 
-A new shape is one file in this folder, with a subclass of `CellShape` or, with less to write, of `Shaft` (a vertical
-side) or of `MeridianCell` (a roof and a side given by curves). All that depends on the shape is asked of the class.
-"""
+A new shape is one file in this folder with a subclass of `CellShape`. `Shaft` (vertical side) and `MeridianCell` (roof
+and side given by curves) leave less to write. Everything that depends on the shape is a member of the class."""
 
 from mitsuba_taxel.base.kinds import import_all
 from mitsuba_taxel.pads.cells.cell_shape import ON_FLAT_WALLS, ON_ROUND_WALLS, CellShape, LightSizes

@@ -1,4 +1,4 @@
-"""Cylinders closed by a part of a sphere."""
+"""Cylindrical cells with a spherical cap."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import numpy as np
 from mitsuba_taxel.pads.cells.cell_shape import Difference
 from mitsuba_taxel.pads.cells.meridian import as_text, least_radii, of_quadric, roof_meridian
 from mitsuba_taxel.pads.cells.shaft import RoundShaft, at_distance
-from mitsuba_taxel.pads.cells.shares import Rays, along_rays, shares
+from mitsuba_taxel.pads.cells.silicone_shifts import Rays, region_planes, shifts_along_rays
 
 
 class Cap(RoundShaft):
-    """A cylinder closed by the part of a sphere above its rim."""
+    """A cylinder with a spherical cap above its rim."""
 
     round_regions = ("roof", "side")
 
@@ -29,7 +29,7 @@ class Cap(RoundShaft):
 
     @property
     def centre(self) -> float:
-        """Height of the centre of the sphere, mm; it may be below the board."""
+        """Height of the centre of the sphere in mm; it may be negative."""
         return self.top - self.roof_radius
 
     def roof_height(self, across: np.ndarray) -> np.ndarray:
@@ -58,29 +58,30 @@ class Cap(RoundShaft):
         above = Box(Pnt(x - reach, y - reach, self.side_height), Pnt(x + reach, y + reach, self.side_height + reach))
         return super().solid(x, y) + ball * above
 
-    def shifts(self, other: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
-        # Rays begin at the same height as points beside the cylinder, and in the middle of the rim above it.
+    def shifts(self, target: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
+        # Rays start at the height of points beside the cylinder, and in the middle of the rim for points above it.
         above = points[:, 2] > self.side_height
-        growth = (other.pad.cell_size - self.pad.cell_size) / self.pad.cell_size
+        growth = (target.pad.cell_size - self.pad.cell_size) / self.pad.cell_size
 
         def at_wall(rays: Rays) -> tuple[np.ndarray, np.ndarray]:
             drop = (self.side_height - self.centre) * above * rays.direction[:, 2]
             wall = np.sqrt(drop**2 + self.radius**2) - drop  # of the sphere through the rim
-            place = rays.at(np.minimum(rays.length, wall))
-            shift = growth * (place - rays.origin)
-            rise = other.centre - self.centre + growth * (place[:, 2] - self.centre)
+            position = rays.at(np.minimum(rays.length, wall))
+            shift = growth * (position - rays.origin)
+            rise = target.centre - self.centre + growth * (position[:, 2] - self.centre)
             shift[:, 2] = np.where(above, rise, rays.outside[:, 2])
             return wall, shift
 
-        planes = shares(self.pad, self.levels), shares(other.pad, other.levels)
-        return along_rays(self.pad, other.pad, planes, points, np.where(above, self.side_height, points[:, 2]), at_wall)
+        planes = region_planes(self.pad, self.levels), region_planes(target.pad, target.levels)
+        base = np.where(above, self.side_height, points[:, 2])
+        return shifts_along_rays(self.pad, target.pad, planes, points, base, at_wall)
 
     def as_profile(self, points: int) -> np.ndarray:
         cap = self.top - self.side_height
         return of_quadric(self.side_height / self.top, 2 * self.roof_radius * cap / self.radius**2, points)
 
     def bend_radii(self) -> np.ndarray:
-        """That of the sphere, or the least of the ellipsoid."""
+        """The radius of the sphere; of a leaning cap, which is an ellipsoid, its smallest radius of curvature."""
         slope = math.hypot(*self.pad.slope)
         if not slope:
             return np.array([self.roof_radius])

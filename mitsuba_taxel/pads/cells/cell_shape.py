@@ -1,4 +1,4 @@
-"""What every shape of cells must tell."""
+"""The interface of all shapes of cells."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from mitsuba_taxel.base.kinds import Kind
 from mitsuba_taxel.parameters import Number
 
 ON_FLAT_WALLS, ON_ROUND_WALLS = 1.6, 2.0
-"""Divisors of the size of elements on the walls of cells: on curved ones the error of shape matters as well."""
+"""Divisors of the element size on the walls of cells: elements of curved walls are smaller, to follow the shape."""
 
 Difference = Callable[[Callable[[Any], np.ndarray]], np.ndarray]
-"""Change of what a function gives of a cell shape, as the dimensions of the pad change."""
+"""Returns the change of a function of the cell shape, when the dimensions of the pad change."""
 
 
 class Dimensions(Protocol):
-    """What a cell shape knows of its pad: see `Pad`."""
+    """Dimensions of a pad that its cell shape depends on: see `Pad`."""
 
     @property
     def rows(self) -> int: ...
@@ -47,16 +47,17 @@ class Dimensions(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class LightSizes:
-    """Sizes of elements of loaded cells for accurate readings, relative to the default size of their pad.
+    """Element sizes of loaded cells for accurate readings, relative to the default size of their pad.
 
-    Diffuse walls are within 0.03 % then, mirrors and rough mirrors within 0.3 % (`taxel bench domes`).
+    With them the error of readings is about 0.03 % for diffuse walls, and 0.3 % for mirrors and rough mirrors
+    (`taxel bench domes`).
 
     Attributes
     ----------
     diffuse, mirrors : float
-        Where walls are diffuse; where one is a mirror, or glossy.
+        For cells whose walls are all diffuse; for cells with a mirror or a glossy wall.
     mirrors_side_by_side : float
-        The latter in pads of several cells.
+        As ``mirrors``, in pads of several cells.
     """
 
     diffuse: float
@@ -67,9 +68,9 @@ class LightSizes:
 class CellShape(Kind, family="cell"):
     """A shape of cells, with the dimensions of a pad.
 
-    Lengths are in mm. Places are those of an upright cell, which stands with its mouth on z = 0, unless others are
-    named: what leans is sheared afterwards. A meridian is the outline of a cell on one side of its axis, as places
-    (r, z); that of a square section is at the middle of a side.
+    Lengths are in mm. Unless stated otherwise, positions are those of an upright cell whose mouth is centred at the
+    origin of z = 0: the shear of leaning cells is applied afterwards. The meridian is the outline (r, z) of a cell on
+    one side of its axis; for a square section it is taken at the middle of a side.
 
     Parameters
     ----------
@@ -81,16 +82,16 @@ class CellShape(Kind, family="cell"):
     default_height_words : str
         `default_height`, in words for lists of parameters.
     face_refinement : float
-        Divisor of the size of elements on roof and side, such as `ON_ROUND_WALLS`.
+        Divisor of the element size on roof and side, such as `ON_ROUND_WALLS`.
     least_elements : int
-        Number of elements that a cell has at least, however large they may be.
+        Smallest number of elements of a cell, however large they are.
     has_curved_rim : bool
-        Whether elements must be small compared with the radii of curvature, as those along the rim of a roof that goes
-        over into the side would be distorted.
+        Whether a curved roof joins the side smoothly. Elements must then be small compared with the radii of curvature,
+        or those along the rim would be distorted.
     finer_power : float
-        Power of the share by which elements on a round roof are smaller on finer meshes than the default one.
+        Exponent of the relative element size on a round roof, on meshes that are finer than the default one.
     finer_inside : bool
-        Whether elements inside stay as large as they are on the default mesh then.
+        Whether elements inside keep their default size on such meshes.
     light_sizes : LightSizes or None
         None if the default size is accurate enough for light.
     """
@@ -111,7 +112,7 @@ class CellShape(Kind, family="cell"):
     @property
     @abstractmethod
     def default_height(self) -> float:
-        """Height of cells of which none is given, mm."""
+        """Height of cells whose `cell_height` is not set, mm."""
 
     @property
     @abstractmethod
@@ -120,7 +121,7 @@ class CellShape(Kind, family="cell"):
 
     @property
     def cell_height(self) -> float:
-        """That of the pad, mm."""
+        """The pad's `cell_height`, mm."""
         assert self.pad.cell_height is not None
         return self.pad.cell_height
 
@@ -136,17 +137,17 @@ class CellShape(Kind, family="cell"):
 
     @property
     def dimensions(self) -> Mapping[str, float]:
-        """Values of the shape's own that change continuously, by name: its parameters that are numbers."""
+        """The shape's own continuous parameters: values by name."""
         own = {name: parameter for name, parameter in self.own_parameters().items() if isinstance(parameter, Number)}
         return {name: self.value(name) for name in own}
 
     def parameters_at(self, dimensions: Mapping[str, float]) -> dict[str, Any]:
-        """The pad's parameters for other values of all `dimensions`.
+        """Arguments of the pad for new values of `dimensions`.
 
         Parameters
         ----------
         dimensions : Mapping[str, float]
-            Values by name, of all `dimensions`.
+            A value for each of `dimensions`, by name.
 
         Returns
         -------
@@ -156,27 +157,27 @@ class CellShape(Kind, family="cell"):
         return dict(dimensions)
 
     def value(self, name: str) -> Any:
-        """Value of a parameter of the shape's own.
+        """Value of one of the shape's own parameters.
 
         Parameters
         ----------
         name : str
-            One of the shape's own parameters.
+            Name of the parameter.
 
         Returns
         -------
         Any
-            As given to the pad, or its default.
+            The value set for the pad, or the default.
         """
         return getattr(self.pad, name)
 
     def check(self) -> None:
-        """Refuse values of the shape's own parameters.
+        """Refuse values of the shape's own parameters that are not allowed.
 
         Raises
         ------
         InputError
-            if one is not allowed.
+            if a value is not allowed.
         """
 
     def check_side(self, least: float) -> None:
@@ -229,7 +230,7 @@ class CellShape(Kind, family="cell"):
     def onto_wall(
         self, region: str, points: np.ndarray, axis: np.ndarray, beside: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Points put onto the nearest place of a curved wall.
+        """Project points onto a curved wall.
 
         Parameters
         ----------
@@ -238,27 +239,28 @@ class CellShape(Kind, family="cell"):
         points : (N, 3) ndarray
             Near the wall, in the frame of the pad.
         axis : (N, 3) ndarray
-            Where the axis of the cell of each point meets z = 0.
+            For each point, where the axis of its cell meets z = 0.
         beside : (N, 3) ndarray, optional
-            Points near by that tell which wall each of those is on that lie on the edges of a square section.
+            For each point, a neighbour on the same wall. Points on the edges of a square section belong to two walls;
+            the neighbour decides.
 
         Returns
         -------
-        places : (N, 3) ndarray
-            On the wall, in the frame of the pad, mm.
+        projected : (N, 3) ndarray
+            The nearest positions on the wall, in the frame of the pad, mm.
         gradient : (N, 3, 3) ndarray
-            Derivative of the places by the points.
+            Derivative of the projected positions by the points.
         """
 
     def rounded(self, points: np.ndarray, axis: np.ndarray, on: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Nodes of a mesh, those on curved walls moved exactly onto them.
+        """Nodes of a mesh, with the nodes on curved walls moved exactly onto them.
 
         Parameters
         ----------
         points, axis : (N, 3) ndarray
             As for :meth:`onto_wall`.
         on : Mapping[str, (N,) ndarray]
-            Whether nodes lie on the regions ``roof``, ``side`` and ``bottom``.
+            For each of the regions ``roof``, ``side`` and ``bottom``, whether a node lies on it.
 
         Returns
         -------
@@ -279,21 +281,21 @@ class CellShape(Kind, family="cell"):
         points : (N, M, 3) ndarray
             Relative to the middle of the mouth, mm.
         slack : float
-            Distance from the wall from which on a point counts as within, mm.
+            Required distance from the wall, mm.
 
         Returns
         -------
         (N, M) ndarray of bool
-            Whether each point lies more than ``slack`` within.
+            Whether each point lies within, more than ``slack`` from the wall.
         """
 
     # Solids and meshes.
 
     @abstractmethod
     def solid(self, x: float, y: float) -> Any:
-        """A cell as a solid, with faces named ``roof`` and ``side``.
+        """The cell as a solid, with faces named ``roof`` and ``side``.
 
-        It reaches below the board, so that cutting it leaves a clean rim.
+        It extends below the board, so that cutting it out of the pad leaves a clean rim.
 
         Parameters
         ----------
@@ -307,26 +309,27 @@ class CellShape(Kind, family="cell"):
         """
 
     @abstractmethod
-    def shifts(self, other: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
-        """Shifts of the silicone from a pad with upright cells to one of other dimensions.
+    def shifts(self, target: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
+        """Displacements of points of the silicone when the dimensions of a pad with upright cells change.
 
-        A point of a wall stays on it, at the same relative position; the outside of the pad moves with its extent. See
-        `between_planes` and `along_rays`.
+        A point on a wall stays on it, at the same relative position; the outside of the pad moves with its extent. See
+        `shifts_between_planes` and `shifts_along_rays`.
 
         Parameters
         ----------
-        other : CellShape
-            The same shape with the other dimensions.
+        target : CellShape
+            The same shape with the new dimensions.
         points : (N, 3) ndarray
-            Of the silicone.
+            Of the silicone, mm.
         difference : Callable
-            Gives the change from this to the other of what a function of the shape returns; use it where shifts are no
-            linear function of dimensions, as those are small where rates are computed.
+            Returns the change of a function of the shape from this shape to the target. Use it where positions are not
+            linear in the dimensions: rates are computed from small changes, for which a plain subtraction would lose
+            digits.
 
         Returns
         -------
         (N, 3) ndarray
-            By which each point moves, mm.
+            Displacement of each point, mm.
         """
 
     # Drawings and moulds.
@@ -337,7 +340,7 @@ class CellShape(Kind, family="cell"):
         Parameters
         ----------
         points : int
-            How many.
+            Number of points.
 
         Returns
         -------
@@ -347,7 +350,7 @@ class CellShape(Kind, family="cell"):
         Raises
         ------
         InputError
-            if there is no such profile.
+            if the shape has no equivalent profile.
         """
         raise InputError(f"cell = {self.name!r} is not allowed here: it has no equivalent profile.")
 
@@ -362,30 +365,31 @@ class CellShape(Kind, family="cell"):
         """
 
     def section(self) -> np.ndarray:
-        """The wall in the plane along x in which the cell leans.
+        """Outline of the wall in the plane along x, for cells that lean in this plane.
 
         Returns
         -------
         (M, 2) ndarray
-            Its points (x, z) from the board to the board, relative to the middle of the mouth, mm.
+            Points (x, z) from the board over the roof to the board, relative to the middle of the mouth, mm.
         """
-        right = self.outline()
-        both = np.concatenate([right[::-1] * [-1, 1], right])
-        return both + both[:, 1:] * [self.pad.slope[0], 0.0]
+        half = self.outline()
+        outline = np.concatenate([half[::-1] * [-1, 1], half])
+        return outline + outline[:, 1:] * [self.pad.slope[0], 0.0]
 
     @abstractmethod
     def wall_tangents(self) -> np.ndarray:
-        """Tangents of the meridian, downwards.
+        """Tangents of the meridian, downwards, for the draft angles of the mould.
 
         Returns
         -------
         (N, 2) ndarray
-            Those of the side and, if a mould must be able to leave it too, along the roof; of any length.
+            The tangent of the side first; then, if the roof must release from the mould as well, those along the roof.
+            Of any length.
         """
 
     @abstractmethod
     def bend_radii(self) -> np.ndarray:
-        """Radii of curvature of the leaning roof along its meridian; its rim does not count.
+        """Radii of curvature of the roof, sheared if it leans, along its meridian. The rim is left out.
 
         Returns
         -------
@@ -400,5 +404,5 @@ class CellShape(Kind, family="cell"):
         Returns
         -------
         (N,) ndarray
-            In degrees; empty for a shape of which none can be 0.
+            In degrees; empty for shapes whose angles are always positive.
         """

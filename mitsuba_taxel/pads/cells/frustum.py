@@ -14,7 +14,7 @@ from mitsuba_taxel.parameters import Number, Parameter
 
 
 class Frustum(MeridianCell, name="frustum", rank=6):
-    """A cone that a flat roof cuts off."""
+    """A cone with a flat roof."""
 
     meaning = "a cone with a flat roof"
     default_height_words = "1.55"

@@ -1,11 +1,11 @@
-"""Cells with half a sphere."""
+"""Hemispheric cells."""
 
 from mitsuba_taxel.pads.cells.cap import Cap
 from mitsuba_taxel.pads.cells.cell_shape import LightSizes
 
 
 class Hemispheric(Cap, name="hemispheric", rank=4):
-    """A cylinder closed by half a sphere, which goes over into the side smoothly."""
+    """A cylinder with a hemispheric roof, which joins the side smoothly."""
 
     default_height_words = "0.5 + cell_size / 2"
     has_sharp_rim = False

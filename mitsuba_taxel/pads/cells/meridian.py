@@ -1,9 +1,9 @@
-"""Meridians of cells: curves (r, z), of which roofs are splines and sides straight, and surfaces that have them.
+"""Meridians of cells: curves (r, z). Roofs are splines, sides are straight.
 
 The roof's meridian is a B-spline in (r^2, z): every such curve that ends on the axis is smooth there, and planes,
-spheres, ellipsoids and paraboloids are splines exactly. It is clamped, of degree 3 (or less, with fewer points), with
-evenly spaced knots.
-"""
+spheres, ellipsoids and paraboloids are represented exactly. The spline is clamped, with evenly spaced knots, of degree
+3
+(or less, with fewer points)."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ if TYPE_CHECKING:
 
 DEGREE = 3
 SAMPLES = 257
-"""Points of a meridian at which its shape is checked, and near which projections are searched."""
+"""Number of points of a meridian at which its shape is checked, and from which projections start."""
 TINY = 1e-9
-"""Distance from the axis, relative to the radius, that counts as none."""
+"""Distance from the axis, relative to the radius, that counts as zero."""
 PLACES = 33
-"""Points of a roof at which its tangents and bends are looked at."""
+"""Number of points of a roof at which tangents and curvature are evaluated."""
 SIDES = (1, -1)
-"""Of a cell, that to which it leans first."""
+"""Signs of the two sides of a leaning cell; first the side to which it leans."""
 FLAT = 50.0
-"""Radius of curvature, relative to the size of a cell, that stands for flat."""
+"""Largest radius of curvature, relative to the size of a cell: the value for flat walls."""
 
 
 @dataclass(frozen=True, eq=False)
 class Meridian:
-    """A curve (r, z) in mm over u from 0 to 1, and its continuation.
+    """A curve (r, z) in mm over u from 0 to 1, which can be evaluated beyond its ends.
 
     Attributes
     ----------
     square, height : Callable
         r^2 and z as scipy's piecewise polynomials of s.
     power : int
-        s is u to the power of 2 from the axis, where r is then smooth in u, else of 1.
+        Exponent of s = u^power: 2 from the axis, where r is then smooth in u; else 1.
     """
 
     square: PPoly
@@ -62,10 +62,11 @@ class Meridian:
             (r, z) in mm, and the first and second derivatives by u.
         """
         u = np.maximum(u, TINY) if self.power == 2 else u
-        s, by, again = (u**2, 2 * u, 2.0) if self.power == 2 else (u, np.ones_like(u), 0.0)
-        squares, heights = ([part(s, order) for order in range(3)] for part in (self.square, self.height))
+        # r^2 and z are polynomials of s: their derivatives by u follow by the chain rule.
+        s, ds, dds = (u**2, 2 * u, 2.0) if self.power == 2 else (u, np.ones_like(u), 0.0)
+        squares, heights = ([polynomial(s, order) for order in range(3)] for polynomial in (self.square, self.height))
         (q, dq, ddq), (z, dz, ddz) = (
-            (value, rate * by, second * by**2 + rate * again) for value, rate, second in (squares, heights)
+            (value, rate * ds, second * ds**2 + rate * dds) for value, rate, second in (squares, heights)
         )
         r = np.sqrt(q)
         dr = dq / (2 * r)
@@ -84,7 +85,7 @@ class Meridian:
         u : (N,) ndarray
             Parameter of the nearest point.
         gradient : (N, 2, 2) ndarray
-            Derivative of that point by the given one.
+            Derivative of the nearest point by the point.
         """
         samples = np.linspace(0, 1, SAMPLES)
         u = samples[PointTree(self.at(samples)[0]).query(points)[1]]
@@ -95,11 +96,11 @@ class Meridian:
                 u = np.maximum(u, 0.0)
             if np.abs(step).max(initial=0.0) < 1e-14:
                 break
-        _, (along, curved) = self._newton(u, points)
-        return u, along[:, :, None] * along[:, None, :] / curved[:, None, None]
+        _, (tangent, hessian) = self._newton(u, points)
+        return u, tangent[:, :, None] * tangent[:, None, :] / hessian[:, None, None]
 
     def along(self, rays: np.ndarray) -> np.ndarray:
-        """Where rays from the origin, around which the curve turns, meet it.
+        """Intersections with rays from the origin, around which the curve turns, by Newton's method.
 
         Parameters
         ----------
@@ -109,23 +110,25 @@ class Meridian:
         Returns
         -------
         (N,) ndarray
-            The parameter u of each meeting, from 0 to 1.
+            The parameter u of each intersection, from 0 to 1.
         """
         samples = np.linspace(0, 1, SAMPLES)
         angles = np.arctan2(*self.at(samples)[0].T)
         u = np.interp(np.arctan2(*rays.T), angles, samples)
         for _ in range(5):
-            place, rate, _ = self.at(u)
-            off, slope = (rays[:, 0] * each[:, 1] - rays[:, 1] * each[:, 0] for each in (place, rate))
-            u = u - off / slope
+            position, tangent, _ = self.at(u)
+            residual, slope = (rays[:, 0] * vector[:, 1] - rays[:, 1] * vector[:, 0] for vector in (position, tangent))
+            u = u - residual / slope
         return np.clip(u, 0.0, 1.0)
 
     def _newton(self, u: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        place, along, bend = self.at(u)
-        off = place - points
-        squared = (along**2).sum(axis=1)
-        curved = np.maximum(squared + (off * bend).sum(axis=1), 0.25 * squared)
-        return (off * along).sum(axis=1) / curved, (along, curved)
+        """Newton's step towards the nearest points, the tangent, and the second derivative of half the squared
+        distance, which is bounded from below, so that the step always descends."""
+        position, tangent, second = self.at(u)
+        distance = position - points
+        squared_speed = (tangent**2).sum(axis=1)
+        hessian = np.maximum(squared_speed + (distance * second).sum(axis=1), 0.25 * squared_speed)
+        return (distance * tangent).sum(axis=1) / hessian, (tangent, hessian)
 
 
 def control_points(text: str) -> np.ndarray:
@@ -134,7 +137,7 @@ def control_points(text: str) -> np.ndarray:
 
 
 def as_text(points: np.ndarray) -> str:
-    """The reverse of :func:`control_points`."""
+    """The text of control points (n, 2): the inverse of :func:`control_points`."""
     return "; ".join(f"{r:.16g} {z:.16g}" for r, z in points.tolist())
 
 
@@ -147,20 +150,20 @@ def roof_meridian(text: str, radius: float, height: float) -> Meridian:
     text : str
         Control points 'r z', separated by ';', from the rim to the crown.
     radius, height : float
-        By which r and z are multiplied, mm.
+        Factors of r and z, mm.
 
     Returns
     -------
     Meridian
-        In mm, from the crown at u = 0 to the rim.
+        In mm, from the crown at u = 0 to the rim at u = 1.
     """
     from scipy.interpolate import PPoly
 
     r, z = control_points(text)[::-1].T
     degree, knots = _knots(len(r))
-    square, heights = (PPoly.from_spline((knots, c, degree)) for c in ((radius * r) ** 2, height * z))
-    first = degree  # of the polynomials of `from_spline`, those before the first knot are empty
-    square, heights = (PPoly(part.c[:, first:-first], part.x[first:-first]) for part in (square, heights))
+    splines = (PPoly.from_spline((knots, c, degree)) for c in ((radius * r) ** 2, height * z))
+    # The knots at the ends are repeated, which gives empty intervals, as many as the degree: they are cut off.
+    square, heights = (PPoly(spline.c[:, degree:-degree], spline.x[degree:-degree]) for spline in splines)
     square.c[-1, 0] = 0.0
     return Meridian(square, heights, 2)
 
@@ -184,68 +187,151 @@ def flat_meridian(radius: float, height: float) -> Meridian:
 
 
 def side_meridian(rim: np.ndarray, radius: float) -> Meridian:
-    """The straight side from the ``rim`` (2,) of a roof to the board, where it is ``radius`` mm from the axis."""
+    """The straight side of a cell.
+
+    Parameters
+    ----------
+    rim : (2,) ndarray
+        r and z of the rim of the roof, mm.
+    radius : float
+        r at the board, mm.
+
+    Returns
+    -------
+    Meridian
+        In mm, from the rim at u = 0 to the board at u = 1.
+    """
     from scipy.interpolate import PPoly
 
     r, z = rim
-    wider = radius - r
-    return Meridian(PPoly([[wider**2], [2 * r * wider], [r**2]], [0, 1]), PPoly([[-z], [z]], [0, 1]), 1)
+    widening = radius - r
+    return Meridian(PPoly([[widening**2], [2 * r * widening], [r**2]], [0, 1]), PPoly([[-z], [z]], [0, 1]), 1)
 
 
 def rim_angle(side: Meridian, roof: Meridian) -> float:
-    """Degrees by which the meridian turns inwards from the side to the roof."""
-    (a, b), (c, d) = (-curve.at(end)[1][0] for curve, end in ((side, np.zeros(1)), (roof, np.ones(1))))
+    """Angle at the rim between side and roof.
+
+    Parameters
+    ----------
+    side, roof : Meridian
+        The two curves that meet at the rim.
+
+    Returns
+    -------
+    float
+        Degrees by which the meridian turns inwards from the side to the roof; 0 if they join smoothly.
+    """
+    (a, b), (c, d) = (-curve.at(u)[1][0] for curve, u in ((side, np.zeros(1)), (roof, np.ones(1))))
     return math.degrees(math.atan2(a * d - b * c, a * c + b * d))
 
 
-def leaning(along: np.ndarray, slope: float) -> np.ndarray:
-    """Tangents (N, 2) of a meridian in a plane in which its cell leans outwards by ``slope`` mm per mm of height."""
-    return along + along[:, 1:] * [slope, 0.0]
+def leaning(tangents: np.ndarray, slope: float) -> np.ndarray:
+    """Tangents of a meridian after the shear of a leaning cell.
+
+    Parameters
+    ----------
+    tangents : (N, 2) ndarray
+        Of the upright cell, in the plane in which it leans.
+    slope : float
+        Outward shift per height.
+
+    Returns
+    -------
+    (N, 2) ndarray
+        Of the leaning cell.
+    """
+    return tangents + tangents[:, 1:] * [slope, 0.0]
 
 
 def least_radii(curve: Meridian, slope: float, size: float) -> np.ndarray:
-    """(`PLACES`,) radii of curvature along a meridian of a cell of some size, in mm.
+    """Radii of curvature along a meridian, after the shear of a leaning cell.
 
-    Of leaning cells, the least of those across and along the plane in which they lean by ``slope`` mm per mm of height.
+    Parameters
+    ----------
+    curve : Meridian
+        Of the upright cell.
+    slope : float
+        Shift per height in the plane in which the cell leans.
+    size : float
+        Size of the cell, mm; radii are limited to `FLAT` times it.
+
+    Returns
+    -------
+    (`PLACES`,) ndarray
+        In mm, at points from one end to the other: the smallest of the radii across and along the plane of leaning.
     """
-    _, along, bend = curve.at(np.linspace(0, 1, PLACES))
-    turn = along[:, 0] * bend[:, 1] - along[:, 1] * bend[:, 0]  # the same on all sides, as a shear keeps areas
-    length = np.min([np.linalg.norm(leaning(along, side * slope), axis=1) for side in (0, *SIDES)], axis=0)
-    return 1 / np.hypot(turn / length**3, 1 / (FLAT * size))
+    _, tangent, second = curve.at(np.linspace(0, 1, PLACES))
+    cross = tangent[:, 0] * second[:, 1] - tangent[:, 1] * second[:, 0]  # the same on all sides, as a shear keeps areas
+    length = np.min([np.linalg.norm(leaning(tangent, side * slope), axis=1) for side in (0, *SIDES)], axis=0)
+    return 1 / np.hypot(cross / length**3, 1 / (FLAT * size))
 
 
 def from_axis(square: bool, points: np.ndarray, beside: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) distance of points (N, 2 or 3) from an axis along z, and its derivative (N, 2) by x and y.
+    """Distance of points from an axis along z.
 
-    That to a side of a square section is the larger of x and y, or the one that is larger ``beside`` (N, 2 or 3).
+    Parameters
+    ----------
+    square : bool
+        Whether the section is square: then the distance is the larger of ``|x|`` and ``|y|``.
+    points : (N, 2 or 3) ndarray
+        Relative to the axis, mm.
+    beside : (N, 2 or 3) ndarray, optional
+        Points that decide, in place of ``points``, which of x and y counts for a square section.
+
+    Returns
+    -------
+    distance : (N,) ndarray
+        In mm, at least `TINY`.
+    gradient : (N, 2) ndarray
+        Derivative of the distance by x and y.
     """
     x = points[:, :2]
     if not square:
         distance = np.maximum(np.linalg.norm(x, axis=1), TINY)
         return distance, x / distance[:, None]
     axis = np.abs(x if beside is None else beside[:, :2]).argmax(axis=1)
-    here = np.arange(len(x)), axis
-    out = np.zeros_like(x)
-    out[here] = np.where(x[here] < 0, -1.0, 1.0)
-    return np.maximum(np.abs(x[here]), TINY), out
+    selected = np.arange(len(x)), axis
+    gradient = np.zeros_like(x)
+    gradient[selected] = np.where(x[selected] < 0, -1.0, 1.0)
+    return np.maximum(np.abs(x[selected]), TINY), gradient
 
 
 def onto_meridian(
     curve: Meridian, points: np.ndarray, square: bool = False, beside: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3), relative to an axis along z, put onto the surface of a round or square section at the nearest
-    place of its meridian, and the derivatives (N, 3, 3) by them; ``beside`` is as for :func:`from_axis`."""
-    distance, out = from_axis(square, points, beside)
-    u, inside = curve.nearest(np.column_stack([distance, points[:, 2]]))
-    place = curve.at(u)[0]
-    stretch = (place[:, 0] / distance)[:, None]
+    """Project points onto the wall that a meridian describes.
+
+    Parameters
+    ----------
+    curve : Meridian
+        Of the wall.
+    points : (N, 3) ndarray
+        Relative to the axis, mm.
+    square : bool
+        Whether the section is square, else it is round.
+    beside : (N, 3) ndarray, optional
+        As for :func:`from_axis`.
+
+    Returns
+    -------
+    projected : (N, 3) ndarray
+        The positions at the nearest points of the meridian, mm.
+    gradient : (N, 3, 3) ndarray
+        Their derivatives by the points.
+    """
+    # Project in the plane of the meridian, and scale x and y by the change of the distance from the axis.
+    distance, distance_rate = from_axis(square, points, beside)
+    u, in_plane = curve.nearest(np.column_stack([distance, points[:, 2]]))
+    position = curve.at(u)[0]
+    scale = (position[:, 0] / distance)[:, None]
+    # The chain rule, with the derivatives of the projection in the plane (N, 2, 2) and of the distance (N, 2).
     gradient = np.zeros((len(points), 3, 3))
-    along = points[:, :2] / distance[:, None]
-    radial = along[:, :, None] * out[:, None, :]
-    gradient[:, :2, :2] = inside[:, :1, :1] * radial + stretch[:, :, None] * (np.eye(2) - radial)
-    gradient[:, :2, 2], gradient[:, 2, :2] = inside[:, :1, 1] * along, inside[:, 1:, 0] * out
-    gradient[:, 2, 2] = inside[:, 1, 1]
-    return np.column_stack([stretch * points[:, :2], place[:, 1]]), gradient
+    direction = points[:, :2] / distance[:, None]
+    radial = direction[:, :, None] * distance_rate[:, None, :]
+    gradient[:, :2, :2] = in_plane[:, :1, :1] * radial + scale[:, :, None] * (np.eye(2) - radial)
+    gradient[:, :2, 2], gradient[:, 2, :2] = in_plane[:, :1, 1] * direction, in_plane[:, 1:, 0] * distance_rate
+    gradient[:, 2, 2] = in_plane[:, 1, 1]
+    return np.column_stack([scale * points[:, :2], position[:, 1]]), gradient
 
 
 def _knots(count: int) -> tuple[int, np.ndarray]:
@@ -254,8 +340,22 @@ def _knots(count: int) -> tuple[int, np.ndarray]:
 
 
 def of_quadric(rim: float, slope: float, count: int) -> np.ndarray:
-    """(count, 2) points of the profile with r^2 = ``slope`` s + (1 - ``slope``) s^2 where z falls from 1 to ``rim`` as
-    s rises from 0 to 1: a plane, or a part of a sphere."""
+    """Control points of a quadric of revolution: a plane, or part of a sphere.
+
+    Parameters
+    ----------
+    rim : float
+        z of the rim, relative to the crown.
+    slope : float
+        The profile is r^2 = ``slope`` s + (1 - ``slope``) s^2, while z falls from 1 to ``rim`` as s rises from 0 to 1.
+    count : int
+        Number of control points.
+
+    Returns
+    -------
+    (count, 2) ndarray
+        r and z, relative to the radius and the height of the cell, from the rim to the crown.
+    """
     from scipy.interpolate import BSpline
 
     degree, knots = _knots(count)

@@ -1,4 +1,4 @@
-"""Cells whose roof and side are given by meridians: of revolution, or of a square section."""
+"""Cells whose roof and side are given by meridians, with a round or a square section."""
 
 from __future__ import annotations
 
@@ -23,22 +23,21 @@ from mitsuba_taxel.pads.cells.meridian import (
     rim_angle,
     side_meridian,
 )
-from mitsuba_taxel.pads.cells.shares import Rays, along_rays, shares
+from mitsuba_taxel.pads.cells.silicone_shifts import Rays, region_planes, shifts_along_rays
 
 SMOOTH_RIM = 10.0
-"""Degrees between side and roof up to which their rim is not sharp."""
+"""Largest angle in degrees between side and roof at a smooth rim."""
 SPLINE_POINTS = 49
-"""Points of the interpolated roof."""
+"""Number of points through which the roof of a solid is interpolated."""
 BELOW = 1.5
-"""How far the side goes on below the board, over its height."""
+"""Parameter u to which the side of a solid is extended below the board, where u = 1."""
 
 
 class MeridianCell(CellShape):
-    """A cell with a straight side and a flat or any smooth roof, all of which is seen from the middle of the mouth.
+    """A cell with a straight side and a flat or smooth roof, all of which is visible from the middle of the mouth.
 
-    A subclass tells its `roof`, and whether its section is square: then walls on its four sides are cylinders that have
-    the meridian and meet at edges.
-    """
+    A subclass gives its `roof`, and whether its section is square. The walls on the four sides of a square section are
+    cylinders that follow the meridian and meet at edges."""
 
     round_regions: tuple[str, ...] = ("roof", "side")
     roof_radius: float | None = None
@@ -46,11 +45,11 @@ class MeridianCell(CellShape):
     @property
     @abstractmethod
     def roof(self) -> Meridian:
-        """From the crown, where r = 0, to the rim."""
+        """The meridian from the crown, where r = 0, to the rim."""
 
     @property
     def side(self) -> Meridian:
-        """From the rim to the board."""
+        """The meridian from the rim to the board."""
         return side_meridian(self.rim, self.radius)
 
     @property
@@ -88,19 +87,19 @@ class MeridianCell(CellShape):
     def onto_wall(
         self, region: str, points: np.ndarray, axis: np.ndarray, beside: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        near = None if beside is None else beside - axis
-        places, gradient = onto_meridian(self.curve(region), points - axis, self.is_square, near)
-        return axis + places, gradient
+        relative_beside = None if beside is None else beside - axis
+        projected, gradient = onto_meridian(self.curve(region), points - axis, self.is_square, relative_beside)
+        return axis + projected, gradient
 
     def rounded(self, points: np.ndarray, axis: np.ndarray, on: Mapping[str, np.ndarray]) -> np.ndarray:
         points = points.copy()
         for name in ("roof", "side"):  # flat ones as well
             points[on[name]] = self.onto_wall(name, points[on[name]], axis[on[name]], None)[0]
         rim, bottom = on["roof"] & on["side"], on["side"] & on["bottom"]
-        for here, (r, z) in ((rim, self.rim), (bottom, (self.radius, 0.0))):
-            across = points[here, :2] - axis[here, :2]
-            points[here, :2] = axis[here, :2] + r * across / from_axis(self.is_square, across)[0][:, None]
-            points[here, 2] = z
+        for selected, (r, z) in ((rim, self.rim), (bottom, (self.radius, 0.0))):
+            across = points[selected, :2] - axis[selected, :2]
+            points[selected, :2] = axis[selected, :2] + r * across / from_axis(self.is_square, across)[0][:, None]
+            points[selected, 2] = z
         return points
 
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
@@ -120,24 +119,24 @@ class MeridianCell(CellShape):
 
         return _upright(self).Move(Vec(x, y, 0))
 
-    def shifts(self, other: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
+    def shifts(self, target: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
         def at_wall(rays: Rays) -> tuple[np.ndarray, np.ndarray]:
             ray = rays.direction
             across = from_axis(self.is_square, ray)[0]
             wall, shift = np.empty(len(ray)), np.empty_like(ray)
             rim = math.atan2(self.rim[1], self.rim[0])
             up = np.arctan2(ray[:, 2], across)
-            for region, here in (("roof", up > rim), ("side", up <= rim)):
-                u = self.curve(region).along(np.column_stack([across, ray[:, 2]])[here])
-                out = ray[here, :2] / across[here, None]
+            for region, selected in (("roof", up > rim), ("side", up <= rim)):
+                u = self.curve(region).along(np.column_stack([across, ray[:, 2]])[selected])
+                radial = ray[selected, :2] / across[selected, None]
                 r, z = self.curve(region).at(u)[0].T
-                wall[here] = np.hypot(r * np.linalg.norm(out, axis=1), z)
-                along = difference(partial(_places, region, u))
-                shift[here] = np.column_stack([along[:, :1] * out, along[:, 1]])
+                wall[selected] = np.hypot(r * np.linalg.norm(radial, axis=1), z)
+                along = difference(partial(_wall_position, region, u))
+                shift[selected] = np.column_stack([along[:, :1] * radial, along[:, 1]])
             return wall, shift
 
-        planes = shares(self.pad, [0.0, self.pad.height]), shares(other.pad, [0.0, other.pad.height])
-        return along_rays(self.pad, other.pad, planes, points, np.zeros(len(points)), at_wall)
+        planes = region_planes(self.pad, [0.0, self.pad.height]), region_planes(target.pad, [0.0, target.pad.height])
+        return shifts_along_rays(self.pad, target.pad, planes, points, np.zeros(len(points)), at_wall)
 
     def outline(self) -> np.ndarray:
         return np.concatenate([self.roof.at(np.linspace(0, 1, SAMPLES))[0], [[self.radius, 0.0]]])
@@ -151,18 +150,18 @@ class MeridianCell(CellShape):
         return least_radii(self.roof, math.hypot(*self.pad.slope), self.pad.cell_size)
 
     def view_angles(self) -> np.ndarray:
-        place, along, _ = self.roof.at(np.linspace(0, 1, PLACES)[1:])
-        turned = along[:, 0] * place[:, 1] - along[:, 1] * place[:, 0]
-        return np.degrees(np.arctan2(turned, np.abs((along * place).sum(axis=1))))
+        position, tangent, _ = self.roof.at(np.linspace(0, 1, PLACES)[1:])
+        cross = tangent[:, 0] * position[:, 1] - tangent[:, 1] * position[:, 0]
+        return np.degrees(np.arctan2(cross, np.abs((tangent * position).sum(axis=1))))
 
 
-def _places(region: str, u: np.ndarray, shape: MeridianCell) -> np.ndarray:
+def _wall_position(region: str, u: np.ndarray, shape: MeridianCell) -> np.ndarray:
     return shape.curve(region).at(u)[0]
 
 
 @kept(1)  # all cells of a pad are alike
 def _upright(shape: MeridianCell) -> Any:
-    """A cell about the axis z; a curved roof is interpolated, to some 1e-7 of its size."""
+    """A cell about the z axis as a solid. A curved roof is interpolated, with an error of about 1e-7 of its size."""
     from netgen.occ import Axis, Face, Pnt, Segment, SplineInterpolation, Wire, Z
 
     def at(r: float, z: float) -> Any:
@@ -175,7 +174,7 @@ def _upright(shape: MeridianCell) -> Any:
     sides = [Segment(start, end) for start, end in pairwise(corners)]
     top = Segment(at(*crown), at(*rim))
     if "roof" in shape.round_regions:
-        top = SplineInterpolation([at(*place) for place in roof.tolist()])
+        top = SplineInterpolation([at(*point) for point in roof.tolist()])
     half, axis = Face(Wire([top, *sides])), Axis(Pnt(0, 0, 0), Z)
     solid = _of_quarters(half, axis, float(below[0])) if shape.is_square else half.Revolve(axis, 360)
     for face in solid.faces:
@@ -184,7 +183,7 @@ def _upright(shape: MeridianCell) -> Any:
 
 
 def _of_quarters(half: Any, axis: Any, widest: float) -> Any:
-    """The solid of a square section whose walls have the outline of a planar face on one side of the axis."""
+    """The solid of a square section whose four walls have the outline of a planar face on one side of the axis."""
     from netgen.occ import Face, Pnt, Segment, Vec, Wire
 
     low, high = (corner.z for corner in half.bounding_box)

@@ -8,11 +8,11 @@ import numpy as np
 
 from mitsuba_taxel.pads.cells.cell_shape import ON_FLAT_WALLS, Difference
 from mitsuba_taxel.pads.cells.shaft import Shaft
-from mitsuba_taxel.pads.cells.shares import between_planes, walls
+from mitsuba_taxel.pads.cells.silicone_shifts import shifts_between_planes, wall_planes
 
 
 class Parallelepiped(Shaft, name="parallelepiped", rank=1):
-    """A cuboid of a square section."""
+    """A cuboid with a square section."""
 
     is_square = True
     round_regions = ()
@@ -33,5 +33,5 @@ class Parallelepiped(Shaft, name="parallelepiped", rank=1):
         radius = self.radius
         return Box(Pnt(x - radius, y - radius, below), Pnt(x + radius, y + radius, self.side_height))
 
-    def shifts(self, other: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
-        return between_planes(points, walls(self.pad, self.levels), walls(other.pad, other.levels))
+    def shifts(self, target: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
+        return shifts_between_planes(points, wall_planes(self.pad, self.levels), wall_planes(target.pad, target.levels))

@@ -1,4 +1,4 @@
-"""Cells whose roof is a spline that the user gives."""
+"""Cells whose roof is a spline, given by control points."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST_POINTS = 20
 
 
 class Profile(MeridianCell, name="profile", rank=5):
-    """A cell with any smooth roof, by the control points of its meridian, `profile`, of a round or square `section`."""
+    """A cell with any smooth roof, given by the control points of its meridian, with a round or square section."""
 
     uses = ("profile", "section")
     default_height_words = "1.55"
@@ -54,20 +54,20 @@ class Profile(MeridianCell, name="profile", rank=5):
 
     @property
     def dimensions(self) -> Mapping[str, float]:
-        """r and z of each point, as ``profile_r1``; the crown has no r."""
+        """r and z of each point, as ``profile_r1``; the crown lies on the axis and has z only."""
         points = control_points(self.text).tolist()
-        values = {
-            f"profile_{of}{k}": value for k, row in enumerate(points, 1) for of, value in zip("rz", row, strict=True)
-        }
+        values: dict[str, float] = {}
+        for number, (r, z) in enumerate(points, start=1):
+            values |= {f"profile_r{number}": r, f"profile_z{number}": z}
         values.pop(f"profile_r{len(points)}")
         return values
 
     def parameters_at(self, dimensions: Mapping[str, float]) -> dict[str, Any]:
-        *others, crown = dimensions.values()
-        return {"profile": [*zip(others[::2], others[1::2], strict=True), (0.0, crown)]}
+        *coordinates, crown = dimensions.values()
+        return {"profile": [*zip(coordinates[::2], coordinates[1::2], strict=True), (0.0, crown)]}
 
     def check(self) -> None:
-        """Refuse a profile that is out of range, or whose meridian turns back; raises `InputError`."""
+        """Refuse a profile that is out of range, or whose meridian turns back. Raises `InputError`."""
         points = control_points(self.text)
         r, z = points.T
         if not 2 <= len(points) <= MOST_POINTS:
@@ -75,8 +75,8 @@ class Profile(MeridianCell, name="profile", rank=5):
         if not (r[-1] == 0 and np.all((r[:-1] > 0) & (r[:-1] <= 1)) and np.all((z > 0) & (z <= 1))):
             needed = "r above 0 and up to 1, 0 for the last point alone, and z above 0 and up to 1 are needed"
             raise _refused(self.text, needed)
-        place, along, _ = roof_meridian(self.text, 1.0, 1.0).at(np.linspace(0, 1, SAMPLES)[1:])
-        if np.any(along[:, 0] * place[:, 1] - along[:, 1] * place[:, 0] <= 0):
+        position, tangent, _ = roof_meridian(self.text, 1.0, 1.0).at(np.linspace(0, 1, SAMPLES)[1:])
+        if np.any(tangent[:, 0] * position[:, 1] - tangent[:, 1] * position[:, 0] <= 0):
             raise _refused(self.text, "every point of the roof must be seen from the middle of the cell's opening")
 
     def check_side(self, least: float) -> None:
@@ -86,10 +86,10 @@ class Profile(MeridianCell, name="profile", rank=5):
 
 @kept(64)
 def highest(text: str) -> float:
-    """The highest point of a profile, relative to the height of the cell."""
+    """Height of the highest point of a profile, relative to the height of the cell."""
     heights = roof_meridian(text, 1.0, 1.0).height
-    turns = heights.derivative().roots(extrapolate=False)
-    return float(heights(np.array([0.0, 1.0, *turns[np.isfinite(turns)]])).max())
+    extrema = heights.derivative().roots(extrapolate=False)
+    return float(heights(np.array([0.0, 1.0, *extrema[np.isfinite(extrema)]])).max())
 
 
 def _refused(text: str, needed: str) -> InputError:

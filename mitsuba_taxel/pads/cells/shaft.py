@@ -1,4 +1,4 @@
-"""Cells with a vertical side: what those with a flat roof, and those with a cap, have in common."""
+"""Cells with a vertical side: what cells with a flat roof and cells with a cap have in common."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 from mitsuba_taxel.pads.cells.cell_shape import ON_ROUND_WALLS, CellShape, Difference, LightSizes
 from mitsuba_taxel.pads.cells.meridian import SAMPLES, as_text, of_quadric, roof_meridian
-from mitsuba_taxel.pads.cells.shares import Rays, along_rays, shares
+from mitsuba_taxel.pads.cells.silicone_shifts import Rays, region_planes, shifts_along_rays
 
 
 class Shaft(CellShape):
-    """A cell with a vertical side and, unless a subclass has another one, a flat roof."""
+    """A cell with a vertical side and a flat roof; subclasses may have another roof."""
 
     default_height_words = "1.55"
     has_curved_rim = False
@@ -36,12 +36,12 @@ class Shaft(CellShape):
 
     @property
     def levels(self) -> list[float]:
-        """Heights between which shifts are linear outside the cells, mm."""
+        """Heights in mm between which displacements are linear outside the cells."""
         return [0.0, self.side_height, self.pad.height]
 
     @abstractmethod
     def across(self, points: np.ndarray) -> np.ndarray:
-        """Distance from the axis, as that of the side.
+        """Distance from the axis, in the norm in which the side is at the same distance everywhere.
 
         Parameters
         ----------
@@ -51,7 +51,7 @@ class Shaft(CellShape):
         Returns
         -------
         (N, M) ndarray
-            In mm: of a square section the larger of those along x and y.
+            In mm; for a square section the larger of the distances along x and y.
         """
 
     def roof_height(self, across: np.ndarray) -> np.ndarray:
@@ -75,14 +75,14 @@ class Shaft(CellShape):
 
     @abstractmethod
     def shaft(self, x: float, y: float, below: float) -> Any:
-        """The cell up to its side's height.
+        """The cell up to the height of its side.
 
         Parameters
         ----------
         x, y : float
             Where its axis meets the board, mm.
         below : float
-            The z down to which it reaches, mm.
+            Lowest z of the solid, mm.
 
         Returns
         -------
@@ -116,7 +116,7 @@ class Shaft(CellShape):
 
 
 class RoundShaft(Shaft):
-    """A cylinder and, unless a subclass has another one, a flat roof."""
+    """A cylinder with a flat roof; subclasses may have another roof."""
 
     is_square = False
     round_regions: tuple[str, ...] = ("side",)
@@ -143,8 +143,8 @@ class RoundShaft(Shaft):
 
         return Cylinder(Pnt(x, y, below), Z, self.radius, self.side_height - below)
 
-    def shifts(self, other: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
-        growth = (other.pad.cell_size - self.pad.cell_size) / self.pad.cell_size
+    def shifts(self, target: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
+        growth = (target.pad.cell_size - self.pad.cell_size) / self.pad.cell_size
 
         def at_wall(rays: Rays) -> tuple[np.ndarray, np.ndarray]:
             wall = np.full(len(points), self.radius)
@@ -152,11 +152,24 @@ class RoundShaft(Shaft):
             shift[:, 2] = rays.outside[:, 2]
             return wall, shift
 
-        planes = shares(self.pad, self.levels), shares(other.pad, other.levels)
-        return along_rays(self.pad, other.pad, planes, points, points[:, 2], at_wall)
+        planes = region_planes(self.pad, self.levels), region_planes(target.pad, target.levels)
+        return shifts_along_rays(self.pad, target.pad, planes, points, points[:, 2], at_wall)
 
 
 def at_distance(points: np.ndarray, centre: np.ndarray, distance: float) -> np.ndarray:
-    """Points (N, 2 or 3) moved radially to a distance from centres."""
+    """Points moved radially to a distance from centres.
+
+    Parameters
+    ----------
+    points, centre : (N, 2 or 3) ndarray
+        In mm.
+    distance : float
+        In mm.
+
+    Returns
+    -------
+    (N, 2 or 3) ndarray
+        In mm.
+    """
     from_centre = points - centre
     return centre + distance * from_centre / np.linalg.norm(from_centre, axis=1, keepdims=True)

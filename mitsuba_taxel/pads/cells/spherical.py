@@ -1,17 +1,17 @@
-"""Cells with the cap of a sphere."""
+"""Cells with a spherical cap."""
 
 from mitsuba_taxel.pads.cells.cap import Cap
 from mitsuba_taxel.pads.cells.cell_shape import LightSizes
 
 
 class Spherical(Cap, name="spherical", rank=3):
-    """A cylinder closed by the cap of a sphere of the radius `cell_size`.
+    """A cylinder with a cap of a sphere of radius `cell_size`.
 
-    The cap is flatter than a dome: elements on it are smaller by a power of the share only. Those inside stay as large
-    as they are on the default mesh, and are reached the faster, so that there are far fewer. Whether readings are
-    accurate enough is shown by `taxel bench domes`, for other hemispheric mirrors too, which need small elements
-    inside. Light leaves the cell after few reflections, of which each counts.
-    """
+    The cap is flatter than a hemisphere, so its elements shrink by a power of the relative size only. Elements inside
+    keep their default size, and the size grows faster from the wall towards them, which leaves far fewer elements.
+    `taxel bench domes` shows that readings are accurate enough with them. Light leaves this cell after few reflections,
+    each of which
+    counts; hemispheric mirrors, in which it is reflected more often, need small elements inside as well."""
 
     default_height_words = "1.6"
     finer_power = 0.7

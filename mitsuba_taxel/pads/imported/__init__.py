@@ -1,1 +1,1 @@
-"""Pads from files: surfaces of triangles and STEP solids, repaired, tagged and meshed."""
+"""Pads from files: surfaces of triangles and STEP solids are repaired, tagged and meshed."""

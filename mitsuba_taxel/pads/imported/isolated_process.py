@@ -1,4 +1,4 @@
-"""Mesh a user's geometry in an isolated process: meshers may crash, hang or exhaust memory."""
+"""Mesh a user's geometry in a process of its own: meshers may crash, hang or exhaust memory."""
 
 from __future__ import annotations
 
@@ -19,11 +19,23 @@ WORKER = Path(__file__).with_name("worker.py")
 """Run as a script, so that the process imports neither this package nor Mitsuba."""
 MOST_SECONDS = 600.0
 MOST_MEMORY = 8 * 2**30
-"""Bytes of address space, unless this process has a lower limit itself."""
+"""Bytes of address space, unless this process itself has a lower limit."""
 
 
 def run_isolated(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
-    """Run the worker's ``task`` on ``arrays``; data pass through pipes, so that no file is left behind.
+    """Run a task of the worker. Data pass through pipes, so that no file is left behind.
+
+    Parameters
+    ----------
+    task : str
+        Name of the task.
+    arrays : Mapping[str, object]
+        Its arguments, as arrays or values that become arrays.
+
+    Returns
+    -------
+    dict[str, ndarray]
+        Results by name.
 
     Raises
     ------

@@ -26,24 +26,38 @@ MOST_POINTS = 1000
 
 
 def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray, cell: np.ndarray) -> float:
-    """Default size of elements in mm, from a surface's triangles (T, 3), regions (T,) and cells (T,).
+    """Default size of elements, by the rule of `Pad.default_mesh_size`.
 
-    By the rule of `Pad.default_mesh_size`: it scales with the size of the smallest cell, and with the square root of
-    the thinnest silicone beside or above one.
+    It scales with the size of the smallest cell, and with the square root of the least thickness of the silicone beside
+    or above a cell.
+
+    Parameters
+    ----------
+    vertices : (V, 3) ndarray
+        Of the surface, mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+    region, cell : (T,) ndarray of int
+        Code of the region, and number of the cell.
+
+    Returns
+    -------
+    float
+        In mm, to three digits.
     """
     cells = [vertices[np.unique(triangles[cell == number])] for number in np.unique(cell[cell > 0])]
     scale = min(float(np.ptp(points[:, :2], axis=0).min()) for points in cells) / TYPICAL_CELL
     thinnest = TYPICAL_THICKNESS * scale
-    free = cell + np.where(np.isin(region, (REGIONS["top"], REGIONS["outer"])), -1, 0)
+    opposite = cell + np.where(np.isin(region, (REGIONS["top"], REGIONS["outer"])), -1, 0)
     for number, points in enumerate(cells, start=1):
-        others = vertices[triangles[(free != number) & (free != 0)]]
+        facing = vertices[triangles[(opposite != number) & (opposite != 0)]]
         points = points[np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(int))]
         try:
-            point, triangle = near(points, others, thinnest)
+            point, triangle = near(points, facing, thinnest)
         except TooManyPairs:
             continue
-        off = np.linalg.norm(closest_on_triangles(points[point], others[triangle]) - points[point], axis=1)
-        thinnest = min(thinnest, float(off.min(initial=np.inf)))
+        distance = np.linalg.norm(closest_on_triangles(points[point], facing[triangle]) - points[point], axis=1)
+        thinnest = min(thinnest, float(distance.min(initial=np.inf)))
     thinnest = max(thinnest, MIN_THICKNESS * TYPICAL_CELL * scale)
     return float(f"{DEFAULT_MESH_SIZE * math.sqrt(scale * thinnest / TYPICAL_THICKNESS):.3g}")
 
@@ -51,51 +65,87 @@ def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.nd
 class SingularEdges:
     """Edges where the stress is singular: the glued rim, and sharp re-entrant edges of the silicone.
 
-    ``part`` (T,) numbers the parts of the surface, patches or faces, between which the edges lie.
+    Parameters
+    ----------
+    patches : Patches
+        Of the surface.
+    region : (T,) ndarray
+        Code of the region of each triangle.
+    patch : (T,) ndarray
+        Number of the patch or face of each triangle; the edges lie between different numbers.
 
     Attributes
     ----------
     ends : (E, 2, 3) ndarray
         Ends of these edges, mm.
     between : (P, 2) ndarray
-        Pairs of parts between which such edges lie.
+        Pairs of patches between which such edges lie.
     """
 
-    def __init__(self, patches: Patches, region: np.ndarray, part: np.ndarray) -> None:
+    def __init__(self, patches: Patches, region: np.ndarray, patch: np.ndarray) -> None:
         edges, pairs = neighbours(patches.triangles)
-        one, other = pairs.T
-        border = (part[one] != part[other]) & (region[one] != PLANE) & (region[other] != PLANE)
-        edges, one, other = edges[border], one[border], other[border]
-        glued = (region[one] == REGIONS["bottom"]) != (region[other] == REGIONS["bottom"])
-        beyond = patches.vertices[patches.triangles[other]].mean(axis=1) - patches.vertices[edges[:, 0]]
-        sharp = patches.sheet[one] != patches.sheet[other]
-        singular = glued | (sharp & (np.einsum("ij,ij->i", patches.normals[one], beyond) > 0))
+        first, second = pairs.T
+        border = (patch[first] != patch[second]) & (region[first] != PLANE) & (region[second] != PLANE)
+        edges, first, second = edges[border], first[border], second[border]
+        glued = (region[first] == REGIONS["bottom"]) != (region[second] == REGIONS["bottom"])
+        beyond = patches.vertices[patches.triangles[second]].mean(axis=1) - patches.vertices[edges[:, 0]]
+        sharp = patches.sheet[first] != patches.sheet[second]
+        singular = glued | (sharp & (np.einsum("ij,ij->i", patches.normals[first], beyond) > 0))
         self.ends = patches.vertices[edges[singular]]
-        between = np.stack([part[one[singular]], part[other[singular]]], axis=1)
+        between = np.stack([patch[first[singular]], patch[second[singular]]], axis=1)
         self.between = np.unique(np.sort(between, axis=1), axis=0)
 
-    def nodes(self, points: np.ndarray, faces: np.ndarray, part: np.ndarray) -> np.ndarray:
-        """(N,) which nodes (N, 3) of a mesh lie on these edges, if its boundary triangles (B, 6) follow ``part``
-        (B,)."""
+    def nodes(self, points: np.ndarray, faces: np.ndarray, patch: np.ndarray) -> np.ndarray:
+        """Which nodes of a mesh lie on these edges.
+
+        Parameters
+        ----------
+        points : (N, 3) ndarray
+            Nodes, mm.
+        faces : (B, 6) ndarray
+            Boundary triangles.
+        patch : (B,) ndarray
+            Number of the patch that each triangle follows.
+
+        Returns
+        -------
+        (N,) ndarray of bool
+            For each node.
+        """
         on = np.zeros(len(points), dtype=bool)
-        for one, other in self.between:
-            on[np.intersect1d(faces[part == one], faces[part == other])] = True
+        for first, second in self.between:
+            on[np.intersect1d(faces[patch == first], faces[patch == second])] = True
         return on
 
     def nodes_on_planes(self, points: np.ndarray, planes: Sequence[Mirror], tolerance: float) -> np.ndarray:
-        """(N,) which points (N, 3) lie on such edges along planes of symmetry, where only one part is present."""
-        along = [np.all(np.abs(mirror.side(self.ends)) <= tolerance, axis=1) for mirror in planes]
-        ends = self.ends[np.any(along, axis=0)] if along else self.ends[:0]
+        """Which points lie on such edges along planes of symmetry, where the mesh ends.
+
+        Parameters
+        ----------
+        points : (N, 3) ndarray
+            In mm.
+        planes : sequence of Mirror
+            The planes of symmetry.
+        tolerance : float
+            Largest distance from an edge, mm.
+
+        Returns
+        -------
+        (N,) ndarray of bool
+            For each point.
+        """
+        on_plane = [np.all(np.abs(mirror.side(self.ends)) <= tolerance, axis=1) for mirror in planes]
+        ends = self.ends[np.any(on_plane, axis=0)] if on_plane else self.ends[:0]
         on = np.zeros(len(points), dtype=bool)
         if len(ends):
             point, segment = near(points, ends, tolerance)
-            off = closest_on_segments(points[point], ends[segment, 0], ends[segment, 1]) - points[point]
-            on[point[np.linalg.norm(off, axis=1) <= tolerance]] = True
+            offset = closest_on_segments(points[point], ends[segment, 0], ends[segment, 1]) - points[point]
+            on[point[np.linalg.norm(offset, axis=1) <= tolerance]] = True
         return on
 
 
 class LocalSizes:
-    """Length of edges, in mm, for elements of about ``mesh_size`` mm, all ``refinement`` times smaller."""
+    """Target length of edges in mm, for elements of about ``mesh_size`` / ``refinement`` mm."""
 
     def __init__(
         self, patches: Patches, region: np.ndarray, singular: SingularEdges, mesh_size: float, refinement: float
@@ -107,12 +157,27 @@ class LocalSizes:
     def __call__(self, points: np.ndarray, belongs: np.ndarray) -> np.ndarray:
         """Length (N,) at points (N, 3) on the patches given by ``belongs`` (N, P)."""
         distance, _ = self._tree.query(points)
-        here = np.where(belongs, self._patch, np.inf).min(axis=1)
-        return np.minimum(here, self._edge + GRADING * distance)
+        patch_size = np.where(belongs, self._patch, np.inf).min(axis=1)
+        return np.minimum(patch_size, self._edge + GRADING * distance)
 
 
 def patch_sizes(patches: Patches, region: np.ndarray, mesh_size: float) -> np.ndarray:
-    """(P,) length of edges on each patch: shorter on roofs and sides, and on patches of small radius."""
+    """Length of edges on each patch: shorter on roofs and sides, and on patches of small radius.
+
+    Parameters
+    ----------
+    patches : Patches
+        Of the surface.
+    region : (T,) ndarray
+        Code of the region of each triangle.
+    mesh_size : float
+        Length of the edges of elements, mm.
+
+    Returns
+    -------
+    (P,) ndarray
+        In mm.
+    """
     radius = radii(patches)
     first = np.unique(patches.patch, return_index=True)[1]
     size = np.full(patches.count, BULK_COARSENING * mesh_size)

@@ -19,16 +19,16 @@ SMALLEST_EXTENT, LARGEST_EXTENT = 0.1, 1000.0
 UNITS = {"m": 1000.0, "inches": 25.4, "cm": 10.0, "um": 1e-3}
 """Units of length that files are in, in mm."""
 LIKELY = 1.0, 500.0
-"""Longest side in mm of a body that a unit gives for which it is proposed."""
+"""Range of the longest side in mm for which another unit is proposed."""
 USUAL = 2.0, 300.0
-"""Longest side in mm for which no other unit is proposed."""
+"""Range of the longest side in mm for which no other unit is proposed."""
 COMMON = 10.0
-"""Longest side in mm of a body: the unit that comes nearest to it is named first."""
+"""Typical longest side in mm: units that come close to it are proposed first."""
 
 MOST_CENTRES = 4
-"""Cells whose centres are stated."""
+"""Largest number of cells whose centres are printed."""
 OFF_CENTRE = 1e-3
-"""Distance of a pad's middle from x = y = 0, relative to its width, that is pointed out."""
+"""Distance of a pad's middle from x = y = 0, relative to its width, above which a message points it out."""
 
 
 class Placement(NamedTuple):
@@ -42,7 +42,7 @@ class Placement(NamedTuple):
         Direction in the file that points up, one of `DIRECTIONS`; the box around the body is then centred at x = y = 0,
         and stands on z = 0.
     prefix : str
-        Before the names of the parameters, in messages.
+        Prefix of the parameters' names in messages.
     """
 
     scale: float = 1.0
@@ -51,7 +51,7 @@ class Placement(NamedTuple):
 
     @property
     def turn(self) -> np.ndarray:
-        """(3, 3) rotation by the shortest way from the direction in the file to z; about x from -z."""
+        """(3, 3) rotation that takes the direction in the file to z by the smallest angle; about x for -z."""
         if self.up == AS_DRAWN:
             return np.eye(3)
         up = np.eye(3)["xyz".index(self.up[-1])] * (-1 if self.up.startswith("-") else 1)
@@ -64,12 +64,12 @@ class Placement(NamedTuple):
         )
 
     def placed(self, points: np.ndarray) -> np.ndarray:
-        """Points (N, 3) of the file, in mm where they belong.
+        """Points (N, 3) of the file in the frame of the pad, mm.
 
         Raises
         ------
         GeometryError
-            if the body cannot be in mm; the message names the scale that other units need.
+            if the body cannot be in mm; the message proposes the scale of other units.
         """
         points = self.scale * points
         self.check_extent(points)
@@ -80,13 +80,14 @@ class Placement(NamedTuple):
         return points - [*(0.5 * (low + high))[:2], low[2]]
 
     def check_extent(self, points: np.ndarray) -> None:
-        """Refuse a body of points (N, 3) in mm that is too small or large; raises `GeometryError`."""
+        """Refuse a body of points (N, 3) in mm that is too small or too large. Raises `GeometryError`."""
         longest = float(np.ptp(points, axis=0).max())
         if not SMALLEST_EXTENT <= longest <= LARGEST_EXTENT:
             raise GeometryError(f"its longest side is {longest:.3g} mm{self.other_units(longest)}")
 
     def other_units(self, longest: float) -> str:
-        """What another unit would make of a longest side in mm, in words; empty if this is a usual one."""
+        """Words with the longest side, given in mm, in other units that the file may have; empty if the length is
+        usual."""
         if USUAL[0] <= longest <= USUAL[1]:
             return ""
         likely = {
@@ -101,7 +102,7 @@ class Placement(NamedTuple):
         return f" (if the file is {'; '.join(words)})" if words else ""
 
     def advice(self, extent: np.ndarray, cells: np.ndarray) -> str:
-        """Size of a pad and centres of its cells, and the parameters that may place it as it was meant.
+        """Words with the size of a pad and the centres of its cells, and the parameters that may correct its placement.
 
         Parameters
         ----------
@@ -123,4 +124,4 @@ class Placement(NamedTuple):
 
 
 UNMOVED = Placement()
-"""Of a file in mm that is left as it is drawn."""
+"""For a file in mm that stays as it is drawn."""

@@ -16,10 +16,10 @@ from mitsuba_taxel.pads.imported.rules import Rule
 from mitsuba_taxel.pads.regions import REGIONS
 
 ROOF_ANGLE = 60.0
-"""Degrees from straight down within which the normal of a part of a hollow's face, or of a smooth patch of triangles,
-makes the whole a roof, in absence of rules."""
+"""Degrees from straight down within which a normal counts as facing down. Without rules, a face of a hollow, or a
+smooth patch of triangles, is a roof if enough of its area faces down."""
 LEAST_ROOF = 0.1
-"""Least share of that part in the area: of a hemisphere it is a half, of one on a leaning wall less."""
+"""Least fraction of a roof's area that faces down: on a hemisphere it is a half, on a leaning one less."""
 CREASE, UPRIGHT = 35.0, 0.5
 """Degrees between the normals of neighbouring triangles above which there is an edge, and between a normal and the
 horizontal below which a wall is upright."""
@@ -28,7 +28,8 @@ LEVEL_TOLERANCE = 1e-4
 LEVEL_ANGLE = 1.0
 """Largest angle in degrees between the normal of bottom or top and the vertical."""
 LEAST_FLATNESS = 0.1
-"""Length of the mean normal of a face below which it counts as having none, such as the mantle of a cylinder."""
+"""Length of the mean normal of a face, relative to its area, below which it counts as having none, such as the mantle
+of a cylinder."""
 ROW_TOLERANCE = 0.25
 """Largest distance along y of cells in one row, relative to the size of a cell."""
 
@@ -61,9 +62,9 @@ def extents_of(corners: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.nd
     Parameters
     ----------
     corners : (T, C, 3) ndarray
-        Places on the faces of its surface, mm.
+        Corners of the faces of its surface, mm.
     cell : (T,) ndarray
-        Number of the cell of each, 0 for none.
+        Number of the cell of each face, 0 for none.
 
     Returns
     -------
@@ -71,28 +72,31 @@ def extents_of(corners: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.nd
         Lowest and highest coordinates of the pad and of each cell, mm.
     """
     cells = [corners[cell == number].reshape(-1, 3) for number in range(1, int(cell.max()) + 1)]
-    boxes = np.array([[places.min(axis=0), places.max(axis=0)] for places in cells]).reshape(-1, 2, 3)
+    boxes = np.array([[points.min(axis=0), points.max(axis=0)] for points in cells]).reshape(-1, 2, 3)
     return np.array([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))]), boxes
 
 
 def tagged(
     surface: FacedSurface, rules: Sequence[Rule], placement: Placement = UNMOVED
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `_tagged`; where the surface is no pad as drawn, the message names the direction ``up`` that makes it one.
+    """Regions and cells of a surface.
+
+    Rules assign regions to faces first; the other faces are guessed, see `_tagged`. If the surface is no pad as drawn,
+    the message names the direction ``up`` that would make it one.
 
     Parameters
     ----------
     surface : FacedSurface
         The closed surface, mm.
     rules : sequence of Rule
-        The first that matches a face gives its region.
+        The first rule that matches a face gives its region.
     placement : Placement
         By which the file was turned and moved.
 
     Returns
     -------
-    region, cell : (F,) ndarray of int
-        Code and number of the cell of each face.
+    region, cell : (T,) ndarray of int
+        Code of the region and number of the cell of each triangle.
 
     Raises
     ------
@@ -110,7 +114,7 @@ def tagged(
 
 
 def _standing(surface: FacedSurface, rules: Sequence[Rule]) -> list[str]:
-    """The directions of a file that point up in a pad."""
+    """The directions ``up`` of a file with which the surface is a pad."""
     directions = []
     for up in DIRECTIONS:
         if up != AS_DRAWN:
@@ -123,12 +127,12 @@ def _standing(surface: FacedSurface, rules: Sequence[Rule]) -> list[str]:
 
 
 def _tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, np.ndarray]:
-    """Region code (T,) and number of the cell (T,) of each triangle.
+    """Code of the region (T,) and number of the cell (T,) of each triangle.
 
     The first rule that matches a face gives its region. Other faces are bottom on the board, top at the highest z, roof
-    or side in a hollow, and outer elsewhere; a roof is a face, or a smooth patch of triangles, of which a part looks
-    down; bottom or top is not guessed if a rule names it. A hollow is a part of the
-    surface between bottom and top that does not touch the top.
+    or side in a hollow, and outer elsewhere. No bottom, or no top, is guessed if a rule names it. A hollow is a
+    connected part of the surface between bottom and top that does not touch the top. A roof in it is a face, or a
+    smooth patch of triangles, of which some area faces down.
 
     Cells are the connected components of roof and side, numbered row by row from (-x, +y).
 
@@ -141,8 +145,8 @@ def _tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, n
     region = np.zeros(len(faces.normal), dtype=int)
     for rule in rules:
         if rule.face is not None and rule.face not in surface.names:
-            known = ", ".join(sorted(set(surface.names))) or "none"
-            raise GeometryError(f"it has no face named {rule.face!r}, as a rule says; its names are: {known}")
+            names = ", ".join(sorted(set(surface.names))) or "none"
+            raise GeometryError(f"it has no face named {rule.face!r}, as a rule says; its names are: {names}")
         region[(region == 0) & faces.meet(rule)] = REGIONS[rule.region]
     for name, level in (("bottom", faces.on_board), ("top", faces.at_top)):
         if not any(rule.region == name for rule in rules):
@@ -160,8 +164,11 @@ def _tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, n
 
 
 def _smooth_patches(surface: FacedSurface, pairs: np.ndarray) -> np.ndarray:
-    """(T,) number of the patch of each triangle: neighbours without a crease between them are of one patch, but
-    upright walls end where the surface leans, as the wall below a dome does."""
+    """(T,) number of the smooth patch of each triangle.
+
+    Neighbours without a crease between them are in one patch; but an upright wall ends where the surface starts to
+    lean, so
+    that a dome and the wall below it are two patches."""
     normal = unit(area_normals(surface.vertices, surface.triangles))
     upright = np.abs(normal[:, 2]) < math.sin(math.radians(UPRIGHT))
     cosine = np.einsum("pk,pk->p", normal[pairs[:, 0]], normal[pairs[:, 1]])
@@ -170,12 +177,12 @@ def _smooth_patches(surface: FacedSurface, pairs: np.ndarray) -> np.ndarray:
 
 
 def _looks_down(surface: FacedSurface, group: np.ndarray) -> np.ndarray:
-    """(T,) whether a part of a triangle's group (T,), as a dome's middle, lies within `ROOF_ANGLE` of facing down."""
+    """(T,) whether enough of the area of a triangle's group (T,) faces down, such as the middle of a dome."""
     vector = area_normals(surface.vertices, surface.triangles)
     area = np.linalg.norm(vector, axis=1)
-    down = vector[:, 2] < -math.cos(math.radians(ROOF_ANGLE)) * area
-    share = np.bincount(group, down * area) / np.maximum(np.bincount(group, area), np.finfo(float).tiny)
-    return (share > LEAST_ROOF)[group]
+    area_facing_down = vector[:, 2] < -math.cos(math.radians(ROOF_ANGLE)) * area
+    fraction = np.bincount(group, area_facing_down * area) / np.maximum(np.bincount(group, area), np.finfo(float).tiny)
+    return (fraction > LEAST_ROOF)[group]
 
 
 class _Faces:
@@ -204,22 +211,23 @@ class _Faces:
 
     def meet(self, rule: Rule) -> np.ndarray:
         """(F,) whether each face matches all conditions of a rule."""
-        met = np.ones(len(self.normal), dtype=bool)
+        matches = np.ones(len(self.normal), dtype=bool)
         if rule.face is not None:
-            met &= self.names == rule.face
+            matches &= self.names == rule.face
         if rule.normal is not None:
             cosine = self.normal @ unit(np.array(rule.normal))
-            met &= (cosine >= math.cos(math.radians(rule.within)) - 1e-9) & self.normal.any(axis=1)
+            matches &= (cosine >= math.cos(math.radians(rule.within)) - 1e-9) & self.normal.any(axis=1)
         if rule.above is not None:
-            met &= self.centroid[:, 2] >= rule.above
+            matches &= self.centroid[:, 2] >= rule.above
         if rule.below is not None:
-            met &= self.centroid[:, 2] <= rule.below
+            matches &= self.centroid[:, 2] <= rule.below
         if rule.box is not None:
-            met &= np.all((self.centroid >= rule.box[0]) & (self.centroid <= rule.box[1]), axis=1)
-        return met
+            matches &= np.all((self.centroid >= rule.box[0]) & (self.centroid <= rule.box[1]), axis=1)
+        return matches
 
 
 def _check_ends(surface: FacedSurface, region: np.ndarray) -> None:
+    """Refuse a surface without bottom or top. Raises `GeometryError`."""
     z = surface.vertices[:, 2]
     if not np.any(region == REGIONS["bottom"]):
         raise GeometryError(
@@ -232,12 +240,12 @@ def _check_ends(surface: FacedSurface, region: np.ndarray) -> None:
 
 
 def _hollow(count: int, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
-    """(T,) whether a triangle is part of a hollow, given the region codes known so far, 0 for others."""
+    """(T,) whether a triangle is part of a hollow; ``region`` (T,) is 0 where it is not assigned yet."""
     bottom, top = region == REGIONS["bottom"], region == REGIONS["top"]
     between = ~(bottom | top)
-    part = components(count, pairs[np.all(between[pairs], axis=1)])
+    component = components(count, pairs[np.all(between[pairs], axis=1)])
     touching = np.concatenate([pairs[top[pairs[:, k]], 1 - k] for k in (0, 1)])
-    return between & ~np.isin(part, part[touching[between[touching]]])
+    return between & ~np.isin(component, component[touching[between[touching]]])
 
 
 def _cells(surface: FacedSurface, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
@@ -245,15 +253,15 @@ def _cells(surface: FacedSurface, pairs: np.ndarray, region: np.ndarray) -> np.n
     in_cell = np.isin(region, (REGIONS["roof"], REGIONS["side"]))
     if not in_cell.any():
         raise GeometryError("it has no cell: no hollow is open towards the board, and no rule names a roof")
-    part = components(len(region), pairs[np.all(in_cell[pairs], axis=1)])
-    parts, number = np.unique(part[in_cell], return_inverse=True)
+    component = components(len(region), pairs[np.all(in_cell[pairs], axis=1)])
+    components_of_cells, number = np.unique(component[in_cell], return_inverse=True)
     corners = surface.vertices[surface.triangles[in_cell]]
-    low, high = np.full((len(parts), 3), np.inf), np.full((len(parts), 3), -np.inf)
+    low, high = np.full((len(components_of_cells), 3), np.inf), np.full((len(components_of_cells), 3), -np.inf)
     np.minimum.at(low, number, corners.min(axis=1))
     np.maximum.at(high, number, corners.max(axis=1))
-    without = np.setdiff1d(np.arange(len(parts)), number[region[in_cell] == REGIONS["roof"]])
-    if len(without):
-        raise GeometryError(f"the cell at {place(0.5 * (low + high)[without[0]])} has no roof; a rule can name one")
+    roofless = np.setdiff1d(np.arange(len(components_of_cells)), number[region[in_cell] == REGIONS["roof"]])
+    if len(roofless):
+        raise GeometryError(f"the cell at {place(0.5 * (low + high)[roofless[0]])} has no roof; a rule can name one")
     cell = np.zeros(len(region), dtype=int)
     cell[in_cell] = _numbers_by_row(0.5 * (low + high)[:, :2], (high - low)[:, 1].mean())[number]
     return cell
@@ -264,19 +272,19 @@ def numbered(mesh: VolumeMesh) -> VolumeMesh:
     corner = np.zeros(len(mesh.points), dtype=bool)
     corner[mesh.tets[:, :4]] = True
     order = np.argsort(~corner, kind="stable")
-    new = np.empty_like(order)
-    new[order] = np.arange(len(order))
-    points, faces = mesh.points[order], new[mesh.faces]
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order))
+    points, faces = mesh.points[order], number[mesh.faces]
     _, pairs = neighbours(faces[:, :3])
     cell = _cells(FacedSurface(points, faces[:, :3], np.arange(len(faces))), pairs, mesh.face_region)
-    return VolumeMesh(points, new[mesh.tets], faces, mesh.face_region, cell)
+    return VolumeMesh(points, number[mesh.tets], faces, mesh.face_region, cell)
 
 
 def _numbers_by_row(centres: np.ndarray, size: float) -> np.ndarray:
     """Numbers (C,) from 1 of cells with ``centres`` (C, 2), row by row from (-x, +y)."""
-    down = np.argsort(-centres[:, 1], kind="stable")
+    by_y = np.argsort(-centres[:, 1], kind="stable")
     row = np.empty(len(centres), dtype=int)
-    row[down] = np.cumsum(-np.diff(centres[down, 1], prepend=centres[down[0], 1]) > ROW_TOLERANCE * size)
+    row[by_y] = np.cumsum(-np.diff(centres[by_y, 1], prepend=centres[by_y[0], 1]) > ROW_TOLERANCE * size)
     numbers = np.empty(len(centres), dtype=int)
     numbers[np.lexsort((centres[:, 0], row))] = np.arange(1, len(centres) + 1)
     return numbers

@@ -19,7 +19,7 @@ from mitsuba_taxel.pads.regions import REGIONS
 class Rule:
     """Assigns a region to the faces that match all of its conditions.
 
-    A face is a triangle of an STL, PLY or OBJ file, or a face of a STEP file; heights and boxes are compared with its
+    A face is a triangle of an STL, PLY or OBJ file, or a face of a STEP file. Heights and boxes are compared with its
     centroid, and ``normal`` with its mean normal (a face that curves all round has none).
 
     Parameters
@@ -73,18 +73,18 @@ class Rule:
 
 
 def _numbers(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """``value`` as finite numbers of that shape; raises `InputError`."""
+    """The value as an array of finite numbers of that shape. Raises `InputError`."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
         array = np.array(math.nan)
     if array.shape != shape or not np.all(np.isfinite(array)):
-        wanted = {
+        needed = {
             (): "a finite number is",
             (3,): "three finite numbers are",
             (2, 3): "two corners of three numbers are",
         }
-        raise InputError(f"{name} = {value!r} is not allowed: {wanted[shape]} needed.")
+        raise InputError(f"{name} = {value!r} is not allowed: {needed[shape]} needed.")
     return array
 
 
@@ -99,7 +99,7 @@ def read_rules(path: str | Path) -> tuple[Rule, ...]:
     Returns
     -------
     tuple[Rule, ...]
-        In the order of the file; of several that match a face the first counts.
+        In the order of the file; the first rule that matches a face counts.
 
     Raises
     ------
@@ -114,11 +114,11 @@ def read_rules(path: str | Path) -> tuple[Rule, ...]:
 
 
 def _rule(path: str | Path, number: int, table: Mapping[str, Any]) -> Rule:
-    known = [field.name for field in fields(Rule)]
-    unknown = [name for name in table if name not in known]
+    names = [field.name for field in fields(Rule)]
+    unknown = [name for name in table if name not in names]
     if unknown or "region" not in table:
         missing = f"{' '.join(unknown[0].split())} is no condition" if unknown else "region is missing"
-        raise InputError(f"regions = {path} is not allowed: in rule {number}, {missing}; known are {', '.join(known)}.")
+        raise InputError(f"regions = {path} is not allowed: in rule {number}, {missing}; known are {', '.join(names)}.")
     try:
         return Rule(**table)
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Second-order tetrahedral mesh of the body in a STEP file by Netgen, graded and mirrored as the built-in pads are."""
+"""Second-order tetrahedral mesh of the solid in a STEP file, by Netgen, graded and mirrored like parametric pads."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
 from mitsuba_taxel.pads.imported.round_faces import on_round_faces
 from mitsuba_taxel.pads.imported.rules import Rule
 from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE, check_mesh_size
-from mitsuba_taxel.pads.imported.symmetric_part import PLANE, TOLERANCE, exactly_on, group_of, planes_of, whole
+from mitsuba_taxel.pads.imported.symmetric_part import PLANE, TOLERANCE, completed, exactly_on, group_of, planes_of
 from mitsuba_taxel.pads.imported.triangles.curvature import radii
 from mitsuba_taxel.pads.imported.triangles.snapping import Patches
 from mitsuba_taxel.pads.parametric.grading import cut_towards
@@ -36,15 +36,33 @@ from mitsuba_taxel.pads.parametric.meshing import (
 _NETGEN_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 """Corners whose edge carries nodes 4 to 9 of Netgen's tetrahedron."""
 FINER = 1.2
-"""Divisor of the element size relative to built-in pads, whose sizes are adapted to their shapes."""
+"""Divisor of the element size, relative to parametric pads, whose sizes are tuned to their shapes."""
 SURVEY_SAFETY = 4.0
 """Triangles per radius of curvature for the survey of a body."""
 MOST_IMAGES = 300
-"""Points of the surface whose mirror images are tested."""
+"""Number of points of the surface whose mirror images are tested."""
 
 
 def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float, placement: Placement) -> VolumeMesh:
-    """Mesh of the one solid in a STEP file; ``digest`` identifies its content.
+    """Mesh of the only solid in a STEP file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    digest : str
+        Identifies its content.
+    rules : tuple[Rule, ...]
+        Regions of faces.
+    mesh_size : float
+        Length of the edges of elements, mm.
+    placement : Placement
+        By which the file is scaled, turned and moved.
+
+    Returns
+    -------
+    VolumeMesh
+        Undeformed quadratic tetrahedra with tagged faces.
 
     Raises
     ------
@@ -64,18 +82,19 @@ def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float
 
 
 def _read_as(path: Path, placement: Placement) -> dict[str, object]:
-    """Arguments of the worker for the body in a file."""
+    """Arguments of the worker that describe the file."""
     up = "" if placement.up == AS_DRAWN else placement.up
-    return {"path": str(path), "scale": placement.scale, "turn": placement.turn, "moved": bool(up)}
+    return {"path": str(path), "scale": placement.scale, "turn": placement.turn, "centred": bool(up)}
 
 
 def _good_mesh(
     solid: dict[str, object], survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, last: bool
 ) -> VolumeMesh | None:
-    """The first mesh without distorted elements, or None; if ``last``, distorted ones are accepted."""
+    """The first mesh without distorted elements, or None. With ``last``, a complete mesh with distorted ones is
+    accepted."""
     for refinement in REFINEMENTS:
         try:
-            mesh = whole(_meshed(solid, survey, mirrors, mesh_size, FINER * refinement), mirrors)
+            mesh = completed(_meshed(solid, survey, mirrors, mesh_size, FINER * refinement), mirrors)
         except ComputationError:
             if last:
                 raise
@@ -97,15 +116,15 @@ class Survey:
     mirrors : tuple[Mirror, ...]
         Mirror planes, closed as a group.
     region, cell : (F,) ndarray
-        Of each of its faces.
+        Code of the region and number of the cell of each face.
     patches : Patches
-        Of triangles (T, 3) that approximate its surface.
+        Smooth patches of triangles (T, 3) that approximate the surface.
     patch_region : (T,) ndarray
-        Of these triangles.
+        Code of the region of each of these triangles.
     face : (T,) ndarray
         Face of each of these triangles.
     singular : SingularEdges
-        Where the stress is singular.
+        Edges where the stress is singular.
     """
 
     volume: float
@@ -122,6 +141,29 @@ class Survey:
 
 @kept(4)  # for the second mesh, of the error estimate
 def surveyed(path: Path, digest: str, rules: tuple[Rule, ...], placement: Placement) -> Survey:
+    """Survey of the solid in a STEP file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    digest : str
+        Identifies its content.
+    rules : tuple[Rule, ...]
+        Regions of faces.
+    placement : Placement
+        By which the file is scaled, turned and moved.
+
+    Returns
+    -------
+    Survey
+        In mm.
+
+    Raises
+    ------
+    GeometryError
+        if the file cannot be read, or its solid is not a pad.
+    """
     solid = _read_as(path, placement)
     raw = run_isolated("survey_step", {**solid, "curvature_safety": SURVEY_SAFETY})
     points, triangles, face = raw["points"], raw["triangles"], raw["face"]
@@ -145,21 +187,21 @@ def _mirrors(
     region: np.ndarray,
     tolerance: float,
 ) -> tuple[Mirror, ...]:
-    """The mirrors under which the body and its regions are invariant, tested at points all over its surface."""
+    """The mirrors under which the body and its regions are invariant, tested at points on all of its surface."""
     node, first = np.unique(triangles, return_index=True)
     chosen = np.unique(np.linspace(0, len(node) - 1, MOST_IMAGES).astype(int))
-    node, at = node[chosen], region[np.repeat(face, 3)[first[chosen]]]
+    node, region_of_node = node[chosen], region[np.repeat(face, 3)[first[chosen]]]
     # A point on several faces is assigned to one of them: its image lies on the images of all.
     matrices = np.array([mirror.image(np.eye(3)) for mirror in MIRRORS])
-    asked = {**solid, "region": region, "points": points[node], "at": at, "matrices": matrices}
-    kept = run_isolated("mirrors_of_step", {**asked, "tolerance": tolerance})["kept"]
-    return group_of(mirror for mirror, keeps in zip(MIRRORS, kept, strict=True) if keeps)
+    request = {**solid, "region": region, "points": points[node], "at": region_of_node, "matrices": matrices}
+    invariant = run_isolated("mirrors_of_step", {**request, "tolerance": tolerance})["kept"]
+    return group_of(mirror for mirror, holds in zip(MIRRORS, invariant, strict=True) if holds)
 
 
 def _meshed(
     solid: dict[str, object], survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, refinement: float
 ) -> VolumeMesh:
-    """Mesh of the symmetric part; its faces along the mirror planes are of the region `PLANE`."""
+    """Mesh of the symmetric part; its faces along the mirror planes have the region `PLANE`."""
     planes = planes_of(mirrors)
     sizes = patch_sizes(survey.patches, survey.patch_region, mesh_size) / refinement
     face_size = np.full(len(survey.region), np.inf)

@@ -1,8 +1,7 @@
-"""Second-order tetrahedral mesh of a closed surface, graded and mirrored as those of the built-in pads are.
+"""Second-order tetrahedral mesh of a closed surface, graded and mirrored like parametric pads.
 
-The surface is remeshed (see `remeshing`), and Netgen meshes the volume. Where that fails, fTetWild meshes the surface
-of the file.
-"""
+The surface is remeshed (see `remeshing`), and Netgen meshes the volume. If this fails, fTetWild meshes the surface of
+the file."""
 
 from __future__ import annotations
 
@@ -27,11 +26,11 @@ from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE, check_mesh_si
 from mitsuba_taxel.pads.imported.symmetric_part import (
     ON_PLANE,
     PLANE,
+    completed,
     exactly_on,
-    kept_part,
     mirrors_of,
     planes_of,
-    whole,
+    symmetric_part_of,
 )
 from mitsuba_taxel.pads.imported.tetwild import mesh_by_tetwild
 from mitsuba_taxel.pads.imported.triangles.remeshing import remeshed
@@ -41,13 +40,31 @@ from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.meshing import BULK_COARSENING, CUT, LEAST_QUALITY, REFINEMENTS
 
 ROUNDING = 1e-7
-"""Distance from a plane of symmetry, the board or the top, relative to the diagonal, attributed to rounding."""
+"""Distance from a plane of symmetry, the board or the top, relative to the diagonal, that rounding explains."""
 
 
 def mesh_surface(
     content: bytes, suffix: str, rules: tuple[Rule, ...], mesh_size: float, placement: Placement
 ) -> VolumeMesh:
-    """Mesh of the pad in an STL, PLY or OBJ file, its nodes on the surface of the file.
+    """Mesh of the pad in an STL, PLY or OBJ file, with boundary nodes on the surface of the file.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the file.
+    suffix : str
+        Its ending in small letters, with the dot.
+    rules : tuple[Rule, ...]
+        Regions of faces.
+    mesh_size : float
+        Length of the edges of elements, mm.
+    placement : Placement
+        By which the file is scaled, turned and moved.
+
+    Returns
+    -------
+    VolumeMesh
+        Undeformed quadratic tetrahedra with tagged faces.
 
     Raises
     ------
@@ -56,21 +73,33 @@ def mesh_surface(
     ComputationError
         if meshing fails.
     """
-    surface, part, edges = parts_of(content, suffix, rules, placement)
+    surface, surface_part, edges = parts_of(content, suffix, rules, placement)
     check_mesh_size(mesh_size, volume(surface.vertices, surface.triangles))
     for refinement in REFINEMENTS:
         try:
-            mesh = _meshed(part, edges, mesh_size, refinement)
+            mesh = _meshed(surface_part, edges, mesh_size, refinement)
         except ComputationError:  # fTetWild may succeed
             break
         if mesh is not None and worst_element(mesh)[0] >= LEAST_QUALITY:
-            return whole(mesh, part.mirrors)
+            return completed(mesh, surface_part.mirrors)
     return mesh_by_tetwild(surface.vertices, surface.triangles, surface.region, surface.cell, mesh_size)
 
 
 @dataclass(frozen=True, eq=False)
 class SurfacePart:
-    """The symmetric part of a pad: vertices (V, 3), triangles (T, 3), their regions (T,) and cells (T,)."""
+    """A part of a pad's surface, such as its symmetric part.
+
+    Attributes
+    ----------
+    mirrors : tuple[Mirror, ...]
+        By which the part is completed; empty for the entire surface.
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+    region, cell : (T,) ndarray of int
+        Code of the region and number of the cell of each triangle.
+    """
 
     mirrors: tuple[Mirror, ...]
     vertices: np.ndarray
@@ -83,13 +112,13 @@ class SurfacePart:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
     def exact(self, points: np.ndarray) -> np.ndarray:
-        """Nodes, those within rounding of the planes of symmetry, the bottom or the top moved exactly onto them."""
+        """Nodes; those within rounding of the planes of symmetry, bottom or top are moved exactly onto them."""
         return exactly_on(points, planes_of(self.mirrors), float(self.vertices[:, 2].max()), ROUNDING * self.diagonal)
 
 
 @kept(4)
 def surface_of(content: bytes, suffix: str, rules: tuple[Rule, ...], placement: Placement) -> SurfacePart:
-    """The whole surface of the pad in a file, repaired, with regions and cells.
+    """The entire surface of the pad in a file, repaired, with regions and cells.
 
     Parameters
     ----------
@@ -121,14 +150,40 @@ def surface_of(content: bytes, suffix: str, rules: tuple[Rule, ...], placement: 
 def parts_of(
     content: bytes, suffix: str, rules: tuple[Rule, ...], placement: Placement
 ) -> tuple[SurfacePart, SurfacePart, SingularEdges]:
-    """The pad in a file, the part of it that is meshed, and where the stress is singular in the whole."""
+    """The surface of the pad in a file, and the symmetric part that is meshed.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the file.
+    suffix : str
+        Its ending in small letters, with the dot.
+    rules : tuple[Rule, ...]
+        Regions of faces.
+    placement : Placement
+        By which the file is scaled, turned and moved.
+
+    Returns
+    -------
+    surface : SurfacePart
+        The entire surface.
+    part : SurfacePart
+        Its symmetric part; the entire surface if it cannot be cut.
+    edges : SingularEdges
+        Singular edges of the entire surface.
+
+    Raises
+    ------
+    GeometryError
+        if the file is no pad.
+    """
     surface = surface_of(content, suffix, rules, placement)
     vertices, triangles, region, cell = surface.vertices, surface.triangles, surface.region, surface.cell
     patches = Patches(vertices, triangles, region, cell)
     edges = SingularEdges(patches, region, patches.patch)
     mirrors = mirrors_of(vertices, triangles, region)
     try:
-        vertices, triangles, origin = kept_part(vertices, triangles, planes_of(mirrors))
+        vertices, triangles, origin = symmetric_part_of(vertices, triangles, planes_of(mirrors))
     except NotSimple:
         return surface, surface, edges
     closing = origin < 0
@@ -136,30 +191,30 @@ def parts_of(
     return surface, SurfacePart(mirrors, vertices, triangles, region, cell), edges
 
 
-def _meshed(part: SurfacePart, edges: SingularEdges, mesh_size: float, refinement: float) -> VolumeMesh | None:
-    """Mesh of a part, None if some of it is lost between large elements; raises `ComputationError` if Netgen fails.
+def _meshed(surface_part: SurfacePart, edges: SingularEdges, mesh_size: float, refinement: float) -> VolumeMesh | None:
+    """Mesh of a part; None if some volume is lost between large elements. Raises `ComputationError` if Netgen fails.
 
-    ``edges`` are those of the whole pad.
-    """
-    patches = Patches(part.vertices, part.triangles, part.region, part.cell)
-    singular = SingularEdges(patches, part.region, patches.patch)
-    points, triangles, patch = remeshed(patches, LocalSizes(patches, part.region, singular, mesh_size, refinement))
+    ``edges`` are the singular edges of the entire pad."""
+    patches = Patches(surface_part.vertices, surface_part.triangles, surface_part.region, surface_part.cell)
+    singular = SingularEdges(patches, surface_part.region, patches.patch)
+    sizes = LocalSizes(patches, surface_part.region, singular, mesh_size, refinement)
+    points, triangles, patch = remeshed(patches, sizes)
     size = BULK_COARSENING * mesh_size / refinement
     filled = run_isolated("fill", {"vertices": points, "triangles": triangles, "mesh_size": size})
     points, tets, faces = second_order(*positive(filled["points"], filled["tets"]))
     if not np.array_equal(_sorted(faces[:, :3])[0], _sorted(triangles)[0]):
         raise ComputationError("the mesh does not end at the surface of the pad.")
-    own = np.empty_like(patch)
-    own[_sorted(faces[:, :3])[1]] = patch[_sorted(triangles)[1]]
-    points = part.exact(snapped(points, tets, faces, own, patches, mesh_size))
-    first = np.unique(patches.patch, return_index=True)[1][own]
-    mesh = VolumeMesh(points, tets, faces, part.region[first], part.cell[first])
-    if abs(curved_volume(mesh) / volume(part.vertices, part.triangles) - 1) > VOLUME_TOLERANCE:
+    patch_of_face = np.empty_like(patch)
+    patch_of_face[_sorted(faces[:, :3])[1]] = patch[_sorted(triangles)[1]]
+    points = surface_part.exact(snapped(points, tets, faces, patch_of_face, patches, mesh_size))
+    triangle_of_face = np.unique(patches.patch, return_index=True)[1][patch_of_face]
+    mesh = VolumeMesh(points, tets, faces, surface_part.region[triangle_of_face], surface_part.cell[triangle_of_face])
+    if abs(curved_volume(mesh) / volume(surface_part.vertices, surface_part.triangles) - 1) > VOLUME_TOLERANCE:
         return None
-    at_edges = singular.nodes(points, faces, own)
-    at_edges |= edges.nodes_on_planes(points, planes_of(part.mirrors), 2 * ON_PLANE * part.diagonal)
+    at_edges = singular.nodes(points, faces, patch_of_face)
+    at_edges |= edges.nodes_on_planes(points, planes_of(surface_part.mirrors), 2 * ON_PLANE * surface_part.diagonal)
     mesh = cut_towards(mesh, at_edges, CUT)
-    return VolumeMesh(part.exact(mesh.points), mesh.tets, mesh.faces, mesh.face_region, mesh.face_cell)
+    return VolumeMesh(surface_part.exact(mesh.points), mesh.tets, mesh.faces, mesh.face_region, mesh.face_cell)
 
 
 def _sorted(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

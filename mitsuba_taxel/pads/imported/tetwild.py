@@ -20,14 +20,29 @@ ENVELOPE = 0.02
 LARGEST_ENVELOPE, LARGEST_EDGE = 2e-3, 1 / 6
 """Upper limits of that distance and of the mesh size, relative to the diagonal of the pad.
 
-Far beyond them fTetWild makes more elements, not fewer: walls are too thin for edges of that length.
-"""
+Far above them fTetWild makes more elements, not fewer: walls are too thin for edges of that length."""
 
 
 def mesh_by_tetwild(
     vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray, cell: np.ndarray, mesh_size: float
 ) -> VolumeMesh:
-    """Mesh of a closed surface, whose triangles (T, 3) have regions (T,) and cells (T,), its nodes on it.
+    """Mesh of a closed surface by fTetWild, with boundary nodes on the surface.
+
+    Parameters
+    ----------
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+    region, cell : (T,) ndarray of int
+        Code of the region and number of the cell of each triangle.
+    mesh_size : float
+        Length of the edges of elements, mm.
+
+    Returns
+    -------
+    VolumeMesh
+        Undeformed quadratic tetrahedra with tagged faces.
 
     Raises
     ------

@@ -1,7 +1,6 @@
-"""The process in which a user's geometry is meshed, with arrays on standard input and standard output.
+"""The process in which a user's geometry is meshed; arrays come on standard input and leave on standard output.
 
-It is run as a script, with the name of a task and its limits (bytes, seconds), and does not import this package.
-"""
+It is run as a script, with the name of a task and its limits (bytes, seconds), and does not import this package."""
 
 from __future__ import annotations
 
@@ -52,7 +51,7 @@ def main(task: str, memory: int, seconds: int) -> None:
 
 
 def _fill(vertices: Any, triangles: Any, mesh_size: Any) -> dict[str, Any]:
-    """Straight tetrahedra within a closed surface of triangles, which are kept (Netgen)."""
+    """Straight tetrahedra within a closed surface, whose triangles are kept (Netgen)."""
     import numpy as np
     from netgen.meshing import FaceDescriptor, Mesh, MeshingParameters
 
@@ -89,11 +88,10 @@ def _tetrahedralise(vertices: Any, triangles: Any, mesh_size: Any, epsilon: Any)
     return {"points": points, "tets": tets}
 
 
-def _solids_in(path: Any, scale: Any, turn: Any, moved: Any) -> tuple[list[Any], list[str]]:
+def _solids_in(path: Any, scale: Any, turn: Any, centred: Any) -> tuple[list[Any], list[str]]:
     """Solids in a STEP file in mm, turned by a rotation (3, 3), and names of the faces of the first.
 
-    If ``moved``, the middle of the box around it comes to x = y = 0, and its lowest vertex to z = 0.
-    """
+    With ``centred``, the box around the solid is centred at x = y = 0, and its lowest vertex lies at z = 0."""
     import numpy as np
     from netgen.occ import Axis, OCCGeometry, Pnt, Vec
 
@@ -111,7 +109,7 @@ def _solids_in(path: Any, scale: Any, turn: Any, moved: Any) -> tuple[list[Any],
     solid, names = solids[0], [face.name or "" for face in solids[0].faces]
     if scale != 1:
         solid = solid.Scale(Pnt(0, 0, 0), float(scale))
-    if moved:
+    if centred:
         angle = float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))
         axis = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
         if angle:
@@ -122,14 +120,14 @@ def _solids_in(path: Any, scale: Any, turn: Any, moved: Any) -> tuple[list[Any],
     return [solid], names
 
 
-def _survey_step(path: Any, scale: Any, turn: Any, moved: Any, curvature_safety: Any) -> dict[str, Any]:
-    """Triangles of the surface of the body in a STEP file, the faces that they follow, and its volume (Netgen)."""
+def _survey_step(path: Any, scale: Any, turn: Any, centred: Any, curvature_safety: Any) -> dict[str, Any]:
+    """Triangles of the surface of the solid in a STEP file, the faces that they follow, and its volume (Netgen)."""
     import numpy as np
     from netgen.meshing import MeshingParameters, MeshingStep
     from netgen.occ import OCCGeometry, Pnt
 
     try:
-        solids, names = _solids_in(path, scale, turn, moved)
+        solids, names = _solids_in(path, scale, turn, centred)
     except Exception as error:
         return {"error": f"it cannot be read as STEP ({' '.join(str(error).split())[:100]})"}
     if len(solids) != 1:
@@ -158,19 +156,19 @@ def _survey_step(path: Any, scale: Any, turn: Any, moved: Any, curvature_safety:
 
 
 def _mirrors_of_step(
-    path: Any, scale: Any, turn: Any, moved: Any, region: Any, points: Any, at: Any, matrices: Any, tolerance: Any
+    path: Any, scale: Any, turn: Any, centred: Any, region: Any, points: Any, at: Any, matrices: Any, tolerance: Any
 ) -> dict[str, Any]:
     """Which mirrors (M, 3, 3) map all points (N, 3) of the surface, each in a region, onto the faces of that region."""
     import numpy as np
     from netgen.occ import Compound, Pnt, Vertex
 
-    (solid,), _ = _solids_in(path, scale, turn, moved)
+    (solid,), _ = _solids_in(path, scale, turn, centred)
     faces = list(solid.faces)
-    parts = {code: Compound([faces[k] for k in np.flatnonzero(region == code)]) for code in np.unique(at)}
+    faces_by_region = {code: Compound([faces[k] for k in np.flatnonzero(region == code)]) for code in np.unique(at)}
 
     def keeps(matrix: Any) -> bool:
         return all(
-            parts[code].Distance(Vertex(Pnt(*point))) <= tolerance
+            faces_by_region[code].Distance(Vertex(Pnt(*point))) <= tolerance
             for code, point in zip(at, points @ matrix.T, strict=True)
         )
 
@@ -181,7 +179,7 @@ def _mesh_step(
     path: Any,
     scale: Any,
     turn: Any,
-    moved: Any,
+    centred: Any,
     planes: Any,
     mesh_size: Any,
     face_size: Any,
@@ -189,16 +187,15 @@ def _mesh_step(
     singular: Any,
     curvature_safety: Any,
 ) -> dict[str, Any]:
-    """Curved tetrahedra of the part of the body in a STEP file on the kept side of ``planes`` (M, 2), normals (Netgen).
+    """Curved tetrahedra of the part of a STEP solid on the kept side of ``planes`` (M, 2), given by normals (Netgen).
 
-    Faces have individual sizes (F,), and so have edges between the faces of a ``singular`` pair (S, 2). The faces along
-    the planes have the number -1.
-    """
+    Each face has its own element size (F,), and so have the edges between the faces of a ``singular`` pair (S, 2). The
+    faces along the planes have the number -1."""
     import numpy as np
     from netgen.meshing import MeshingParameters
     from netgen.occ import Axis, Box, OCCGeometry, Pnt, Z
 
-    (solid,), _ = _solids_in(path, scale, turn, moved)
+    (solid,), _ = _solids_in(path, scale, turn, centred)
     _number_faces(solid)
     low, high = solid.bounding_box
     unit, reach = (high.z - low.z) / UNITS_OF_HEIGHT, 2 * (high - low).Norm()
@@ -238,7 +235,7 @@ def _number_faces(solid: Any) -> None:
 
 
 def _numbers_of_faces(mesh: Any, index: Any) -> Any:
-    """Number of the face, which is its name, of surface elements with Netgen's ``index``."""
+    """Numbers of the faces, which are their names, for surface elements with Netgen's ``index``."""
     import numpy as np
 
     return np.array([int(mesh.GetBCName(int(i))) for i in range(index.max())])[index - 1]

@@ -1,1 +1,1 @@
-"""Pads of the built-in cell shapes: solids and their meshes."""
+"""Pads of parametric cells: their dimensions, solids, meshes and mesh velocities."""

@@ -12,16 +12,18 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 MOULD = 3.0
 """Thickness of the mould around the pad, mm."""
 CURVATURE = 4
-"""Triangles of an STL file for each radius of a round wall."""
+"""Triangles of an STL file per radius of a round wall."""
 SURFACES = 4
-"""Netgen's meshing steps that precede the volume."""
+"""Number of Netgen's meshing steps that precede the volume."""
 
 
 def solids(pad: Pad) -> dict[str, Any]:
-    """The pad, and the mould that it is cast in: a base with the cells as pegs, and a frame around, open on top.
+    """The pad, and the mould in which it is cast: a base with the cells as pegs, and a frame around it, open at the
+    top.
 
-    All in mm as ``netgen.occ`` shapes, in their assembled positions: the pad upright, the frame on the base at z = 0.
-    """
+    All are ``netgen.occ`` shapes in mm, by name, in their assembled positions: the pad upright, the frame on the base
+    at
+    z = 0."""
     from netgen.occ import Box, Pnt
 
     width, depth, height = pad.extent

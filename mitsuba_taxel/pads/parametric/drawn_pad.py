@@ -1,4 +1,4 @@
-"""What drawing and meshing know of a pad with parametric cells."""
+"""The properties of a pad of parametric cells that drawing and meshing use."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Anisotropic refinement: thin layers of elements along the edges where the stress is singular.
 
-Near a re-entrant or a glued edge the error depends on the size of the elements across the edge, hardly on that along it
-(T. Apel, Anisotropic Finite Elements, 1999). So the elements at the edge are cut across and left long.
-"""
+Near a re-entrant or a glued edge the error depends on the size of the elements across the edge, hardly on the size
+along it (T. Apel, Anisotropic Finite Elements, 1999). So the elements at the edge are cut across and left long."""
 
 from __future__ import annotations
 
@@ -39,22 +38,36 @@ _PRISM_TETS = np.array([[[0, 1, 2, 5], [0, 1, 5, 4], [0, 4, 5, 3]], [[0, 1, 2, 4
 
 
 def cut_towards(mesh: VolumeMesh, singular: np.ndarray, fraction: float) -> VolumeMesh:
-    """The mesh with every edge that has one end among the ``singular`` nodes (N,) cut at ``fraction`` from that end.
+    """Cut every edge of a mesh that has exactly one singular end.
 
-    Elements are cut into tetrahedra and prisms, and these into three tetrahedra with the diagonals from the node of the
-    lowest number, so that neighbours agree (J. Dompierre et al., How to subdivide pyramids, prisms and hexahedra into
-    tetrahedra, 1999). New nodes lie on the curved elements: the solid is unchanged.
+    Elements are cut into tetrahedra and prisms, and the prisms into three tetrahedra each, with the diagonals that
+    start at the node of the lowest number, so that neighbours agree (J. Dompierre et al., How to subdivide pyramids,
+    prisms and hexahedra into tetrahedra, 1999). New nodes lie on the curved elements: the solid is unchanged.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the pad.
+    singular : (N,) ndarray of bool
+        Which nodes are singular.
+    fraction : float
+        Position of the cut on an edge, relative to its length, from the singular end.
+
+    Returns
+    -------
+    VolumeMesh
+        With the same nodes, and new ones.
     """
     corners = np.unique(mesh.tets[:, :4])
     number = np.full(len(mesh.points), -1)
     number[corners] = np.arange(len(corners))
-    tets, faces, at = number[mesh.tets[:, :4]], number[mesh.faces[:, :3]], singular[corners]
+    tets, faces, is_singular = number[mesh.tets[:, :4]], number[mesh.faces[:, :3]], singular[corners]
     edges = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)
     edges = edges[unique_rows(edges)[0]]
-    cut = _Cut(at, edges[at[edges].sum(axis=1) == 1], fraction)
-    tets, tet_place, parent = cut.pieces(tets, _TET_CUTS, _TET_PIECES)
+    cut = _Cut(is_singular, edges[is_singular[edges].sum(axis=1) == 1], fraction)
+    tets, tet_coordinates, parent = cut.pieces(tets, _TET_CUTS, _TET_PIECES)
     faces, _, face_parent = cut.pieces(faces, _FACE_CUTS, _FACE_PIECES)
-    return of_pieces(mesh, tets, tet_place, parent, faces, face_parent)
+    return of_pieces(mesh, tets, tet_coordinates, parent, faces, face_parent)
 
 
 class _Cut:
@@ -65,55 +78,73 @@ class _Cut:
         self._key = edges[:, 0] * len(singular) + edges[:, 1]
 
     def pieces(self, simplices: np.ndarray, cuts: dict, shapes: dict) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Corners (P, n) of the pieces of ``simplices`` (M, n), barycentric coordinates (P, n, n), and parents (P,)."""
+        """Cut simplices into smaller ones.
+
+        Parameters
+        ----------
+        simplices : (M, n) ndarray of int
+            Corners.
+        cuts, shapes : dict
+            By the number of singular corners: the edges that are cut, and the resulting pieces.
+
+        Returns
+        -------
+        corners : (P, n) ndarray of int
+            Of the pieces.
+        coordinates : (P, n, n) ndarray
+            Barycentric coordinates of these corners in the parent.
+        parents : (P,) ndarray of int
+            Number of the simplex that each piece is part of.
+        """
         size = simplices.shape[1]
         singular = self.singular[simplices]
         count = singular.sum(axis=1)
-        whole = np.flatnonzero((count == 0) | (count == size))
-        corners, places, parents = [simplices[whole]], [np.tile(np.eye(size), (len(whole), 1, 1))], [whole]
+        uncut = np.flatnonzero((count == 0) | (count == size))
+        corners, coordinates, parents = [simplices[uncut]], [np.tile(np.eye(size), (len(uncut), 1, 1))], [uncut]
         for singulars, pairs in cuts.items():
             parent = np.flatnonzero(count == singulars)
             order = _singular_first(singular[parent])
-            own = np.take_along_axis(simplices[parent], order, axis=1)
+            corner_nodes = np.take_along_axis(simplices[parent], order, axis=1)
             start, end = np.array(pairs).T
-            ends = np.sort(own[:, np.array(pairs)], axis=2)
-            new = len(self.singular) + np.searchsorted(self._key, ends[:, :, 0] * len(self.singular) + ends[:, :, 1])
-            nodes = np.concatenate([own, new], axis=1)
-            unit = np.eye(size)[order]
-            place = np.concatenate([unit, (1 - self.fraction) * unit[:, start] + self.fraction * unit[:, end]], axis=1)
+            ends = np.sort(corner_nodes[:, np.array(pairs)], axis=2)
+            key = ends[:, :, 0] * len(self.singular) + ends[:, :, 1]
+            cut_nodes = len(self.singular) + np.searchsorted(self._key, key)
+            nodes = np.concatenate([corner_nodes, cut_nodes], axis=1)
+            at_corners = np.eye(size)[order]
+            at_cuts = (1 - self.fraction) * at_corners[:, start] + self.fraction * at_corners[:, end]
+            node_coordinates = np.concatenate([at_corners, at_cuts], axis=1)
             for shape in shapes[singulars]:
                 local = _simplices(nodes[:, shape], np.array(shape), size)
                 number = local.shape[1]
                 local = local.reshape(-1, size)
                 owner = np.repeat(np.arange(len(parent)), number)
                 corners.append(nodes[owner[:, None], local])
-                places.append(place[owner[:, None], local])
+                coordinates.append(node_coordinates[owner[:, None], local])
                 parents.append(parent[owner])
-        return np.concatenate(corners), np.concatenate(places), np.concatenate(parents)
+        return np.concatenate(corners), np.concatenate(coordinates), np.concatenate(parents)
 
 
 def _singular_first(singular: np.ndarray) -> np.ndarray:
     """Even permutations (M, n) of the corners of simplices that put the singular ones (M, n) first."""
     size = singular.shape[1]
-    even = [p for p in permutations(range(size)) if np.linalg.det(np.eye(size)[list(p)]) > 0]
+    even_permutations = [p for p in permutations(range(size)) if np.linalg.det(np.eye(size)[list(p)]) > 0]
     table = np.zeros((2**size, size), dtype=np.int64)
     for code in range(2**size):
-        marked = [bool(code >> k & 1) for k in range(size)]
-        table[code] = next(p for p in even if [marked[k] for k in p] == sorted(marked, reverse=True))
+        flags = [bool(code >> k & 1) for k in range(size)]
+        table[code] = next(p for p in even_permutations if [flags[k] for k in p] == sorted(flags, reverse=True))
     return table[singular @ (1 << np.arange(size))]
 
 
 def _simplices(nodes: np.ndarray, shape: np.ndarray, size: int) -> np.ndarray:
-    """Corners (M, pieces, size) of the simplices that each piece with ``nodes`` is cut into, as ``shape`` lists
-    them."""
+    """Simplices (M, pieces, size) of pieces with ``nodes``, as numbers into the corners that ``shape`` lists."""
     if nodes.shape[1] == size:
         return np.broadcast_to(shape, (len(nodes), 1, size))
     lowest = nodes.argmin(axis=1)
     if size == 3:
-        turned = (lowest[:, None] + np.arange(4)) % 4
-        return shape[turned[:, [[0, 1, 2], [0, 2, 3]]]]
-    turned = _PRISM_FROM[lowest]
-    own = np.take_along_axis(nodes, turned, axis=1)
-    other = own[:, [2, 4]].min(axis=1) < own[:, [1, 5]].min(axis=1)
-    tets = _PRISM_TETS[other.astype(np.int64)]
-    return shape[np.take_along_axis(turned[:, None], tets, axis=2)]
+        rotation = (lowest[:, None] + np.arange(4)) % 4
+        return shape[rotation[:, [[0, 1, 2], [0, 2, 3]]]]
+    rotation = _PRISM_FROM[lowest]
+    rotated = np.take_along_axis(nodes, rotation, axis=1)
+    second_diagonal = rotated[:, [2, 4]].min(axis=1) < rotated[:, [1, 5]].min(axis=1)
+    tets = _PRISM_TETS[second_diagonal.astype(np.int64)]
+    return shape[np.take_along_axis(rotation[:, None], tets, axis=2)]

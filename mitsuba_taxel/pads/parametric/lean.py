@@ -16,7 +16,7 @@ from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
 from mitsuba_taxel.pads.regions import REGIONS
 
 AXES = {"top_x": 0, "top_y": 1}
-"""The coordinate along which each shifts the tops."""
+"""Coordinate axis of each shift of the tops."""
 
 
 def leans(pad: DrawnPad) -> bool:
@@ -25,19 +25,61 @@ def leans(pad: DrawnPad) -> bool:
 
 
 def leaning(pad: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
-    """The mesh of a pad, from that of the same pad with upright cells."""
+    """Mesh of a pad, from the mesh of the same pad with upright cells.
+
+    Parameters
+    ----------
+    pad : DrawnPad
+        With leaning cells, in mm.
+    mesh : VolumeMesh
+        Of the upright pad.
+
+    Returns
+    -------
+    VolumeMesh
+        With the same elements.
+    """
     return replace(mesh, points=mesh.points + lean(pad, mesh, mesh.points))
 
 
 def lean(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
-    """(N, 3) shifts in mm of the nodes of a mesh from where they are ``upright`` (N, 3) in the pad."""
+    """Displacements of nodes from the upright pad to the leaning one.
+
+    Parameters
+    ----------
+    pad : DrawnPad
+        With leaning cells, in mm.
+    mesh : VolumeMesh
+        For its elements and regions.
+    upright : (N, 3) ndarray
+        Nodes of the upright pad, mm.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        In mm.
+    """
     return sum((getattr(pad, name) * lean_rate(pad, mesh, upright, name) for name in AXES), start=np.zeros(3))
 
 
 def lean_rate(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray, name: str) -> np.ndarray:
-    """(N, 3) the same per mm of `top_x` or `top_y`.
+    """Derivative of :func:`lean` by `top_x` or `top_y`. Midpoints of straight edges remain midpoints.
 
-    Midpoints of straight edges remain midpoints.
+    Parameters
+    ----------
+    pad : DrawnPad
+        In mm.
+    mesh : VolumeMesh
+        For its elements and regions.
+    upright : (N, 3) ndarray
+        Nodes of the upright pad, mm.
+    name : str
+        ``top_x`` or ``top_y``.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        In mm per mm.
     """
     axis, count = AXES[name], mesh.corner_count
     within = np.minimum((0.5 * pad.extent[axis] - np.abs(upright[:, axis])) / pad.wall, 1.0)
@@ -49,7 +91,20 @@ def lean_rate(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray, name: str) -
 
 
 def upright_nodes(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
-    """(N, 3) nodes of the pad with upright cells, from those of its mesh: the reverse of :func:`leaning`."""
+    """Nodes of the pad with upright cells, from the nodes of its mesh: the inverse of :func:`leaning`.
+
+    Parameters
+    ----------
+    pad : DrawnPad
+        In mm.
+    mesh : VolumeMesh
+        Of the pad.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        In mm.
+    """
     if not leans(pad):
         return mesh.points
     upright, count = mesh.points.copy(), mesh.corner_count
@@ -57,8 +112,8 @@ def upright_nodes(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
         x, half, wall = mesh.points[:, axis], 0.5 * pad.extent[axis], pad.wall
         shift = getattr(pad, name) * _rise(pad, mesh.points[:, 2])
         inside = x - shift
-        low, high = (-half + (x + half) * wall / (wall + shift), half - (half - x) * wall / (wall - shift))
-        upright[:, axis] = np.where(inside < wall - half, low, np.where(inside > half - wall, high, inside))
+        near_low, near_high = (-half + (x + half) * wall / (wall + shift), half - (half - x) * wall / (wall - shift))
+        upright[:, axis] = np.where(inside < wall - half, near_low, np.where(inside > half - wall, near_high, inside))
     straight = ~on_round_walls(pad, mesh)[count:]
     ends = edge_ends(mesh.tets)[straight]
     upright[count:][straight] = mesh.points[count:][straight] - (mesh.points - upright)[ends].mean(axis=1)
@@ -66,7 +121,20 @@ def upright_nodes(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
 
 
 def on_round_walls(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
-    """(N,) which nodes lie on round walls."""
+    """Which nodes lie on curved walls.
+
+    Parameters
+    ----------
+    pad : DrawnPad
+        With the shape of the cells.
+    mesh : VolumeMesh
+        Of the pad.
+
+    Returns
+    -------
+    (N,) ndarray of bool
+        For each node.
+    """
     codes = [REGIONS[name] for name in pad.shape.round_regions]
     on_wall = np.zeros(len(mesh.points), dtype=bool)
     on_wall[mesh.faces[np.isin(mesh.face_region, codes)]] = True
@@ -74,7 +142,9 @@ def on_round_walls(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
 
 
 def _rise(pad: DrawnPad, z: np.ndarray) -> np.ndarray:
-    """Shift at a height, relative to that at `cell_height`, to which it grows within the cells."""
+    """Shift at heights ``z`` (N,), relative to the shift at `cell_height`.
+
+    It grows linearly up to the top of the cell, and falls linearly to 0 at the top of the pad."""
     assert pad.cell_height is not None
     top = pad.top_of_cell
     above = top / pad.cell_height * (pad.height - z) / (pad.height - top)

@@ -26,32 +26,32 @@ from mitsuba_taxel.pads.parametric.solid import (
 from mitsuba_taxel.pads.regions import REGIONS
 
 BULK_COARSENING = 1.25
-"""Relative size of elements inside, where the strain is smooth: roofs are as accurate with fewer."""
+"""Relative size of elements inside, where the strain is smooth: roofs stay as accurate with fewer elements."""
 GRADING = 0.4
-"""Netgen's measure of how fast elements grow from the walls to the inside."""
+"""Netgen's parameter for the growth of elements from the walls to the inside."""
 RIM_REFINEMENT = 2.0
-"""Divisor of the size along the edges where the stress is singular."""
+"""Divisor of the element size along the edges where the stress is singular."""
 FINER_DOMES = 0.5
-"""Domes and their sides have relatively smaller elements on finer meshes, in proportion to the size, down to this
-share: what is left of the error of mirrors is that of normals, which only the elements there reduce."""
+"""On meshes finer than the default one, elements on domes and their sides shrink further, in proportion to the relative
+size, down to this factor: the remaining error of mirrors comes from normals, which only these elements improve."""
 FINER_EDGES, EDGE_EXPONENT = 0.5, 3.0
-"""Where roofs are flat, finer meshes have relatively smaller elements along those edges, by this power of the size
-relative to the default one, down to this share: there the error of slopes under tangential forces comes from."""
+"""On meshes finer than the default one, elements along the singular edges of flat roofs shrink further, by this power
+of the relative size, down to this factor: the error of slopes under tangential forces arises there."""
 CUT = 0.2
-"""Relative distance from a singular edge at which elements there are cut."""
+"""Position of the cut of elements at a singular edge, relative to their length."""
 CURVATURE_SAFETY = 2.0
-"""Elements per radius of curvature; round walls and caps may have fewer if the requested size is larger, whereas a dome
-would be distorted along its rim."""
+"""Elements per radius of curvature. Round walls and caps may have fewer if the requested size is larger; a dome may
+not, as elements along its rim would be distorted."""
 SLENDER = 10.0
-"""Height of a side wall, relative to the size of the cell, beyond which only the dome gets small elements: its wall
-would have them all the way down."""
+"""Height of a side wall, relative to the size of the cell, above which only the dome gets small elements: otherwise the
+wall would have them over its full height."""
 SLENDER_WALL, ALONG_SLENDER_WALL = 0.3, 0.19
-"""Thickness of walls, relative to the height of their sides, below which their elements are at most this share of that
-height long: such walls buckle in waves about as long as they are high, and larger elements, which divide them unevenly,
-bend them before."""
+"""Thickness of walls, relative to the height of their sides, below which their elements are limited to this length
+relative to the height. Such walls buckle in waves about as long as they are high; larger elements, which divide the
+waves unevenly, would bend them too early."""
 REFINEMENTS = (1.0, 1.06, 1.12, 1.18, 1.25, 1.35, 1.5, 2.0, 3.0)
-"""Divisors of all local sizes, tried in turn until no element is too distorted: close to 1, or larger elements would be
-more."""
+"""Divisors of all element sizes, tried in turn until no element is too distorted. They start close to 1, as a larger
+divisor gives more elements."""
 LEAST_QUALITY = 0.2
 """Least determinant of an element's map, relative to that of the straight element."""
 UNITS_OF_HEIGHT = 4.0
@@ -67,10 +67,10 @@ MESHING_LOCK = threading.RLock()
 
 
 def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
-    """Mesh a pad with elements of about ``mesh_size`` mm, finer round the cells, finest where the stress is singular.
+    """Mesh a pad with elements of about ``mesh_size`` mm, finer around the cells, finest where the stress is singular.
 
     An octant of a square pad, or a quadrant of another, is meshed with upright cells and mirrored, so that the mesh has
-    exactly the pad's symmetry; where cells lean, it is then sheared.
+    exactly the pad's symmetry. The mesh of leaning cells is then sheared.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
     Raises
     ------
     InputError
-        if ``mesh_size`` is not a finite length above 0, or it or the number of cells asks for more elements than fit in
+        if ``mesh_size`` is not a finite length above 0, or if it or the number of cells needs more elements than fit in
         memory.
     ComputationError
         if Netgen fails, or leaves an inverted element that cannot be repaired.
@@ -95,7 +95,7 @@ def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
     check_room(pad, mesh_size)
     for refinement in REFINEMENTS:
         mesh = _graded(_generated(pad, mesh_size, refinement), pad)
-        quality, place = worst_element(mesh)
+        quality, position = worst_element(mesh)
         if quality < LEAST_QUALITY:
             continue
         for mirror in (*([ACROSS_DIAGONAL] if is_square(pad) else []), ACROSS_X, ACROSS_Y):
@@ -104,10 +104,10 @@ def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
         if not leans(pad):
             return mesh
         mesh = leaning(pad, mesh)
-        quality, place = worst_element(mesh)
+        quality, position = worst_element(mesh)
         if quality >= LEAST_QUALITY:
             return mesh
-    x, y, z = place
+    x, y, z = position
     raise ComputationError(
         f"the mesh has a distorted element near ({x:.3g}, {y:.3g}, {z:.3g}) mm: choose another mesh_size than "
         f"{mesh_size:g}."
@@ -115,7 +115,7 @@ def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
 
 
 def check_room(pad: DrawnPad, mesh_size: float) -> None:
-    """Refuse an invalid mesh size, or one that asks for more elements than fit in memory.
+    """Refuse an invalid mesh size, or a mesh with more elements than fit in memory.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def check_room(pad: DrawnPad, mesh_size: float) -> None:
     Raises
     ------
     InputError
-        if it, or the number of cells, is not allowed.
+        if the size, or the number of cells, is not allowed.
     """
     if not (math.isfinite(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
@@ -141,8 +141,9 @@ def check_room(pad: DrawnPad, mesh_size: float) -> None:
     if mesh_size < smallest and mesh_size >= 0.5 * pad.default_mesh_size:  # nobody gave it
         size = " x ".join(f"{side:.3g}" for side in pad.extent)
         raise InputError(
-            f"cell_size = {pad.cell_size:g} mm in a pad of {size} mm is not allowed: its thinnest parts ask for "
-            f"elements of {mesh_size:.2g} mm, of at least {smallest:.2g} mm that it can have. Lengths are in mm."
+            f"cell_size = {pad.cell_size:g} mm in a pad of {size} mm is not allowed: its thinnest parts need "
+            f"elements of {mesh_size:.2g} mm, but at least {smallest:.2g} mm is possible in a pad of this size. "
+            "Lengths are in mm."
         )
     if mesh_size < smallest:
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")
@@ -191,10 +192,10 @@ def _generated(pad: DrawnPad, mesh_size: float, refinement: float) -> VolumeMesh
 
 
 def _local_sizes(pad: DrawnPad, mesh_size: float) -> tuple[float, float]:
-    """Size of elements on roofs and side walls, and along singular edges.
+    """Sizes of elements on roofs and side walls, and along singular edges, in mm.
 
-    Where silicone is thin beside a round wall, the sagitta of the elements' curved edges is at most a quarter of it.
-    """
+    Where silicone is thin beside a round wall, the sagitta of the elements' curved edges is at most a quarter of its
+    thickness."""
     shape = pad.shape
     finer = _finer(pad, mesh_size) ** shape.finer_power
     wall, largest = _slender_wall(pad)
@@ -206,7 +207,7 @@ def _local_sizes(pad: DrawnPad, mesh_size: float) -> tuple[float, float]:
 
 
 def _slender_wall(pad: DrawnPad) -> tuple[float, float]:
-    """The thinnest wall, and the largest elements along it if it is slender; infinite if not. In mm."""
+    """The thinnest wall, and the largest elements allowed along it: infinite unless the wall is slender. In mm."""
     wall = pad.thinnest_wall
     if pad.rows * pad.columns > 1:
         wall = min(wall, pad.pitch - pad.cell_size)
@@ -215,12 +216,13 @@ def _slender_wall(pad: DrawnPad) -> tuple[float, float]:
 
 
 def _finer(pad: DrawnPad, mesh_size: float) -> float:
-    """The size relative to the default one, as far as `FINER_DOMES` goes; 1 for larger ones, and other roofs."""
+    """Factor of the sizes on round roofs: the relative mesh size, down to `FINER_DOMES`; 1 on coarser meshes and flat
+    roofs."""
     return min(max(mesh_size / pad.default_mesh_size, FINER_DOMES), 1.0) if "roof" in pad.shape.round_regions else 1.0
 
 
 def _finer_edges(pad: DrawnPad, mesh_size: float) -> float:
-    """The share of `FINER_EDGES` for a size; 1 for larger ones than the default, and for round roofs."""
+    """Factor of the sizes along singular edges, down to `FINER_EDGES`; 1 on coarser meshes and for round roofs."""
     relative = (mesh_size / pad.default_mesh_size) ** EDGE_EXPONENT
     return 1.0 if "roof" in pad.shape.round_regions else min(max(relative, FINER_EDGES), 1.0)
 
@@ -257,11 +259,11 @@ def _right_handed(tets: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Boundary triangles oriented counter-clockwise seen from outside."""
-    owners: dict[tuple[int, ...], int] = {}
+    opposite: dict[tuple[int, ...], int] = {}
     for corners in ((0, 1, 2, 3), (0, 1, 3, 2), (0, 2, 3, 1), (1, 2, 3, 0)):
-        keys = np.sort(tets[:, corners[:3]], axis=1)
-        owners.update(zip(map(tuple, keys), tets[:, corners[3]], strict=True))
-    inside = np.array([owners[tuple(key)] for key in np.sort(faces[:, :3], axis=1)])
+        sorted_corners = np.sort(tets[:, corners[:3]], axis=1)
+        opposite.update(zip(map(tuple, sorted_corners), tets[:, corners[3]], strict=True))
+    inside = np.array([opposite[tuple(key)] for key in np.sort(faces[:, :3], axis=1)])
     a, b, c = (points[faces[:, k]] for k in range(3))
     inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), points[inside] - a) > 0
     swap = [0, 2, 1, 5, 4, 3]
@@ -269,7 +271,20 @@ def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndar
 
 
 def snapped(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
-    """Nodes, those within rounding of the planes of symmetry, the bottom or the top moved exactly onto them."""
+    """Nodes, with those within rounding of the planes of symmetry, the bottom or the top moved exactly onto them.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        In mm.
+    pad : DrawnPad
+        For its height and symmetry.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        In mm.
+    """
     tolerance = 1e-7 * pad.height
     points = np.where(np.abs(points) < tolerance, 0.0, points)
     points[np.abs(points[:, 2] - pad.height) < tolerance, 2] = pad.height

@@ -22,23 +22,23 @@ if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
 CELL_SHAPES = tuple(name for name, shape in CellShape.kinds().items() if issubclass(shape, Shaft))
-"""The shapes with a vertical side, as in the paper."""
+"""The shapes with a vertical side: those of the paper."""
 LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height", "top_x", "top_y")
 """Names of the dimensions of all pads."""
 
 DEFAULT_MESH_SIZE = 1.25
 """Default size of the finite elements, in mm, for a pad with cells and walls like the paper's."""
 TYPICAL_CELL, TYPICAL_THICKNESS = 2.55, 1.0
-"""Side of a cell, and the thinnest silicone beside or above one, of such a pad, in mm."""
+"""Side of a cell, and least thickness of the silicone beside or above it, of such a pad, in mm."""
 
 MIN_THICKNESS = 0.01
 """Least thickness of a wall or roof, relative to the cell size."""
 LARGEST_LEAN = 0.5
-"""Largest shift of a roof, relative to the wall: elements beside it that are squeezed further may fold."""
+"""Largest shift of a roof, relative to the wall: elements beside it may fold if squeezed more."""
 
 
 def _default_heights() -> str:
-    """The default height of cells, in words: that of most shapes, and those of others."""
+    """The default height of cells, in words: the most common one, then the exceptions by shape."""
     words = {name: shape.default_height_words for name, shape in CellShape.kinds().items()}
     usual = mode(words.values())
     return "; ".join([usual, *(f"{name} {height}" for name, height in words.items() if height != usual)])
@@ -174,9 +174,9 @@ class Pad(Kinded, Displayed):
             if there is no such parameter.
         """
         follows: dict[str, Any] = {"cell_height": None} if self._height_follows else {}
-        own = {name: dimensions.pop(name, value) for name, value in self.shape.dimensions.items()}
-        if own:
-            dimensions = self.shape.parameters_at(own) | dimensions
+        shape_dimensions = {name: dimensions.pop(name, value) for name, value in self.shape.dimensions.items()}
+        if shape_dimensions:
+            dimensions = self.shape.parameters_at(shape_dimensions) | dimensions
         return replace(self, **follows | dimensions)
 
     def as_profile(self, points: int = 4) -> Pad:
@@ -206,37 +206,37 @@ class Pad(Kinded, Displayed):
 
     @property
     def origin(self) -> Pad | None:
-        """The pad whose mesh is moved onto this one; None if it has a mesh of its own."""
+        """The pad whose mesh is moved onto this one; None for a pad that is meshed itself."""
         return self._read_origin() if self.meshed_as else None
 
     def _read_origin(self) -> Pad:
-        found = {}
-        for part in self.meshed_as.split(","):
-            name, _, word = (each.strip() for each in part.partition("="))
+        dimensions = {}
+        for entry in self.meshed_as.split(","):
+            name, _, word = (text.strip() for text in entry.partition("="))
             value = as_numbers([word])
             if name not in self.dimensions or value is None:
                 raise InputError(
                     f"meshed_as = {self.meshed_as!r} is not allowed: 'name=value' of dimensions, separated by commas, "
                     f"is needed; names are {', '.join(self.dimensions)}."
                 )
-            found[name] = value[0]
+            dimensions[name] = value[0]
         try:
-            return replace(self, meshed_as="").changed(**found)
+            return replace(self, meshed_as="").changed(**dimensions)
         except InputError as refused:
             raise InputError(f"meshed_as: {refused}") from refused
 
     def moved_from(self, origin: Pad) -> Pad:
-        """The same pad with the mesh of ``origin``, or of what that has it from, which differs in dimensions only.
+        """The same pad, with its mesh moved from the mesh of ``origin`` (or from the origin of that one).
 
         Parameters
         ----------
         origin : Pad
-            Of the same cells and number of taxels.
+            With the same cells, number of taxels and parameters, except for dimensions.
 
         Returns
         -------
         Pad
-            Of this pad's dimensions.
+            With the dimensions of this pad.
         """
         if origin.meshed_as:
             return replace(self, meshed_as=origin.meshed_as)
@@ -249,7 +249,7 @@ class Pad(Kinded, Displayed):
 
     @property
     def shape(self) -> CellShape:
-        """The shape of the cells, with these dimensions."""
+        """The shape of the cells, bound to these dimensions."""
         return CellShape.named(self.cell)(self)
 
     @property
@@ -265,7 +265,7 @@ class Pad(Kinded, Displayed):
 
     @property
     def thinnest_wall(self) -> float:
-        """Least thickness of silicone between an outermost cell and the outside, mm, if their roofs were flat."""
+        """Least thickness of silicone between an outermost cell and the outside, mm, as if roofs were flat."""
         return self.wall - max(map(abs, self.slope)) * self.top_of_cell
 
     @property
@@ -277,9 +277,9 @@ class Pad(Kinded, Displayed):
     def default_mesh_size(self) -> float:
         """Default size of the finite elements in mm, to three digits.
 
-        It is proportional to the scale of the pad, and to the square root of its relative thickness: along thin walls
-        elements may be longer than the thickness. That of a mesh which is moved is that of its origin.
-        """
+        It is proportional to the scale of the pad and to the square root of its relative thickness: along thin walls,
+        elements
+        may be longer than the wall is thick. A moved mesh has the default size of its origin."""
         if self.meshed_as:
             return self._read_origin().default_mesh_size
         scale = self.cell_size / TYPICAL_CELL
@@ -290,7 +290,7 @@ class Pad(Kinded, Displayed):
 
     @property
     def identity(self) -> dict[str, object]:
-        """Values that identify the pad and its meshes, fit for JSON, without those of upright and of round cells."""
+        """Values that identify the pad and its meshes, fit for JSON, without defaults of upright and round cells."""
         usual: dict[str, tuple] = {"top_x": (0.0,), "top_y": (0.0,), "section": (None, "round"), "meshed_as": ("",)}
         values = asdict(self)
         values |= dict(values.pop("kind_values"))
@@ -298,16 +298,14 @@ class Pad(Kinded, Displayed):
         return {name: value for name, value in values.items() if value not in usual.get(name, ())}
 
     def mesh(self, mesh_size: float, of_origin: Callable[[Pad, float], VolumeMesh] | None = None) -> VolumeMesh:
-        """The pad's volume mesh; see `mesh_pad` and, for one that is moved, `moved_onto`.
-
-        The mesh that is moved is that of the origin, from the mesher or, if it is kept, from ``of_origin``.
+        """The pad's volume mesh; see `mesh_pad`, and `moved_onto` for a moved mesh.
 
         Parameters
         ----------
         mesh_size : float
             Length of the edges of elements, mm.
         of_origin : Callable[[Pad, float], VolumeMesh], optional
-            Gives the mesh of the origin for its size of elements.
+            Returns the mesh of the origin for its element size, such as one from a cache; by default it is made.
 
         Returns
         -------
@@ -317,7 +315,7 @@ class Pad(Kinded, Displayed):
         Raises
         ------
         InputError
-            if the size is not allowed, or the mesh of the origin cannot be moved as far.
+            if the size is not allowed, or the mesh of the origin cannot be moved this far.
         ComputationError
             if the mesher fails.
         """

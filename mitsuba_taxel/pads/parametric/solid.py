@@ -20,10 +20,9 @@ def is_square(pad: DrawnPad) -> bool:
 
 
 def symmetric_part(pad: DrawnPad) -> Any:
-    """The part of a pad in 0 <= y <= x if it is square, else in x, y >= 0, as a ``netgen.occ`` shape.
+    """The symmetric part of a pad as a ``netgen.occ`` shape: 0 <= y <= x if the pad is square, else x, y >= 0.
 
-    Its faces have the names of their regions.
-    """
+    Its faces have the names of their regions."""
     from netgen.occ import Box, Pnt
 
     width, depth, height = pad.extent
@@ -58,9 +57,21 @@ def _name_of_box_face(centre: Any, pad: DrawnPad) -> str:
 
 
 def singular_edges(solid: Any, pad: DrawnPad) -> list[Any]:
-    """The edges of the symmetric part, at any scale, where the stress is singular: glued to the board, or re-entrant.
+    """The edges of the symmetric part where the stress is singular: glued to the board, or re-entrant.
 
-    Edges due to the cut along a plane of symmetry do not count, nor do smooth rims, as round a hemisphere.
+    Edges along a plane of symmetry are left out, and so are smooth rims, as around a hemisphere.
+
+    Parameters
+    ----------
+    solid : netgen.occ.TopoDS_Shape
+        The symmetric part, at any scale.
+    pad : DrawnPad
+        With its shape of cells.
+
+    Returns
+    -------
+    list of netgen.occ.Edge
+        In the order of the solid.
     """
     cut, side, roof = (
         {edge for face in solid.faces if face.name == name for edge in face.edges}
@@ -75,7 +86,20 @@ def singular_edges(solid: Any, pad: DrawnPad) -> list[Any]:
 
 
 def singular_nodes(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
-    """(N,) which nodes of the symmetric part's mesh lie on the edges of :func:`singular_edges`."""
+    """Which nodes of the symmetric part's mesh lie on the edges of :func:`singular_edges`.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the symmetric part.
+    pad : DrawnPad
+        With its shape of cells.
+
+    Returns
+    -------
+    (N,) ndarray of bool
+        For each node.
+    """
     roof, side, bottom, outer = (_on_region(mesh, name) for name in ("roof", "side", "bottom", "outer"))
     singular = bottom & (side | outer)
     if pad.shape.has_sharp_rim:
@@ -87,7 +111,20 @@ def singular_nodes(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
 
 
 def rounded(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
-    """(N, 3) the mesh's nodes, those on round walls and roofs moved exactly onto them."""
+    """Nodes of a mesh, with those on roofs and curved walls moved exactly onto them.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the upright pad.
+    pad : DrawnPad
+        With its shape of cells.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        In mm.
+    """
     axis = np.column_stack([_nearest_axis(mesh.points, pad), np.zeros(len(mesh.points))])
     on = {name: _on_region(mesh, name) for name in ("roof", "side", "bottom")}
     return pad.shape.rounded(mesh.points, axis, on)

@@ -17,26 +17,27 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.parameters import parameters_of
 
 STEP = 1e-3
-"""Relative change of the difference quotient: positions are linear in each length."""
+"""Relative change of the difference quotient for positions, which are linear in each length."""
 LEAN_STEP = 1e-4
-"""The same of how far nodes lean, in mm."""
+"""Change in mm of the difference quotient for the shift of leaning cells."""
 SHAPE_STEP = 1e-5
-"""Change of the difference quotient for what is not linear in dimensions, such as the meridian of a profile."""
+"""Change of the difference quotient for quantities that are not linear in dimensions, such as the meridian of a
+profile."""
 
 
 def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     """(N, 3) velocities of the nodes of a pad's undeformed mesh, in mm per mm of one of its dimensions.
 
-    The other dimensions are held fixed; an unset height of cells is the default at any size. A node on a wall stays on
-    it at the same relative position. Inside, velocities are interpolated: linearly between the walls of cuboid cells,
-    and along the ray from the axis of a round cell, or the centre of the circle at the base of its dome, to the border
-    of its share of the pad. Midpoints of straight edges remain midpoints. Nodes of leaning cells move as they do in
-    upright ones, and with the change of their shift.
+    The other dimensions are fixed; a height of cells that is not set keeps its default at any size. A node on a wall
+    stays on it at the same relative position. Inside, velocities are interpolated: linearly between the walls of cuboid
+    cells, and for round cells along rays to the border of the cell's region, from the axis or the centre of the circle
+    at the base of the dome. Midpoints of straight edges remain midpoints. Nodes of leaning cells have the velocity in
+    the upright cell plus the rate of their shift.
 
     Parameters
     ----------
     pad : Pad
-        With the dimension that changes.
+        Before the change.
     mesh : VolumeMesh
         Of the pad, undeformed: ``state.mesh`` of its states.
     parameter : str
@@ -56,18 +57,18 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     require("pad", pad, Pad, "a Pad")
     require("mesh", mesh, VolumeMesh, "a VolumeMesh")
     if not (isinstance(parameter, str) and parameter in pad.dimensions):
-        whole = isinstance(parameter, str) and parameter in parameters_of(Pad)
-        reason = "it does not change continuously" if whole else f"one of {', '.join(pad.dimensions)} is needed"
+        is_parameter = isinstance(parameter, str) and parameter in parameters_of(Pad)
+        reason = "it does not change continuously" if is_parameter else f"one of {', '.join(pad.dimensions)} is needed"
         raise refusal("parameter", parameter, reason)
     upright = upright_nodes(pad, mesh)
     if parameter in AXES:
         return lean_rate(pad, mesh, upright, parameter)
-    other, step = _changed(pad, parameter)
+    target, step = _perturbed(pad, parameter)
 
-    def difference(of: Callable[[CellShape], np.ndarray]) -> np.ndarray:
-        return step * rate_by(pad, parameter, SHAPE_STEP, lambda changed, _: of(changed.shape))
+    def difference(function: Callable[[CellShape], np.ndarray]) -> np.ndarray:
+        return step * rate_by(pad, parameter, SHAPE_STEP, lambda changed, _: function(changed.shape))
 
-    velocity = pad.shape.shifts(other.shape, upright, difference) / step
+    velocity = pad.shape.shifts(target.shape, upright, difference) / step
     middles = velocity[mesh.corner_count :]
     straight = ~on_round_walls(pad, mesh)[mesh.corner_count :]
     middles[straight] = velocity[edge_ends(mesh.tets)[straight]].mean(axis=1)
@@ -78,8 +79,9 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     )
 
 
-def _changed(pad: Pad, parameter: str) -> tuple[Pad, float]:
-    """The pad with a slightly larger dimension, or a smaller one if that is not allowed, and the change."""
+def _perturbed(pad: Pad, parameter: str) -> tuple[Pad, float]:
+    """The pad with a slightly larger dimension, or a slightly smaller one if the larger is not allowed, and the change
+    in mm."""
     value = pad.dimensions[parameter]
     step = STEP * value
     try:
@@ -89,7 +91,7 @@ def _changed(pad: Pad, parameter: str) -> tuple[Pad, float]:
 
 
 def rate_by(pad: Pad, parameter: str, step: float, at: Callable[[Pad, float], np.ndarray]) -> np.ndarray:
-    """Derivative by a dimension of what a changed pad and the change give.
+    """Derivative of a function of the pad by one of its dimensions, by differences.
 
     Parameters
     ----------
@@ -98,14 +100,14 @@ def rate_by(pad: Pad, parameter: str, step: float, at: Callable[[Pad, float], np
     parameter : str
         One of its dimensions.
     step : float
-        Of the differences, mm.
+        Step of the differences, mm.
     at : Callable[[Pad, float], ndarray]
-        Function of a changed pad and of the change in mm.
+        Function of the changed pad and of the change in mm.
 
     Returns
     -------
     ndarray
-        Per mm, of the shape of what ``at`` gives.
+        Per mm, in the shape of the function's values.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from mitsuba_taxel.geometry.surfaces.triangles import half_edges, subdivided, vo
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.pads import PadFile, Rule
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
-from mitsuba_taxel.pads.imported.symmetric_part import kept_part, mirrors_of, planes_of
+from mitsuba_taxel.pads.imported.symmetric_part import mirrors_of, planes_of, symmetric_part_of
 from mitsuba_taxel.pads.imported.triangles.repair import faces_of, repaired
 from mitsuba_taxel.pads.pad_file import mesh_pad_file
 
@@ -51,7 +51,7 @@ def test_mirrors_are_found_and_the_part_between_them_is_closed(box, shape, mirro
     vertices, triangles = surface(shape(box))
     found = mirrors_of(vertices, triangles, np.zeros(len(triangles)))
     assert set(found) == set(mirrors)
-    points, part, origin = kept_part(vertices, triangles, planes_of(found))
+    points, part, origin = symmetric_part_of(vertices, triangles, planes_of(found))
     _, count = np.unique(np.sort(half_edges(part)[0], axis=1), axis=0, return_counts=True)
     assert np.all(count == 2)
     copies = {0: 1, 1: 2, 2: 4, 4: 8}[len(found)]

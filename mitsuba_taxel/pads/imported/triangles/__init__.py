@@ -1,1 +1,1 @@
-"""Triangles from a file: repaired, smoothed to local sizes, their curvature, and meshes snapped back onto them."""
+"""Triangles from a file: they are repaired and remeshed to local sizes; their curvature; meshes projected onto them."""

@@ -1,4 +1,4 @@
-"""Conform a mesh to the borders of regions on a smooth surface, which the mesher does not know."""
+"""Fit a mesh to the borders of regions on a smooth surface, which the mesher does not know."""
 
 from __future__ import annotations
 
@@ -9,14 +9,31 @@ from mitsuba_taxel.geometry.surfaces.triangles import area_normals, neighbours, 
 from mitsuba_taxel.pads.imported.triangles.snapping import LEAST_VOLUME, Patches, volumes
 
 NEAR_END = 0.3
-"""If a border crosses an edge closer to one end than this share of it, that end is moved, else the edge is cut."""
+"""If a border crosses an edge within this fraction of its length from an end, the end is moved, else the edge is cut.
+"""
 BISECTIONS = 30
 
 
 def conforming(points: np.ndarray, tets: np.ndarray, patches: Patches, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (N, 3) and straight, positively oriented tetrahedra (M, 4), none with a face across a border.
+    """Move nodes, and cut elements, so that no face lies across a border of regions.
 
-    ``reach`` is the largest distance, in mm, of the mesh from the surface.
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        Nodes, mm.
+    tets : (M, 4) ndarray of int
+        Straight, positively oriented tetrahedra.
+    patches : Patches
+        Of the surface.
+    reach : float
+        Largest distance of the mesh from the surface, mm.
+
+    Returns
+    -------
+    points : (O, 3) ndarray
+        Nodes, mm.
+    tets : (P, 4) ndarray of int
+        Tetrahedra.
     """
     faces = boundary_triangles(tets)
     normals = unit(area_normals(points, faces))
@@ -39,17 +56,17 @@ def conforming(points: np.ndarray, tets: np.ndarray, patches: Patches, reach: fl
         before = patch_at(middle) == start
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     edges, fraction = edges[crossing], 0.5 * (low + high)[crossing]
-    where = points[edges[:, 0]] + fraction[:, None] * (points[edges[:, 1]] - points[edges[:, 0]])
-    points, on_border = _moved(points, tets, edges, fraction, where)
+    crossing_points = points[edges[:, 0]] + fraction[:, None] * (points[edges[:, 1]] - points[edges[:, 0]])
+    points, on_border = _moved_to_borders(points, tets, edges, fraction, crossing_points)
     cut = ~on_border[edges].any(axis=1)
-    return _cut(points, tets, edges[cut], where[cut])
+    return _cut(points, tets, edges[cut], crossing_points[cut])
 
 
-def _moved(
-    points: np.ndarray, tets: np.ndarray, edges: np.ndarray, fraction: np.ndarray, where: np.ndarray
+def _moved_to_borders(
+    points: np.ndarray, tets: np.ndarray, edges: np.ndarray, fraction: np.ndarray, crossing_points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The nodes, those next to a crossing moved there unless that squeezes an element, and which (N,) were moved."""
-    moved, on_border = points.copy(), np.zeros(len(points), dtype=bool)
+    """The nodes, moved to a crossing next to them unless this squeezes an element, and which (N,) were moved."""
+    result, on_border = points.copy(), np.zeros(len(points), dtype=bool)
     before = volumes(points, tets)
     close = np.minimum(fraction, 1 - fraction)
     for number in np.argsort(close, kind="stable"):
@@ -58,19 +75,19 @@ def _moved(
         node = edges[number, int(fraction[number] > 0.5)]
         if on_border[edges[number]].any():
             continue
-        moved[node] = where[number]
+        result[node] = crossing_points[number]
         touched = np.any(tets == node, axis=1)
-        on_border[node] = np.all(volumes(moved, tets[touched]) >= LEAST_VOLUME * before[touched])
+        on_border[node] = np.all(volumes(result, tets[touched]) >= LEAST_VOLUME * before[touched])
         if not on_border[node]:
-            moved[node] = points[node]
-    return moved, on_border
+            result[node] = points[node]
+    return result, on_border
 
 
-def _cut(points: np.ndarray, tets: np.ndarray, edges: np.ndarray, where: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh with a new node on each of ``edges`` (E, 2), and the tetrahedra along it cut in two."""
+def _cut(points: np.ndarray, tets: np.ndarray, edges: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh with ``new`` nodes (E, 3) on edges (E, 2), and the tetrahedra along each edge cut in two."""
     for number, (start, end) in enumerate(edges.tolist(), start=len(points)):
         along = np.any(tets == start, axis=1) & np.any(tets == end, axis=1)
         half = tets[along]
         first, second = np.where(half == end, number, half), np.where(half == start, number, half)
         tets = np.concatenate([tets[~along], first, second])
-    return np.concatenate([points, where]), tets
+    return np.concatenate([points, new]), tets

@@ -22,18 +22,32 @@ GOOD = 0.3
 """Least quality of a triangle (1 if equilateral) after a collapse, unless it was worse before."""
 ROUNDS = 8
 MOST_COLLAPSES, FLIPS = 200, 6
-"""Most rounds of independent collapses and flips."""
+"""Largest numbers of rounds of independent collapses and flips."""
 REACH = 0.75
-"""Largest distance of a vertex from the patch that it is projected onto, relative to the local size."""
+"""Largest distance of a vertex from the patch onto which it is projected, relative to the local size."""
 
 
 def remeshed(
     patches: Patches, size: Callable[[np.ndarray, np.ndarray], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices (V, 3), triangles (T, 3) and the patch (T,) of each.
+    """Remesh a surface to local sizes.
 
-    ``size`` returns the target length of edges in mm at points (N, 3), on the patches given by ``belongs`` (N,
-    patches).
+    Parameters
+    ----------
+    patches : Patches
+        Of the surface.
+    size : Callable
+        Returns the target length (N,) of edges in mm at points (N, 3), on the patches given by ``belongs`` (N,
+        patches).
+
+    Returns
+    -------
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+    patch : (T,) ndarray of int
+        Patch of each triangle.
     """
     surface = _Surface(patches, size)
     surface.collapse(MOST_COLLAPSES)
@@ -96,36 +110,36 @@ class _Surface:
         if not long.any():
             return
         edges = edges[long]
-        new = len(self.points) + np.arange(len(edges))
+        midpoints = len(self.points) + np.arange(len(edges))
         key = _keys(edges, len(self.points))  # ascending, as the edges are
-        wanted = _keys(np.sort(half_edges(self.triangles)[0], axis=1), len(self.points))
-        at = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
-        middle = np.where(key[at] == wanted, new[at], -1).reshape(-1, 3)
+        side_keys = _keys(np.sort(half_edges(self.triangles)[0], axis=1), len(self.points))
+        at = np.minimum(np.searchsorted(key, side_keys), len(key) - 1)
+        middle = np.where(key[at] == side_keys, midpoints[at], -1).reshape(-1, 3)
         self.points = np.concatenate([self.points, self.points[edges].mean(axis=1)])
         self.fixed = np.concatenate([self.fixed, np.zeros(len(edges), dtype=bool)])
         self.triangles, parent = subdivided(self.points, self.triangles, middle)
         self.patch = self.patch[parent]
-        self._project(new, size[edges].min(axis=1))
+        self._project(midpoints, size[edges].min(axis=1))
 
     def _project(self, nodes: np.ndarray, size: np.ndarray) -> None:
         """Project vertices onto the patches or borders that they belong to, unless that inverts a triangle."""
         belongs = self.belongs[nodes]
         reach = REACH * float(size.max())
-        moved = self.patches.onto_surface(self.points[nodes], belongs, reach)
-        self._move(nodes, self.patches.onto_features(moved, belongs, reach))
+        projected = self.patches.onto_surface(self.points[nodes], belongs, reach)
+        self._move(nodes, self.patches.onto_features(projected, belongs, reach))
 
-    def _move(self, nodes: np.ndarray, places: np.ndarray) -> None:
+    def _move(self, nodes: np.ndarray, positions: np.ndarray) -> None:
         before = self.points.copy()
         normals, quality = unit(area_normals(before, self.triangles)), _quality(before[self.triangles])
-        self.points[nodes] = places
+        self.points[nodes] = positions
         while True:
-            turned = np.einsum("ij,ij->i", unit(area_normals(self.points, self.triangles)), normals) < MOST_TURN
-            turned |= _quality(self.points[self.triangles]) < np.minimum(0.5 * GOOD, quality)
-            back = np.unique(self.triangles[turned])
-            back = back[np.any(self.points[back] != before[back], axis=1)]
-            if not len(back):
+            inverted = np.einsum("ij,ij->i", unit(area_normals(self.points, self.triangles)), normals) < MOST_TURN
+            inverted |= _quality(self.points[self.triangles]) < np.minimum(0.5 * GOOD, quality)
+            reverted = np.unique(self.triangles[inverted])
+            reverted = reverted[np.any(self.points[reverted] != before[reverted], axis=1)]
+            if not len(reverted):
                 return
-            self.points[back] = before[back]
+            self.points[reverted] = before[reverted]
 
     # -- Short edges --------------------------------------------------------------------------------------------------
     def collapse(self, rounds: int) -> None:
@@ -181,14 +195,14 @@ class _Surface:
         key = np.sort(_keys(ends, count))
         ring = ends[number[ends[:, 0]] >= 0]
         candidate = number[ring[:, 0]]
-        wanted = _keys(np.stack([directed[candidate, 1], ring[:, 1]], axis=1), count)
-        found = key[np.minimum(np.searchsorted(key, wanted), len(key) - 1)] == wanted
-        good = np.bincount(candidate[found], minlength=len(directed)) == 2
+        ring_keys = _keys(np.stack([directed[candidate, 1], ring[:, 1]], axis=1), count)
+        is_neighbour = key[np.minimum(np.searchsorted(key, ring_keys), len(key) - 1)] == ring_keys
+        good = np.bincount(candidate[is_neighbour], minlength=len(directed)) == 2
 
         row, k = np.nonzero(number[self.triangles] >= 0)
         candidate = number[self.triangles[row, k]]
-        other = ~np.any(self.triangles[row] == directed[candidate, 1][:, None], axis=1)
-        row, k, candidate = row[other], k[other], candidate[other]
+        remaining = ~np.any(self.triangles[row] == directed[candidate, 1][:, None], axis=1)
+        row, k, candidate = row[remaining], k[remaining], candidate[remaining]
         new = self.triangles[row].copy()
         new[np.arange(len(new)), k] = directed[candidate, 1]
         corners = self.points[new]
@@ -200,8 +214,8 @@ class _Surface:
         sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         longest = LONGEST * np.minimum(size[new], np.roll(size[new], 1, axis=1))
         old = self.points[self.triangles[row]]
-        was = np.linalg.norm(old - np.roll(old, 1, axis=1), axis=2).max(axis=1)
-        bad |= np.any(sides > np.maximum(longest, was[:, None]), axis=1)
+        old_longest = np.linalg.norm(old - np.roll(old, 1, axis=1), axis=2).max(axis=1)
+        bad |= np.any(sides > np.maximum(longest, old_longest[:, None]), axis=1)
         return good & (np.bincount(candidate[bad], minlength=len(directed)) == 0)
 
     def _corner_normals(self, triangles: np.ndarray, patch: np.ndarray) -> np.ndarray:
@@ -212,9 +226,9 @@ class _Surface:
         total = np.zeros((len(unique), 3))
         np.add.at(total, number.reshape(-1), np.repeat(vectors, 3, axis=0))
         total = unit(total)
-        wanted = triangles * self.patches.count + patch[:, None]
-        at = np.minimum(np.searchsorted(unique, wanted), len(unique) - 1)
-        return np.where((unique[at] == wanted)[..., None], total[at], 0.0)
+        corner_keys = triangles * self.patches.count + patch[:, None]
+        at = np.minimum(np.searchsorted(unique, corner_keys), len(unique) - 1)
+        return np.where((unique[at] == corner_keys)[..., None], total[at], 0.0)
 
     # -- Edges across the shorter diagonal ----------------------------------------------------------------------------
     def flip(self) -> None:
@@ -224,22 +238,22 @@ class _Surface:
 
     def _flip_once(self) -> bool:
         edges, pairs, border = self._edges()
-        every = _keys(edges, len(self.points))
+        edge_keys = _keys(edges, len(self.points))
         edges, pairs = edges[~border], pairs[~border]
-        one, other = self.triangles[pairs[:, 0]], self.triangles[pairs[:, 1]]
+        first, second = self.triangles[pairs[:, 0]], self.triangles[pairs[:, 1]]
         a, b = edges.T
-        c = one.sum(axis=1) - a - b
-        d = other.sum(axis=1) - a - b
+        c = first.sum(axis=1) - a - b
+        d = second.sum(axis=1) - a - b
         # The first triangle runs from a to b, or is turned to.
-        k = np.argmax(one == a[:, None], axis=1)
-        forward = one[np.arange(len(one)), (k + 1) % 3] == b
+        k = np.argmax(first == a[:, None], axis=1)
+        forward = first[np.arange(len(first)), (k + 1) % 3] == b
         a, b = np.where(forward, a, b), np.where(forward, b, a)
         new = np.stack([np.stack([c, a, d], axis=1), np.stack([d, b, c], axis=1)], axis=1)
-        old = np.stack([one, other], axis=1)
-        better, before = _quality(self.points[new]).min(axis=1), _quality(self.points[old]).min(axis=1)
-        good = better > before + 0.02
-        wanted = np.sort(np.stack([c, d], axis=1), axis=1)
-        good &= ~np.isin(_keys(wanted, len(self.points)), every)
+        old = np.stack([first, second], axis=1)
+        new_quality, old_quality = _quality(self.points[new]).min(axis=1), _quality(self.points[old]).min(axis=1)
+        good = new_quality > old_quality + 0.02
+        diagonals = np.sort(np.stack([c, d], axis=1), axis=1)
+        good &= ~np.isin(_keys(diagonals, len(self.points)), edge_keys)
         if not good.any():
             return False
         rows = np.flatnonzero(good)
@@ -248,13 +262,13 @@ class _Surface:
             normal = unit(area_normals(self.points, new[rows, side]))
             cosine = np.einsum("tki,ti->tk", self._corner_normals(new[rows, side], patch), normal).min(axis=1)
             rows, patch = rows[cosine > MOST_TURN], patch[cosine > MOST_TURN]
-        gain = better[rows] - before[rows]
+        gain = new_quality[rows] - old_quality[rows]
         rank = np.empty(len(rows), dtype=np.int64)
         rank[np.argsort(-gain, kind="stable")] = np.arange(len(rows))
         least = np.full(len(self.points), len(rows))
-        four = np.stack([a[rows], b[rows], c[rows], d[rows]], axis=1)
-        np.minimum.at(least, four.ravel(), np.repeat(rank, 4))
-        rows = rows[np.all(least[four] == rank[:, None], axis=1)]
+        corners = np.stack([a[rows], b[rows], c[rows], d[rows]], axis=1)
+        np.minimum.at(least, corners.ravel(), np.repeat(rank, 4))
+        rows = rows[np.all(least[corners] == rank[:, None], axis=1)]
         self.triangles = self.triangles.copy()
         self.triangles[pairs[rows, 0]], self.triangles[pairs[rows, 1]] = new[rows, 0], new[rows, 1]
         return len(rows) > 0
@@ -273,13 +287,13 @@ class _Surface:
         nodes = np.flatnonzero((number > 0) & ~self.fixed)
         if not len(nodes):  # large elements have corners of the body only
             return
-        goal = total[nodes] / number[nodes, None]
+        centroid = total[nodes] / number[nodes, None]
         before = self.points[nodes].copy()
-        places = 0.5 * (before + goal)
+        positions = 0.5 * (before + centroid)
         belongs, size = self.belongs[nodes], self.size[nodes]
         reach = REACH * float(size.max())
-        places = self.patches.onto_surface(places, belongs, reach)
-        self._move(nodes, self.patches.onto_features(places, belongs, reach))
+        positions = self.patches.onto_surface(positions, belongs, reach)
+        self._move(nodes, self.patches.onto_features(positions, belongs, reach))
 
 
 def _least_around(values: np.ndarray, edges: np.ndarray) -> np.ndarray:

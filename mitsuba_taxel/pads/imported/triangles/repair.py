@@ -1,4 +1,4 @@
-"""Repair the triangles of a file to a closed, outward surface of one body, or report where that fails."""
+"""Repair the triangles of a file to a closed surface of one body, oriented outwards, or report where this fails."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from mitsuba_taxel.geometry.surfaces.box_tree import MOST_PAIRS, TooManyPairs, o
 from mitsuba_taxel.geometry.surfaces.triangles import area_normals, components, half_edges, neighbours, unit, volume
 
 ROUNDING = 6
-"""Decimals of a mm that coordinates are rounded to, which removes the single-precision error of lengths such as
-4.55."""
+"""Decimals in mm to which coordinates are rounded: this removes the single-precision error of lengths such as 4.55."""
 WELD = 1e-6
 """Distance below which vertices are merged, relative to the diagonal of the surface."""
 TINY_HOLE = 0.01
-"""Size below which a hole of any shape is filled, relative to the diagonal; a missing triangle always is."""
+"""Size, relative to the diagonal, below which a hole of any shape is filled; a single missing triangle is always
+filled."""
 CHUNK = 1_000_000
 MOST_COMPARED = 4 * MOST_PAIRS
-"""Largest number of pairs of triangles tested for intersection: a minute's work."""
+"""Largest number of pairs of triangles tested for intersection: about a minute's work."""
 
 
 def repaired(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The closed surface of a body, from triangles of a file.
 
-    Coincident vertices are merged; degenerate and duplicate triangles removed; triangles oriented consistently
-    outwards; missing triangles and tiny holes filled.
+    Coincident vertices are merged, degenerate and duplicate triangles removed, triangles oriented consistently
+    outwards, and missing triangles and tiny holes filled.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ def repaired(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, n
     Raises
     ------
     GeometryError
-        with its place, if the surface is open, intersects itself, has edges of three or more triangles, cannot be
-        oriented consistently, or is that of several bodies or of one with an enclosed hollow; without it if too much of
-        the surface lies in one place.
+        with the position, if the surface is open, intersects itself, has edges of three or more triangles, cannot be
+        oriented consistently, or belongs to several bodies or to one with an enclosed hollow; without a position, if
+        too many triangles lie at the same position.
     """
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     vertices, triangles = _welded(np.round(vertices, ROUNDING), triangles, WELD * diagonal)
@@ -64,13 +64,14 @@ def repaired(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _welded(vertices: np.ndarray, triangles: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles with coincident vertices merged."""
     unique, number = np.unique(vertices, axis=0, return_inverse=True)
     tree = PointTree(unique)
     if tree.count_pairs(tolerance) > MOST_PAIRS:
         raise GeometryError(f"too many of its vertices lie within {tolerance:.2g} mm of each other")
-    part = components(len(unique), tree.query_pairs(tolerance))
-    _, first = np.unique(part, return_index=True)
-    return unique[first], part[number.reshape(-1)][triangles]
+    component = components(len(unique), tree.query_pairs(tolerance))
+    _, first = np.unique(component, return_index=True)
+    return unique[first], component[number.reshape(-1)][triangles]
 
 
 def _distinct(triangles: np.ndarray) -> np.ndarray:
@@ -95,23 +96,22 @@ def _check_manifold(vertices: np.ndarray, triangles: np.ndarray) -> None:
 def _consistent(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """The triangles, oriented so that neighbours run along their common edge in opposite directions.
 
-    Each triangle is two nodes of a graph, as given and reversed; compatible nodes are connected. The surface is
-    orientable unless the two nodes of a triangle are.
-    """
+    In a graph, each triangle is two nodes, one for each orientation; compatible nodes are connected. The surface is
+    orientable unless the two nodes of a triangle are connected."""
     edges, pairs = neighbours(triangles)
     count = len(triangles)
     same = _runs_along(triangles[pairs[:, 0]], edges) == _runs_along(triangles[pairs[:, 1]], edges)
     opposite = pairs[:, 1] + np.where(same, count, 0)
     links = np.stack([pairs[:, 0], opposite], axis=1)
-    part = components(2 * count, np.concatenate([links, (links + count) % (2 * count)]))
-    standing, turned = part[:count], part[count:]
-    if np.any(standing == turned):
-        where = place(vertices[triangles[np.argmax(standing == turned)]].mean(axis=0))
+    component = components(2 * count, np.concatenate([links, (links + count) % (2 * count)]))
+    forward, backward = component[:count], component[count:]
+    if np.any(forward == backward):
+        where = place(vertices[triangles[np.argmax(forward == backward)]].mean(axis=0))
         raise GeometryError(f"its surface has no inside: its triangles cannot be oriented consistently at {where}")
     # Of the two orientations of a connected component, the one that reverses fewer triangles.
-    votes = np.bincount(standing, minlength=part.max() + 1)
-    turn = (votes[standing] < votes[turned]) | ((votes[standing] == votes[turned]) & (standing > turned))
-    return np.where(turn[:, None], triangles[:, ::-1], triangles)
+    votes = np.bincount(forward, minlength=component.max() + 1)
+    reverse = (votes[forward] < votes[backward]) | ((votes[forward] == votes[backward]) & (forward > backward))
+    return np.where(reverse[:, None], triangles[:, ::-1], triangles)
 
 
 def _runs_along(triangles: np.ndarray, edges: np.ndarray) -> np.ndarray:
@@ -121,7 +121,7 @@ def _runs_along(triangles: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def _filled(vertices: np.ndarray, triangles: np.ndarray, tiny: float) -> np.ndarray:
-    """The surface with triangles in its holes, if these have three edges or fit into a box of ``tiny``."""
+    """The triangles, with holes filled that have three edges or fit into a box of ``tiny`` mm."""
     edges, _ = half_edges(triangles)
     _, number, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
     rim = edges[count[number.reshape(-1)] == 1]
@@ -147,27 +147,27 @@ def _filled(vertices: np.ndarray, triangles: np.ndarray, tiny: float) -> np.ndar
 
 def _check_one_body(vertices: np.ndarray, triangles: np.ndarray) -> None:
     _, pairs = neighbours(triangles)
-    part = components(len(triangles), pairs)
-    if part.max() > 0:
-        area = np.bincount(part, np.linalg.norm(area_normals(vertices, triangles), axis=1))
-        other = vertices[triangles[part == np.argmin(area)]].reshape(-1, 3)
-        middle = place(0.5 * (other.min(axis=0) + other.max(axis=0)))
+    component = components(len(triangles), pairs)
+    if component.max() > 0:
+        area = np.bincount(component, np.linalg.norm(area_normals(vertices, triangles), axis=1))
+        smallest = vertices[triangles[component == np.argmin(area)]].reshape(-1, 3)
+        middle = place(0.5 * (smallest.min(axis=0) + smallest.max(axis=0)))
         raise GeometryError(
-            f"it has {part.max() + 1} separate surfaces, one of them round {middle}; one body without enclosed hollows "
-            "is needed"
+            f"it has {component.max() + 1} separate surfaces, the smallest around {middle}; one body without enclosed "
+            "hollows is needed"
         )
 
 
 def _check_crossings(vertices: np.ndarray, triangles: np.ndarray, tolerance: float) -> None:
-    """Refuse triangles pierced by an edge of another one, by more than ``tolerance`` on all sides."""
+    """Refuse triangles that an edge of another triangle pierces, by more than ``tolerance`` mm on all sides."""
     corners = vertices[triangles]
-    parts, compared = [np.arange(len(triangles))], 0
-    while parts:
-        part = parts.pop()
+    blocks, compared = [np.arange(len(triangles))], 0
+    while blocks:
+        block = blocks.pop()
         try:
-            first, second = _near_each_other(corners, part)
+            first, second = _overlapping_boxes(corners, block)
         except TooManyPairs:
-            parts.extend(np.array_split(part, 8))
+            blocks.extend(np.array_split(block, 8))
             continue
         compared += len(first)
         if compared > MOST_COMPARED:
@@ -175,12 +175,12 @@ def _check_crossings(vertices: np.ndarray, triangles: np.ndarray, tolerance: flo
         _check_pairs(vertices, triangles, first, second, tolerance)
 
 
-def _near_each_other(corners: np.ndarray, part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (P,), (P,) of a triangle of a ``part`` and another one whose bounding boxes overlap."""
+def _overlapping_boxes(corners: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (P,), (P,) of a triangle of a ``block`` and another triangle whose bounding boxes overlap."""
     low, high = corners.min(axis=1), corners.max(axis=1)
-    first, second = overlapping(low[part], high[part], low, high)
-    different = part[first] != second
-    return part[first[different]], second[different]
+    first, second = overlapping(low[block], high[block], low, high)
+    different = block[first] != second
+    return block[first[different]], second[different]
 
 
 def _check_pairs(
@@ -188,13 +188,13 @@ def _check_pairs(
 ) -> None:
     corners = vertices[triangles]
     for start in range(0, len(first), CHUNK):
-        one, other = first[start : start + CHUNK], second[start : start + CHUNK]
+        edge_triangles, pierced_triangles = first[start : start + CHUNK], second[start : start + CHUNK]
         for k in range(3):
-            ends = triangles[one][:, [k, (k + 1) % 3]]
-            apart = ~np.any(ends[:, :, None] == triangles[other][:, None], axis=(1, 2))
-            through, where = _pierced(vertices[ends[apart]], corners[other[apart]], tolerance)
+            ends = triangles[edge_triangles][:, [k, (k + 1) % 3]]
+            disjoint = ~np.any(ends[:, :, None] == triangles[pierced_triangles][:, None], axis=(1, 2))
+            through, points = _pierced(vertices[ends[disjoint]], corners[pierced_triangles[disjoint]], tolerance)
             if through.any():
-                raise GeometryError(f"its surface intersects itself at {place(where[np.argmax(through)])}")
+                raise GeometryError(f"its surface intersects itself at {place(points[np.argmax(through)])}")
 
 
 def _pierced(segments: np.ndarray, corners: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
@@ -213,9 +213,10 @@ def _pierced(segments: np.ndarray, corners: np.ndarray, tolerance: float) -> tup
 
 
 def faces_of(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Number of the face of each triangle: its own, but slivers belong to the neighbour across a long edge.
+    """Number of the face of each triangle: its own number, but a sliver takes that of the neighbour across its longest
+    edge.
 
-    A sliver has no usable normal, but without it the surface would not be closed.
+    A sliver has no usable normal; without it the surface would not be closed.
 
     Parameters
     ----------
@@ -227,7 +228,7 @@ def faces_of(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     Returns
     -------
     (T,) ndarray of int
-        Numbers of triangles.
+        Numbers of faces.
     """
     corners = vertices[triangles]
     length = np.linalg.norm(corners[:, [1, 2, 0]] - corners, axis=2)
@@ -240,7 +241,20 @@ def faces_of(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def is_sliver(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(T,) whether the vertices of a triangle are collinear up to rounding."""
+    """Whether the vertices of a triangle are collinear up to rounding.
+
+    Parameters
+    ----------
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+
+    Returns
+    -------
+    (T,) ndarray of bool
+        For each triangle.
+    """
     corners = vertices[triangles]
     longest = np.linalg.norm(corners[:, [1, 2, 0]] - corners, axis=2).max(axis=1)
     diagonal = np.linalg.norm(np.ptp(vertices, axis=0))

@@ -1,8 +1,9 @@
 """Project the boundary of a mesh onto the surface that it was made from.
 
-The surface is divided into smooth patches; two meet in a curve, more in a corner. A node whose boundary triangles
-follow one patch belongs on it, one between two patches on their curve, one between more at their corner.
-"""
+The surface is divided into smooth patches. Two patches meet in a curve, three or more in a corner. A node whose
+boundary triangles follow one patch belongs on the patch, a node between two patches on their curve, and a node between
+more at
+their corner."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ CREASE_ANGLE = 35.0
 REACH = 0.5
 """Largest displacement of a node, relative to the mesh size."""
 NEARER = np.array([1 / 64, 1 / 16, 1 / 4, 1])
-"""Shares of that within which the surface is searched for in turn, as there may be many fine triangles far away."""
+"""Fractions of the reach within which the surface is searched in turn: far away there may be many fine triangles."""
 LEAST_VOLUME = 0.25
 """Least volume of an element after its corners are moved, relative to its volume before."""
 LEAST_QUALITY = 0.25
@@ -37,39 +38,74 @@ LEAST_QUALITY = 0.25
 
 
 class Patches:
-    """Smooth patches of a surface, each within one region and cell, and the curves and corners where they meet."""
+    """Smooth patches of a surface, each within one region and cell, and the curves and corners where they meet.
+
+    Parameters
+    ----------
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
+    region, cell : (T,) ndarray of int
+        Code of the region and number of the cell of each triangle.
+
+    Attributes
+    ----------
+    patch, sheet : (T,) ndarray of int
+        Patch of each triangle; sheet of smoothly connected patches.
+    sheets_with_borders : (S,) ndarray of int
+        Sheets of more than one patch.
+    count : int
+        Number of patches.
+    curves, curve_patches : (E, 2) ndarray of int
+        Vertices of the edges between patches, and their two patches.
+    corners, corner_patches : (C,) and (C, P) ndarray
+        Vertices where more than two patches meet, and whether they are on each patch.
+    """
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray, cell: np.ndarray) -> None:
         self.vertices, self.triangles = vertices, triangles
         self.normals = unit(area_normals(vertices, triangles))
         edges, pairs = neighbours(triangles)
-        one, other = pairs.T
+        first, second = pairs.T
         flat = is_sliver(vertices, triangles)
-        cosine = np.einsum("ij,ij->i", self.normals[one], self.normals[other])
-        smooth = (cosine > math.cos(math.radians(CREASE_ANGLE))) | flat[one] | flat[other]
-        same = smooth & (region[one] == region[other]) & (cell[one] == cell[other])
-        self.patch = components(len(triangles), pairs[same])
+        cosine = np.einsum("ij,ij->i", self.normals[first], self.normals[second])
+        smooth = (cosine > math.cos(math.radians(CREASE_ANGLE))) | flat[first] | flat[second]
+        same_patch = smooth & (region[first] == region[second]) & (cell[first] == cell[second])
+        self.patch = components(len(triangles), pairs[same_patch])
         self.sheet = components(len(triangles), pairs[smooth])
-        self.sheets_with_borders = np.unique(self.sheet[one[smooth & ~same]])
+        self.sheets_with_borders = np.unique(self.sheet[first[smooth & ~same_patch]])
         self.count = int(self.patch.max()) + 1
-        meeting = self.patch[one] != self.patch[other]
-        self.curves, self.curve_patches = edges[meeting], self.patch[pairs[meeting]]
+        on_curve = self.patch[first] != self.patch[second]
+        self.curves, self.curve_patches = edges[on_curve], self.patch[pairs[on_curve]]
 
-        at = np.zeros((len(vertices), self.count), dtype=bool)
-        at[triangles.ravel(), np.repeat(self.patch, 3)] = True
-        self.corners = np.flatnonzero(at.sum(axis=1) > 2)
-        self.corner_patches = at[self.corners]
+        touches = np.zeros((len(vertices), self.count), dtype=bool)
+        touches[triangles.ravel(), np.repeat(self.patch, 3)] = True
+        self.corners = np.flatnonzero(touches.sum(axis=1) > 2)
+        self.corner_patches = touches[self.corners]
 
     def nearest_triangle(
         self, points: np.ndarray, normals: np.ndarray, reach: float, sheet: np.ndarray | None = None
     ) -> np.ndarray:
-        """Number (N,) of the nearest triangle to each point (N, 3) that faces along ``normals`` (N, 3).
+        """Nearest triangle to each point that faces along a normal.
 
-        Given ``sheet`` (N,), only triangles of that smooth sheet of patches are considered.
+        Parameters
+        ----------
+        points, normals : (N, 3) ndarray
+            In mm, and unit vectors.
+        reach : float
+            Distance of the first search, mm; it is increased until every point has a triangle.
+        sheet : (N,) ndarray of int, optional
+            Sheet of each point: only its triangles are considered.
+
+        Returns
+        -------
+        (N,) ndarray of int
+            Number of the triangle.
         """
-        found = np.full(len(points), -1)
-        while np.any(found < 0):
-            missing = np.flatnonzero(found < 0)
+        nearest = np.full(len(points), -1)
+        while np.any(nearest < 0):
+            missing = np.flatnonzero(nearest < 0)
             corners = self.vertices[self.triangles]
             point, triangle = near(points[missing], corners, reach)
             point = missing[point]
@@ -79,13 +115,27 @@ class Patches:
             distance = np.linalg.norm(closest_on_triangles(points[point], corners[triangle]) - points[point], axis=1)
             turned = 1 - np.einsum("ij,ij->i", normals[point], self.normals[triangle])
             best = first_of_each(point, distance + 0.5 * reach * turned)
-            found[point[best]] = triangle[best]
+            nearest[point[best]] = triangle[best]
             reach *= 4
-        return found
+        return nearest
 
     def onto_surface(self, points: np.ndarray, belongs: np.ndarray, reach: float) -> np.ndarray:
-        """Points (N, 3), projected onto the nearest of the patches that they belong to (N, patches), if within
-        reach."""
+        """Project points onto the nearest of their patches, if it is within reach.
+
+        Parameters
+        ----------
+        points : (N, 3) ndarray
+            In mm.
+        belongs : (N, P) ndarray of bool
+            Patches of each point.
+        reach : float
+            Largest distance, mm.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            In mm.
+        """
         corners, result = self.vertices[self.triangles], points.copy()
         sought = np.flatnonzero(belongs.any(axis=1))
         for within in reach * NEARER:
@@ -99,29 +149,44 @@ class Patches:
         return result
 
     def onto_features(self, points: np.ndarray, belongs: np.ndarray, reach: float) -> np.ndarray:
-        """Points, those between patches projected onto their curves, or onto the corner where all of them meet."""
-        result = points.copy()
-        many = np.flatnonzero(belongs.sum(axis=1) > 1)
-        ends = self.vertices[self.curves]
-        point, curve = near(points[many], ends, reach)
-        fits = np.all(belongs[many[point][:, None], self.curve_patches[curve]], axis=1)
-        point, curve = point[fits], curve[fits]
-        closest = closest_on_segments(points[many[point]], ends[curve, 0], ends[curve, 1])
-        result[many] = _moved(points[many], point, closest, reach)
+        """Project points on several patches onto their common curve or corner, if it is within reach.
 
-        many = np.flatnonzero(belongs.sum(axis=1) > 2)
-        places = self.vertices[self.corners]
-        point, corner = near(points[many], places[:, None], reach)
-        fits = np.all(~belongs[many[point]] | self.corner_patches[corner], axis=1)
+        Parameters
+        ----------
+        points : (N, 3) ndarray
+            In mm.
+        belongs : (N, P) ndarray of bool
+            Patches of each point.
+        reach : float
+            Largest distance, mm.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            In mm; points on one patch are unchanged.
+        """
+        result = points.copy()
+        multiple = np.flatnonzero(belongs.sum(axis=1) > 1)
+        ends = self.vertices[self.curves]
+        point, curve = near(points[multiple], ends, reach)
+        fits = np.all(belongs[multiple[point][:, None], self.curve_patches[curve]], axis=1)
+        point, curve = point[fits], curve[fits]
+        closest = closest_on_segments(points[multiple[point]], ends[curve, 0], ends[curve, 1])
+        result[multiple] = _replaced(points[multiple], point, closest, reach)
+
+        multiple = np.flatnonzero(belongs.sum(axis=1) > 2)
+        corner_points = self.vertices[self.corners]
+        point, corner = near(points[multiple], corner_points[:, None], reach)
+        fits = np.all(~belongs[multiple[point]] | self.corner_patches[corner], axis=1)
         point, corner = point[fits], corner[fits]
-        at_corner = _moved(points[many], point, places[corner], reach)
-        moved = np.any(at_corner != points[many], axis=1)
-        result[many[moved]] = at_corner[moved]
+        at_corner = _replaced(points[multiple], point, corner_points[corner], reach)
+        at_a_corner = np.any(at_corner != points[multiple], axis=1)
+        result[multiple[at_a_corner]] = at_corner[at_a_corner]
         return result
 
 
-def _moved(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: float) -> np.ndarray:
-    """``points`` with the numbers ``point`` (P,) at the nearest of their candidates ``closest`` (P, 3)."""
+def _replaced(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: float) -> np.ndarray:
+    """The points, with each number in ``point`` (P,) replaced by the nearest of its candidates ``closest`` (P, 3)."""
     best = _nearest(points, point, closest, reach)
     result = points.copy()
     result[point[best]] = closest[best]
@@ -129,7 +194,7 @@ def _moved(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: fl
 
 
 def _nearest(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: float) -> np.ndarray:
-    """Positions in ``closest`` (P, 3) of the candidate nearest to each of ``points``, of those within reach."""
+    """Positions in ``closest`` (P, 3) of the candidate nearest to each point, among those within reach."""
     distance = np.linalg.norm(closest - points[point], axis=1)
     best = first_of_each(point, distance)
     return best[distance[best] <= reach]
@@ -138,10 +203,28 @@ def _nearest(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: 
 def snapped(
     points: np.ndarray, tets: np.ndarray, faces: np.ndarray, patch: np.ndarray, patches: Patches, mesh_size: float
 ) -> np.ndarray:
-    """Nodes (N, 3) of a mesh of straight elements, with the boundary projected onto the surface.
+    """Project the boundary of a mesh of straight elements onto the surface.
 
-    ``patch`` (B,) is the patch that each boundary triangle follows. Where an element would be squeezed, its corners are
-    moved back to the nearest point of the surface, then to their original positions; its edges become straight again.
+    Where an element would be squeezed, its corners return to the nearest point of the surface, then to their original
+    positions; where a curved element would be distorted, its edges become straight again.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        Nodes, mm.
+    tets, faces : (M, 10) and (B, 6) ndarray of int
+        Elements and boundary triangles.
+    patch : (B,) ndarray of int
+        Patch that each boundary triangle follows.
+    patches : Patches
+        Of the surface.
+    mesh_size : float
+        Length of the edges of elements, mm.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        Nodes, mm.
     """
     belongs = np.zeros((len(points), patches.count), dtype=bool)
     belongs[faces.ravel(), np.repeat(patch, 6)] = True
@@ -175,6 +258,19 @@ def snapped(
 
 
 def volumes(corners: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Volumes (M,) of the straight tetrahedra, in mm3."""
+    """Volumes of straight tetrahedra.
+
+    Parameters
+    ----------
+    corners : (N, 3) ndarray
+        In mm.
+    tets : (M, 4 or more) ndarray of int
+        Corners of each element first.
+
+    Returns
+    -------
+    (M,) ndarray
+        In mm3, negative if inverted.
+    """
     x = corners[tets[:, :4]]
     return np.linalg.det(x[:, 1:] - x[:, :1]) / 6
