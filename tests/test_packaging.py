@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import runpy
 import subprocess
 import sys
 from importlib import import_module
@@ -10,26 +10,23 @@ from importlib.metadata import packages_distributions
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-INSTALLED_AS = {
-    "plugins": "mitsuba_taxel.plugins",
-    "scenes": "mitsuba_taxel.scenes",
-    "mitsuba_taxel/cli": "taxel_cli",
-}
 
 
-def test_pyproject_lists_every_package():
-    listed = re.search(r"^packages = \[\n(.*?)^\]", (ROOT / "pyproject.toml").read_text(), re.M | re.S)[1]
-    folders = [
-        file.parent.relative_to(ROOT).as_posix()
-        for top in ("mitsuba_taxel", "plugins", "scenes")
-        for file in (ROOT / top).rglob("__init__.py")
-    ]
-    expected = set()
-    for folder in folders:
-        start = next((start for start in INSTALLED_AS if folder == start or folder.startswith(start + "/")), "")
-        expected.add((INSTALLED_AS.get(start, "") + folder.removeprefix(start)).replace("/", "."))
-    assert set(re.findall(r'^ *"([\w.]+)"', listed, re.M)) == expected
-
+def test_every_folder_with_python_is_installed(monkeypatch):
+    arguments = {}
+    monkeypatch.setattr("setuptools.setup", lambda **given: arguments.update(given))
+    monkeypatch.chdir(ROOT)
+    runpy.run_path("setup.py")
+    folders = {
+        file.parent for top in ("mitsuba_taxel", "plugins", "scenes") for file in (ROOT / top).rglob("__init__.py")
+    }
+    names = {name: folder for name, folder in arguments["package_dir"].items()}
+    installed = set()
+    for package in arguments["packages"]:
+        root = max((name for name in names if f"{package}.".startswith(f"{name}.")), key=len)
+        installed.add(ROOT / names[root] / package.removeprefix(root).lstrip(".").replace(".", "/"))
+    assert len(installed) == len(arguments["packages"])
+    assert installed == folders
 
 def test_shipped_scenes_are_installed():
     from mitsuba_taxel import scenes

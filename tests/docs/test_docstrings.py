@@ -8,11 +8,11 @@ import re
 import textwrap
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from numpydoc.validate import validate
+from public_names import directives, resolved
 
 ROOT = Path(__file__).parents[2]
 CODES = {"GL06", "GL07", "PR01", "PR02", "PR03", "PR04", "PR07", "RT01", "RT03", "YD01"}
@@ -22,30 +22,9 @@ RAISING = {"InputError", "ComputationError", "refusal"}
 """What functions raise that have to say so."""
 
 
-def resolved(name: str) -> Any:
-    """What has a dotted name; of a function and a module of the same name the function."""
-    words = name.split(".")
-    for count in range(len(words), 0, -1):
-        try:
-            value: Any = import_module(".".join(words[:count]))
-        except ModuleNotFoundError:
-            continue
-        for word in words[count:]:
-            value = getattr(value, word)
-        return getattr(value, words[-1], value) if inspect.ismodule(value) else value
-    raise AssertionError(name)
-
-
-def directives() -> Iterator[tuple[str, Any, str]]:
-    """Kind, object and options of each entry of the Python API's page."""
-    page = (ROOT / "docs" / "reference" / "api.rst").read_text()
-    for kind, name, options in re.findall(r"^\.\. auto(\w+):: (\S+)\n((?:   :.*\n)*)", page, re.MULTILINE):
-        yield kind, resolved(name if name.startswith("mitsuba_taxel.") else f"mitsuba_taxel.{name}"), options
-
-
 def published() -> Iterator[Any]:
     """Functions of the page, and methods of its classes that have a docstring."""
-    for kind, value, options in directives():
+    for kind, _, value, options in directives():
         if kind == "function":
             yield inspect.unwrap(value)
         if kind != "class" or ":members:" not in options:
@@ -127,7 +106,7 @@ def test_functions_that_other_rooms_call_state_what_goes_in_and_out():
 
 def test_fields_of_published_classes_are_described():
     """Below the field, or in the docstring under Parameters or Attributes."""
-    classes = [value for kind, value, _ in directives() if kind == "class"]
+    classes = [value for kind, _, value, _ in directives() if kind == "class"]
     lacking = {value.__name__: fields_of(value) - described(value) for value in classes}
     assert len(classes) > 50
     assert {name: fields for name, fields in lacking.items() if fields} == {}
