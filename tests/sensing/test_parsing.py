@@ -34,7 +34,8 @@ PLATE = """<scene version="3.0.0"><default name="roof" value="0.5"/><default nam
 )
 def test_the_parameter_whose_value_is_refused_is_named(tmp_path, values, message, named):
     (tmp_path / "a.xml").write_text(PLATE)
-    scene = SimpleNamespace(source=tmp_path / "a.xml", parameters={"roof": "0.5", "cover": "0.5", "from": "0", **values})
+    parameters = {"roof": "0.5", "cover": "0.5", "from": "0", **values}
+    scene = SimpleNamespace(source=tmp_path / "a.xml", parameters=parameters)
     own = f" (parameter {named})" if named else ""
     assert with_own_parameters(message, scene) == f"{message[:-1]}{own}."
 
