@@ -1,4 +1,4 @@
-"""Photo-reflectors from datasheets: bodies, windows, dies under clear resin, and what comes back from a mirror."""
+"""Photo-reflectors from datasheets: bodies, windows, dies under clear resin, and the light received from a mirror."""
 
 import lazy_loader
 

@@ -1,9 +1,9 @@
 """Power that a photo-reflector receives from a white card above it, by quadrature over the emitter's rays.
 
-Rays leave the emitter as in `mitsuba_taxel.parts.mirror`. Each irradiates a point of the card, which scatters by
-Lambert's law; from a point of radiance L a detector's die receives T(t) L times the projected solid angle in air of its
-area, 1 / (2 R) d(sin^2 t)/dR by area at a lateral distance R, through its window. Light that returns to the package is
-absorbed.
+Rays leave the emitter as in `mitsuba_taxel.parts.mirror`. Each ray irradiates a point of the card, which scatters by
+Lambert's law. From a point of radiance L, the detector's die receives through its window T(t) L times the projected
+solid angle of its area in air, which is 1 / (2 R) d(sin^2 t)/dR per area at a lateral distance R. Light that returns to
+the package is absorbed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ def card_curve(part: Part, heights: Any) -> np.ndarray:
     part : Part
         Emitter and detector.
     heights : float or (N,) array_like
-        Of the card above the windows in mm, parallel to them; it is larger than the light that it meets.
+        Height of the card above the windows in mm. The card is parallel to the windows and larger than its illuminated
+        area.
 
     Returns
     -------
@@ -46,42 +47,50 @@ def card_curve(part: Part, heights: Any) -> np.ndarray:
     InputError
         if a height is not above 0.
     """
+    # Rays from points of the emitter's die, with their power in air where they leave its window.
     emitter, detector, index = part.emitter, part.detector, part.resin_index
     uniform = sobol_points(6)
     start, heading, sine = emitted_rays(emitter, uniform[:, :4])
     end = die_points(detector, uniform[:, 4:])
-    beneath, cosine = sine / np.sqrt(index**2 - sine**2), np.sqrt(1 - sine**2)
-    out = start + emitter.die_depth * beneath[:, None] * heading
-    emitted = transmittance(index, cosine) * relative_radiance(emitter, cosine) * passes_window(emitter, out) / index**2
+    emitter_tangent, cosine = sine / np.sqrt(index**2 - sine**2), np.sqrt(1 - sine**2)
+    exit_point = start + emitter.die_depth * emitter_tangent[:, None] * heading
+    emitted = (
+        transmittance(index, cosine)
+        * relative_radiance(emitter, cosine)
+        * passes_window(emitter, exit_point)
+        / index**2
+    )
+
+    # For each height: rays from the illuminated points of the card to points of the detector's die.
     powers = []
     for height in np.atleast_1d(heights).tolist():
         if not height > 0:
             raise InputError(f"height = {height!r} is not allowed: a number of mm above 0 is needed.")
-        apart = end - out - height * (sine / cosine)[:, None] * heading  # from the point on the card
-        distance = np.linalg.norm(apart, axis=1)
+        offset = end - exit_point - height * (sine / cosine)[:, None] * heading
+        distance = np.linalg.norm(offset, axis=1)
         angle, geometry = refracted(index, height, detector.die_depth, distance)
-        within = np.sin(angle) / np.sqrt(index**2 - np.sin(angle) ** 2)
-        back = end - detector.die_depth * within[:, None] * apart / distance[:, None]
+        tangent = np.sin(angle) / np.sqrt(index**2 - np.sin(angle) ** 2)
+        entry_point = end - detector.die_depth * tangent[:, None] * offset / distance[:, None]
         received = transmittance(index, np.cos(angle)) * detector.relative_to_lambert(np.cos(angle))
-        received *= geometry * passes_window(detector, back) * detector.die_width * detector.die_length / np.pi
+        received *= geometry * passes_window(detector, entry_point) * detector.die_width * detector.die_length / np.pi
         powers.append(float((emitted * received).mean()))
     return np.array(powers)
 
 
 def distance_model(part: Part, heights: Any) -> np.ndarray:
-    """Power on the detector under the reflector of the part's distance curve, of reflectance 1.
+    """Power on the detector under the kind of reflector of the part's distance curve, of reflectance 1.
 
     Parameters
     ----------
     part : Part
         Emitter and detector.
     heights : float or (N,) array_like
-        Of the reflector above the windows, mm.
+        Height of the reflector above the windows, mm.
 
     Returns
     -------
     (N,) ndarray
-        As `mirror_curve` or `card_curve` gives it.
+        Result of `mirror_curve` or `card_curve`.
 
     Raises
     ------

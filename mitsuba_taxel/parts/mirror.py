@@ -1,20 +1,20 @@
 """Power that a photo-reflector receives from a flat mirror above it, with refraction at its windows, by quadrature.
 
 Dies lie at depths d_e and d_d under clear resin of index n with flat windows, with an opaque barrier in between.
-Unfolded at the mirror, a ray from a point of the emitter to one of the detector, a lateral distance R apart, crosses
-both windows at the same angle t in air, for
+Unfolded at the mirror, a ray from a point of the emitter to a point of the detector at a lateral distance R crosses
+both windows at the same angle t in air, which is the only solution of
 
-    R = 2 h tan t + (d_e + d_d) tan t',    sin t = n sin t',
+    R = 2 h tan t + (d_e + d_d) tan t',    sin t = n sin t'.
 
-which has one solution. A die that is Lambertian in the resin, of radiance L, sends L cos t' dW' dA_e into a solid
-angle, and with dA_d = R dR df that is
+A die that is Lambertian in the resin, of radiance L, sends the power L cos t' dW' dA_e into a solid angle dW'. With
+dA_d = R dR df, the power from dA_e to dA_d is
 
     dP = L T(t)^2 1 / (2 n^2) d(sin^2 t)/dR / R dA_e dA_d
 
-with Fresnel's transmittance T of unpolarised light, where both crossings lie in their windows. So explicit refraction
-is equivalent to an emission law at each point of a window: the radiance T L / n^2 in air where the ray, traced back,
-meets the die. Light reflected within the package is absorbed. Another law of a die in the plane of its window is a
-factor by the angle in air.
+with Fresnel's transmittance T for unpolarised light, if both crossings lie in their windows. Explicit refraction is
+therefore equivalent to an emission law at each point of a window: the radiance in air is T L / n^2 in directions whose
+ray, traced back, meets the die, and 0 in others. Light reflected within the package is absorbed. A die in the plane of
+its window may have another law, which is a factor that depends on the angle in air.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ class MirrorRays(NamedTuple):
     Attributes
     ----------
     places : (N, 2) ndarray
-        x and y on the mirror, mm.
+        Points of reflection, x and y in mm.
     power : (N,) ndarray
-        Of each ray, in W per W that the emitter's die sends into the resin.
+        Power of each ray, in W per W that the emitter's die sends into the resin.
     """
 
     places: np.ndarray
@@ -52,19 +52,19 @@ class MirrorRays(NamedTuple):
 
 
 def mirror_rays(part: Part, height: float) -> MirrorRays:
-    """Rays reflected by a mirror of reflectance 1, parallel to the windows.
+    """Rays from emitter to detector by a mirror of reflectance 1 that is parallel to the windows.
 
     Parameters
     ----------
     part : Part
         Emitter and detector.
     height : float
-        Of the mirror above the windows, mm.
+        Height of the mirror above the windows, mm.
 
     Returns
     -------
     MirrorRays
-        Where each ray meets the mirror, and its power.
+        Points of reflection and powers.
 
     Raises
     ------
@@ -73,32 +73,37 @@ def mirror_rays(part: Part, height: float) -> MirrorRays:
     """
     if not height > 0:
         raise InputError(f"height = {height!r} is not allowed: a number of mm above 0 is needed.")
+    # Rays between random points of both dies: angle in air, power per area.
     emitter, detector = part.emitter, part.detector
-    shares = sobol_points(4)
-    start, end = die_points(emitter, shares[:, :2]), die_points(detector, shares[:, 2:])
-    apart = end - start
-    distance = np.linalg.norm(apart, axis=1)
+    uniform = sobol_points(4)
+    start, end = die_points(emitter, uniform[:, :2]), die_points(detector, uniform[:, 2:])
+    offset = end - start
+    distance = np.linalg.norm(offset, axis=1)
     depths = emitter.die_depth + detector.die_depth
     angle, geometry = refracted(part.resin_index, 2 * height, depths, distance)
     density = geometry * (transmittance(part.resin_index, np.cos(angle)) / part.resin_index) ** 2
-    inside = np.sin(angle) / np.sqrt(part.resin_index**2 - np.sin(angle) ** 2)
-    along = apart / distance[:, None] * inside[:, None]
-    out, back = start + emitter.die_depth * along, end - detector.die_depth * along
-    seen = passes_window(emitter, out) & passes_window(detector, back)
+
+    # Only rays that cross both windows arrive; dies in the plane of their window may follow other laws than Lambert's.
+    tangent = np.sin(angle) / np.sqrt(part.resin_index**2 - np.sin(angle) ** 2)
+    per_depth = offset / distance[:, None] * tangent[:, None]
+    exit_point, entry_point = start + emitter.die_depth * per_depth, end - detector.die_depth * per_depth
+    unobstructed = passes_window(emitter, exit_point) & passes_window(detector, entry_point)
     density = density * relative_radiance(emitter, np.cos(angle)) * detector.relative_to_lambert(np.cos(angle))
     area = detector.die_width * detector.die_length
-    return MirrorRays((out + back) / 2, np.where(seen, density, 0.0) * area / np.pi / len(density))
+    return MirrorRays(
+        (exit_point + entry_point) / 2, np.where(unobstructed, density, 0.0) * area / np.pi / len(density)
+    )
 
 
 def mirror_curve(part: Part, heights: Any) -> np.ndarray:
-    """Power on the detector under a mirror of reflectance 1, parallel to the windows.
+    """Power on the detector under a mirror of reflectance 1 that is parallel to the windows.
 
     Parameters
     ----------
     part : Part
         Emitter and detector.
     heights : float or (N,) array_like
-        Of the mirror above the windows, mm.
+        Height of the mirror above the windows, mm.
 
     Returns
     -------
@@ -114,25 +119,25 @@ def mirror_curve(part: Part, heights: Any) -> np.ndarray:
 
 
 def leaving_share(part: Part) -> float:
-    """Fraction of the light of the die that leaves the emitter's window.
+    """Fraction of the emitter's light that leaves its window.
 
     Parameters
     ----------
     part : Part
-        Of which the emitter counts.
+        Part with the emitter.
 
     Returns
     -------
     float
-        Of what the die sends into the resin.
+        Relative to the power that the die sends into the resin.
     """
     emitter = part.emitter
     start, heading, sine = emitted_rays(emitter, sobol_points(4))
-    beneath = sine / np.sqrt(part.resin_index**2 - sine**2)
-    seen = passes_window(emitter, start + emitter.die_depth * beneath[:, None] * heading)
+    tangent = sine / np.sqrt(part.resin_index**2 - sine**2)
+    unobstructed = passes_window(emitter, start + emitter.die_depth * tangent[:, None] * heading)
     cosine = np.sqrt(1 - sine**2)
     leaving = transmittance(part.resin_index, cosine) * relative_radiance(emitter, cosine)
-    return float((leaving * seen).mean() / part.resin_index**2)
+    return float((leaving * unobstructed).mean() / part.resin_index**2)
 
 
 def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5, 0.9)) -> np.ndarray:
@@ -143,25 +148,25 @@ def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5
     part : Part
         Emitter and detector.
     height : float
-        Of the mirror above the windows, mm.
+        Height of the mirror above the windows, mm.
     axis : int
-        Along which the edge moves: 0 for x, 1 for y. The mirror lies on the lower side of its edge.
+        Axis along which the edge moves: 0 for x, 1 for y. The mirror lies on the lower side of its edge.
     shares : float or (N,) array_like
         Fractions between 0 and 1.
 
     Returns
     -------
     (N,) ndarray
-        From the body's centre, mm.
+        Distances from the body's centre, mm.
 
     Raises
     ------
     InputError
         if the height is not above 0, or shares are not between 0 and 1.
     """
-    rays, asked = mirror_rays(part, height), np.atleast_1d(np.asarray(shares, dtype=float))
-    if not np.all((asked > 0) & (asked < 1)):
+    rays, fractions = mirror_rays(part, height), np.atleast_1d(np.asarray(shares, dtype=float))
+    if not np.all((fractions > 0) & (fractions < 1)):
         raise InputError(f"shares = {shares} are not allowed: numbers between 0 and 1 are needed.")
     order = np.argsort(rays.places[:, axis])
     covered = np.cumsum(rays.power[order])
-    return np.interp(asked * covered[-1], covered, rays.places[order, axis])
+    return np.interp(fractions * covered[-1], covered, rays.places[order, axis])

@@ -1,4 +1,4 @@
-"""Parameters of each plugin, stated once: a class per plugin, in a file of its name."""
+"""Parameters of the plugins: a class per plugin, in a file of its name."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def specification_of(plugin: str) -> type[Specification]:
     Parameters
     ----------
     plugin : str
-        Its name.
+        Name of the plugin.
 
     Returns
     -------
     type[Specification]
-        The class that is named as the plugin.
+        The class with the name of the plugin in capitalised words.
     """
     name = "".join(word.capitalize() for word in plugin.split("_"))
     return getattr(import_module(f"{__name__}.{plugin}"), name)
@@ -31,5 +31,5 @@ def specification_of(plugin: str) -> type[Specification]:
 
 @kept(None)
 def specifications() -> dict[str, type[Specification]]:
-    """Those of all plugins, by name."""
+    """The specifications of all plugins, by name."""
     return {name: specification_of(name) for name in plugin_files()}

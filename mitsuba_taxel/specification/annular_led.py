@@ -17,16 +17,16 @@ LAWS = {
     "tabulated": "",
 }
 LARGEST_EXPONENT = 1e6
-"""Beyond it the lobe is narrower than 0.1 degrees, which single precision does not resolve well."""
+"""Largest exponent: a larger exponent gives a lobe below 0.1 degrees, which single precision does not resolve well."""
 
 
 @dataclass(frozen=True)
 class AnnularLed(Specification):
-    """What each LED emits."""
+    """Emission of each LED."""
 
     plugin = "annular_led"
 
-    power: float = number(1.0, "W", "Power that one LED emits.", minimum=0)
+    power: float = number(1.0, "W", "Power of each LED.", minimum=0)
     wavelength: float = number(
         925.0,
         "nm",
@@ -53,7 +53,7 @@ class AnnularLed(Specification):
     exponent: float | None = number(
         1.0,
         "",
-        "The m of an intensity cos(theta)**m: 0 is uniform over the hemisphere, 1 Lambertian.",
+        "Exponent m of the intensity cos(theta)**m: 0 is uniform over the hemisphere, 1 is Lambertian.",
         minimum=0,
         maximum=LARGEST_EXPONENT,
         when=("law", "cosine_power"),

@@ -43,10 +43,10 @@ from mitsuba_taxel.specification.specification import Specification
 FINISHES: dict[str, type[Finish]] = {"layer_steps": LayerSteps, "grooves": Grooves, "random": RandomRoughness}
 
 MOST_TRACTION = 10.0
-"""Largest force on a patch by its area, relative to Young's modulus: elements below would fold at any smaller step."""
+"""Largest force per area of a patch, relative to Young's modulus: above it, elements fold however small a step is."""
 _NEO_HOOKEAN = ("material", "neo_hookean")
 _LOAD = ("load",)
-"""Loads say themselves which parameters they use."""
+"""Condition of the parameters of loads; each load lists the parameters that it uses."""
 
 
 def _of_pad(field: str) -> Any:
@@ -54,7 +54,7 @@ def _of_pad(field: str) -> Any:
 
 
 def _of_indenter(field: str) -> Any:
-    return field_of(Indenter, field, when=("indenter",))  # the kinds say themselves whether they use it
+    return field_of(Indenter, field, when=("indenter",))  # each indenter lists the parameters that it uses
 
 
 def _of_finish(word: str, field: str) -> Any:
@@ -69,7 +69,7 @@ class DeformablePad(Specification, Kinded):
 
     filename: str | None = text(
         None,
-        "Your own pad: a closed surface as STL, PLY or OBJ, or a solid as STEP, in mm, standing on z = 0.",
+        "File of your own pad: a closed surface as STL, PLY or OBJ, or a solid as STEP, in mm, standing on z = 0.",
         "the name of a file",
     )
     file_scale: float | None = field_of(PadFile, "scale", needs="filename")
@@ -96,7 +96,7 @@ class DeformablePad(Specification, Kinded):
     meshed_as: str | None = _of_pad("meshed_as")
 
     material: str = kind(
-        "neo_hookean", Material, "A law, or a silicone of known stiffness.", also=dict.fromkeys(SILICONES, "")
+        "neo_hookean", Material, "A material law, or a silicone of known stiffness.", also=dict.fromkeys(SILICONES, "")
     )
     shore_a: float | None = parameter_field(HARDNESS, name="shore_a", when=_NEO_HOOKEAN)
     youngs_modulus: float | None = field_of(NeoHookean, "youngs_modulus", when=_NEO_HOOKEAN, without="shore_a")
@@ -109,16 +109,16 @@ class DeformablePad(Specification, Kinded):
 
     prony: str = text(
         "",
-        "Viscoelasticity as a Prony series: terms 'share time', separated by ';', of the share of the stress that "
-        "relaxes and its relaxation time in s, such as 0.2 1; 0.1 10. All constants of the material are instantaneous "
-        "ones; the long-term modulus is smaller by the factor 1 - sum of the shares.",
+        "Viscoelasticity as a Prony series: terms 'weight time', separated by ';', such as 0.2 1; 0.1 10. The weight "
+        "is the fraction of the stress that relaxes, the time its relaxation time in s. All constants of the material "
+        "are instantaneous values; the long-term modulus is smaller by the factor 1 - sum of the weights.",
         default_words="none",
     )
     history: str = text(
         "",
-        "Earlier values of the load: rows 'time x y z', or 'time pressure', separated by ';', linear in between; it "
-        "jumps where two times are equal. Studies of steps with a column time set it. Used with viscoelasticity and "
-        "with friction; to friction alone, times are only an order.",
+        "Earlier values of the load: rows 'time x y z', or 'time pressure', separated by ';'. The load is linear "
+        "between rows, and jumps where two times are equal. Studies of steps with a column time set it. It is used "
+        "with viscoelasticity and with friction; for friction alone, only the order of the times matters.",
         default_words="none",
     )
     time: float = number(
@@ -129,7 +129,7 @@ class DeformablePad(Specification, Kinded):
         minimum=0,
     )
     rate: float | None = number(
-        None, "1/s", "Instead of a time: rate of the load, in its own unit per s.", above=0, default_words="by the time"
+        None, "1/s", "Rate of the load, in its own unit per s, instead of `time`.", above=0, default_words="by the time"
     )
 
     load: str = kind("spread_force", Load, "Kind of load.")
@@ -142,7 +142,8 @@ class DeformablePad(Specification, Kinded):
     displacement: tuple[float, ...] | None = vector(
         (0.0, 0.0, 0.0),
         "mm",
-        "Displacement of the plate, or of the indenter from the height where its tip is level with the top of the pad.",
+        "Displacement of the plate, or of the indenter from the height at which its tip is level with the top of the "
+        "pad.",
         when=_LOAD,
     )
     pressure: float | None = number(0.0, "MPa", "Pressure of the fluid.", when=_LOAD)
@@ -167,8 +168,8 @@ class DeformablePad(Specification, Kinded):
     friction: float | None = field_of(Indenter, "friction", when=_LOAD)
     self_contact: bool = switch(
         False,
-        "Whether the load goes on where the pad touches itself, the board or a photo_reflector, which contact without "
-        "friction then keeps apart; otherwise it ends there. Needs the Python package ipctk.",
+        "Whether the load continues after the pad touches itself, the board or a photo_reflector, with contact without "
+        "friction between them; otherwise the load ends there. Needs the Python package ipctk.",
     )
 
     mesh_size: float | None = number(
@@ -178,14 +179,14 @@ class DeformablePad(Specification, Kinded):
         above=0,
         common=(0.02, 100),
         without="mesh_tolerance",
-        default_words="1.25 for cells and walls like the default ones; proportional to the scale of the pad, and the "
-        "square root of its thinnest part; of loaded domes 0.5 or 0.6 times that, with at most 16 cells and without "
+        default_words="1.25 for cells and walls like the default; proportional to the scale of the pad, and to the "
+        "square root of its thinnest wall; for loaded domes 0.5 or 0.6 times that, with at most 16 cells and without "
         "an indenter or memory",
     )
     mesh_tolerance: float | None = number(
         None,
         "",
-        "Instead of a size: relative error of the roofs' displacement under a small load that determines the size.",
+        "Relative error of the roofs' displacement under a small load; it determines the size, instead of `mesh_size`.",
         above=0,
         maximum=1,
     )
@@ -196,8 +197,8 @@ class DeformablePad(Specification, Kinded):
         6,
         1,
         64,
-        "Triangles along the longest edge of a finite element on the surface of a cell; shorter edges get as few as "
-        "keep triangles of the same size. Round walls that mirror need 3 or more.",
+        "Triangles along the longest edge of a finite element on the surface of a cell; shorter edges have fewer "
+        "triangles of the same size. Curved mirrors need 3 or more.",
     )
 
     finish: str = choice("smooth", ("smooth", *FINISHES), "Texture left by the mould on roof and side of the cells.")
@@ -224,96 +225,102 @@ class DeformablePad(Specification, Kinded):
     def _check(self) -> None:
         if self.filename is not None and self.finish != "smooth":
             raise InputError(
-                f"filename is not allowed here: finish = {self.finish!r} is only for pads of this package's own shapes."
+                f"filename is not allowed with finish = {self.finish!r}: a finish needs a pad of this package's cells, "
+                "without filename."
             )
         self.cell_numbers()
         terms, (times, values) = prony_of(self.prony), self.build_history()
         if self.rate is not None and self.time:
-            raise InputError(f"time = {self.time:g} and rate = {self.rate:g} exclude each other: one is needed.")
+            raise InputError(f"time = {self.time:g} and rate = {self.rate:g} exclude each other: leave one out.")
+
+        # Histories, and loads that would fold elements. Files of indenters are only known where the scene is.
         if terms and self.indenter_file is None:
             timed_rows(Viscoelastic(self.build_material(), terms), self.build_load()[0], np.array(values), times)
         material = self.build_material()
-        if self.indenter_file is None:  # a file is looked for beside the scene
+        if self.indenter_file is None:
             load, value = self.build_load()
             if load.area is not None:
                 traction = max(map(math.hypot, *zip(*values, strict=True))) / load.area
                 if traction > MOST_TRACTION * material.youngs_modulus:
                     raise InputError(
-                        f"a force of {traction:.3g} MPa on {load.where} is not allowed: at most "
-                        f"{MOST_TRACTION:g} times Young's modulus, {material.youngs_modulus:g} MPa, is."
+                        f"a traction of {traction:.3g} MPa on {load.where} is not allowed: at most "
+                        f"{MOST_TRACTION:g} times Young's modulus, {material.youngs_modulus:g} MPa, is needed."
                     )
             if not terms:
                 timed_rows(material, load, np.array(values), None)
             load.check(value)
-        if self.filename is None:  # a file is looked for beside the scene
+        if self.filename is None:
             self.build_pad()
 
     def build_pad(self, find: Any = Path) -> Pad | PadFile:
-        """The undeformed pad; ``find`` resolves the names of files."""
+        """The undeformed pad; ``find`` converts names of files into paths."""
         if self.filename is None:
             return Pad(**self._own(Pad))
         rules = () if self.regions is None else find(self.regions)
         return PadFile(find(self.filename), rules, **self._own(PadFile))
 
     def build_material(self) -> Material:
-        """The silicone."""
+        """The material of the pad."""
         ratio = {} if self.poisson_ratio is None else {"poisson_ratio": self.poisson_ratio}
         if self.material in SILICONES:
             return silicone(self.material).changed(**ratio)
         if self.shore_a is not None:
             return from_shore_a(self.shore_a, **ratio)
         law = Material.named(self.material)
-        given = {name: getattr(self, name) for name in law.own_parameters()} | ratio
-        return law(**{name: value for name, value in given.items() if value is not None})
+        constants = {name: getattr(self, name) for name in law.own_parameters()} | ratio
+        return law(**{name: value for name, value in constants.items() if value is not None})
 
     def build_load(self, find: Any = Path) -> tuple[Load, tuple[float, ...]]:
-        """The load and its value; ``find`` gives the path of a file that is named."""
+        """The load and its value; ``find`` converts the name of a file into its path."""
         return Load.named(self.load).of_scene(self, find, self_contact=self.self_contact), self.load_value
 
     @property
     def load_value(self) -> tuple[float, ...]:
-        """The value of the load."""
+        """Components of the load: force, displacement or pressure."""
         value = getattr(self, Load.named(self.load).quantity)
         return value if isinstance(value, tuple) else (value,)
 
     def build_history(self) -> tuple[list[float], list[tuple[float, ...]]]:
-        """Times in s and values of the load, the present one last; raises `InputError`."""
+        """Times in s and values of the load, the current value last; raises `InputError`."""
         value = self.load_value
         rows: list[list[float]] = []
         if self.history.count(";") >= MOST_HISTORY:
             count = self.history.count(";") + 1
-            raise InputError(f"history with {count} rows is not allowed: at most {MOST_HISTORY} are.")
+            raise InputError(f"history with {count} rows is not allowed: at most {MOST_HISTORY} are possible.")
         for row in filter(None, (words.split() for words in self.history.split(";"))):
             numbers = as_numbers(row)
             if numbers is None or len(numbers) != 1 + len(value):
                 needed = "'time x y z'" if len(value) == 3 else "'time pressure'"
                 raise InputError(f"history row {' '.join(row)!r} is not allowed: finite numbers {needed} are needed.")
-            if rows or any(numbers):  # what is but rest is none
+            # A first row of rest has no effect.
+            if rows or any(numbers):
                 rows.append(numbers)
+
+        # The time of the current value, given or by the rate of the load.
         times, values = [row[0] for row in rows], [tuple(row[1:]) for row in rows]
         time = self.time
         if self.rate is not None:
-            way = np.array(value) - (np.array(values[-1]) if values else 0.0)
-            time = (times[-1] if times else 0.0) + float(np.linalg.norm(way)) / self.rate
+            change = np.array(value) - (np.array(values[-1]) if values else 0.0)
+            time = (times[-1] if times else 0.0) + float(np.linalg.norm(change)) / self.rate
         return [*times, time], [*values, value]
 
     def build_indenter(self, find: Any = Path) -> Indenter:
-        """The body that presses; ``find`` gives the path of a file that is named."""
-        at: Any = (self.indenter_x, self.indenter_y)
-        given = self._own(Indenter)
+        """The indenter; ``find`` converts the name of a file into its path."""
+        position: Any = (self.indenter_x, self.indenter_y)
+        arguments = self._own(Indenter)
         if self.indenter_file is not None:
-            given["file"] = str(find(self.indenter_file))
-        return Indenter(at=at, **given)
+            arguments["file"] = str(find(self.indenter_file))
+        return Indenter(at=position, **arguments)
 
     def build_finish(self) -> Finish | None:
-        """The finish of the cells, None if smooth."""
+        """The finish of the cells; None if it is smooth."""
         if self.finish == "smooth":
             return None
         kind = FINISHES[self.finish]
         return kind(**self._own(kind))
 
     def cell_numbers(self) -> tuple[int, ...] | None:
-        """Numbers of the cells that are read, None for all."""
+        """Numbers of the cells that are read; None for all."""
         words = self.read_cells.replace(",", " ").split()
         if words == ["all"]:
             return None
@@ -323,18 +330,40 @@ class DeformablePad(Specification, Kinded):
             )
         return tuple(sorted({int(word) for word in words}))
 
-    def _own(self, part: type) -> dict[str, Any]:
-        """Arguments for the class of a part: those of its parameters that are given."""
-        given = {field: getattr(self, parameter.name) for field, parameter in parameters_of(part).items()}
-        return {field: value for field, value in given.items() if value is not None}
+    def _own(self, cls: type) -> dict[str, Any]:
+        """Arguments for a class (pad, indenter, finish): the values of its parameters that are not None."""
+        values = {field: getattr(self, parameter.name) for field, parameter in parameters_of(cls).items()}
+        return {field: value for field, value in values.items() if value is not None}
 
     @classmethod
     def of(
-        cls, pad: Pad, material: Material | Viscoelastic, load: Load, value: Any, finish: Finish | None, **rest: Any
+        cls, pad: Pad, material: Material | Viscoelastic, load: Load, value: Any, finish: Finish | None, **settings: Any
     ) -> DeformablePad:
-        """The pad of a scene made of these parts; raises `InputError` for a material that scenes do not support."""
+        """The specification of a pad, material, load and finish.
+
+        Parameters
+        ----------
+        pad : Pad
+            The undeformed pad.
+        material : Material or Viscoelastic
+            Its material.
+        load : Load
+            The load.
+        value : sequence of float
+            Components of the load.
+        finish : Finish or None
+            Finish of the cells.
+        **settings : Any
+            Other parameters, by name.
+
+        Raises
+        ------
+        InputError
+            if the material or the load has no name, so that a scene cannot contain it, or ``value`` does not suit the
+            load.
+        """
         if isinstance(material, Viscoelastic):
-            rest["prony"] = "; ".join(f"{share!r} {time!r}" for share, time in material.prony)
+            settings["prony"] = "; ".join(f"{weight!r} {time!r}" for weight, time in material.prony)
             material = material.law
         if not material.name:
             law = type(material).__name__
@@ -345,19 +374,20 @@ class DeformablePad(Specification, Kinded):
         if len(value) != load.components:
             raise InputError(f"force = {tuple(value)} is not allowed: {load.components} numbers are needed for {load}.")
         if not load.name:
-            own = type(load).__name__
+            name = type(load).__name__
             raise InputError(
                 f"load = {load!r} is not allowed in a scene: it needs a name, as in "
-                f'class {own}(DeadForce, name="{own.lower()}").'
+                f'class {name}(DeadForce, name="{name.lower()}").'
             )
-        given: dict[str, Any] = {load.quantity: value if load.components == 3 else value[0], **rest}
-        given.update(self_contact=load.self_contact, load=load.name, **load.scene_values())
+        values: dict[str, Any] = {load.quantity: value if load.components == 3 else value[0], **settings}
+        values.update(self_contact=load.self_contact, load=load.name, **load.scene_values())
         if finish is not None:
-            given.update(finish=_word(FINISHES, finish), **values_of(finish))
-        given.update(material=material.name)
+            values.update(finish=_word(FINISHES, finish), **values_of(finish))
+        values.update(material=material.name)
         constants = {name: getattr(material, name) for name in material.parameters}
-        return cls(**values_of(pad), **constants, **given)
+        return cls(**values_of(pad), **constants, **values)
 
 
-def _word(kinds: dict[str, Any], part: Any) -> str:
-    return next(word for word, kind in kinds.items() if type(part) is kind)
+def _word(kinds: dict[str, Any], finish: Any) -> str:
+    """Name of the kind of a finish."""
+    return next(word for word, kind in kinds.items() if type(finish) is kind)

@@ -22,4 +22,4 @@ class OwenSobol(Specification):
         MOST_POINTS,
         "Points per sequence (per pixel, or per taxel and randomisation); rounded up to a power of two.",
     )
-    seed: int = whole(0, 0, 2**32 - 1, "Added to the seed that the integrator gives.")
+    seed: int = whole(0, 0, 2**32 - 1, "Number that is added to the seed of the integrator.")

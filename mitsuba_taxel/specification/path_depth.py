@@ -8,7 +8,7 @@ from mitsuba_taxel.parameters import whole
 from mitsuba_taxel.specification.specification import Specification
 
 MOST_REFLECTIONS = 1 << 17
-"""After which a path without absorption is terminated."""
+"""Number of reflections after which a path without absorption is terminated."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class PathDepth(Specification):
         -1,
         -1,
         MOST_REFLECTIONS,
-        f"Largest number of reflections; -1 for no limit but the {MOST_REFLECTIONS} after which a path without "
+        f"Largest number of reflections; -1 for no limit except the {MOST_REFLECTIONS} after which a path without "
         "absorption is terminated.",
     )
     rr_depth: int = whole(8, 0, 1 << 20, "Reflections after which paths of little weight may end by Russian roulette.")

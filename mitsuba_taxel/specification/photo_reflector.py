@@ -19,7 +19,7 @@ from mitsuba_taxel.specification.wall import ABSORBING, Wall
 
 MOST_TAXELS = 100_000
 SHORTEST, LONGEST = 1e-8, 1e8
-"""Sides of a package in mm: beyond, areas or products of them exceed single precision."""
+"""Allowed sides of a package in mm: outside, areas or products of areas exceed single precision."""
 _ROUNDING = 1e-6
 """Relative error of lengths that Mitsuba stores in single precision, such as components of vectors."""
 
@@ -28,7 +28,7 @@ Shift = tuple[float, float, float]
 
 
 class Opening(NamedTuple):
-    """An area of the top of a package, in mm: a die in it, or the window above one."""
+    """An area in the top of a package, in mm: a die, or the window above a die."""
 
     centre: tuple[float, float]
     extent: tuple[float, float]
@@ -36,9 +36,10 @@ class Opening(NamedTuple):
 
 
 class Package(NamedTuple):
-    """A body in mm, LED and phototransistor, and the dies and windows of both.
+    """The body of a photo-reflector, its LED and phototransistor, and their dies and windows.
 
-    ``resin_index`` is the refractive index of the resin above the dies, None for dies in the top of the body.
+    ``body`` is the extent along x, y and z in mm. ``resin_index`` is the refractive index of the resin above the dies;
+    None for dies in the top of the body.
     """
 
     body: tuple[float, float, float]
@@ -50,17 +51,17 @@ class Package(NamedTuple):
 
     @property
     def extent(self) -> str:
-        """Of the body, in words."""
+        """Extent of the body, as text."""
         return ", ".join(f"{side:g}" for side in self.body)
 
     @property
     def sides(self) -> dict[str, Side]:
-        """Dies and windows by the name of the region that is the opening."""
+        """Dies and windows by the name of their region."""
         return {"led": self.emitter, "phototransistor": self.detector}
 
     @property
     def openings(self) -> dict[str, Opening]:
-        """Regions of the top: windows, or else dies, by name."""
+        """Openings in the top by region: windows, or dies if these are in the top."""
         if self.resin_index is None:
             return {n: Opening((s.x, s.y), (s.die_width, s.die_length)) for n, s in self.sides.items()}
         return {
@@ -70,12 +71,12 @@ class Package(NamedTuple):
 
 
 def _bare(x: float, width: float, length: float) -> Side:
-    """A die in the top of a body, on its middle line."""
+    """A die in the top of a body, at y = 0, without a window of its own."""
     return Side(x=x, window_width=width, window_length=length, die_width=width, die_length=length)
 
 
 def _package_of(name: str, led_shift: Shift | None, phototransistor_shift: Shift | None) -> Package:
-    """A part with its dies shifted, as a package; raises `InputError` if a package cannot represent it."""
+    """The package of a part with shifted dies; raises `InputError` if a package cannot represent it."""
     part = read_part(name)
     emitter = _shifted("led_shift", part.emitter, led_shift, part.body)
     detector = _shifted("phototransistor_shift", part.detector, phototransistor_shift, part.body)
@@ -93,24 +94,25 @@ def _package_of(name: str, led_shift: Shift | None, phototransistor_shift: Shift
 
 
 def _shifted(name: str, side: Side, shift: Shift | None, body: tuple[float, float, float]) -> Side:
+    """A die shifted by the parameter ``name``; raises `InputError` if it leaves the body."""
     if shift is None:
         return side
     try:
-        moved = side.moved(shift)
-        moved.check_in(body)
+        shifted = side.moved(shift)
+        shifted.check_in(body)
     except InputError as error:
-        words = ", ".join(f"{each:g}" for each in shift)
+        words = ", ".join(f"{component:g}" for component in shift)
         raise InputError(f"{name} = {words} is not allowed: {error}") from error
-    return moved
+    return shifted
 
 
 def _check_openings(name: str, package: Package) -> None:
-    """Refuse a part whose top cannot be cut along the edges of its openings."""
-    one, other = package.openings.values()
-    if abs(one.centre[0] - other.centre[0]) < 0.5 * (one.extent[0] + other.extent[0]) * (1 - _ROUNDING):
-        what = "dies" if package.resin_index is None else "windows"
-        raise InputError(f"part = {name!r} is not allowed here: its {what} must lie side by side along x, not overlap.")
-    for opening in (one, other):
+    """Raise `InputError` for a part whose top cannot be divided along the edges of its openings."""
+    first, second = package.openings.values()
+    if abs(first.centre[0] - second.centre[0]) < 0.5 * (first.extent[0] + second.extent[0]) * (1 - _ROUNDING):
+        kind = "dies" if package.resin_index is None else "windows"
+        raise InputError(f"part = {name!r} is not allowed here: its {kind} must lie side by side along x, not overlap.")
+    for opening in (first, second):
         reach = abs(opening.centre[0]) + 0.5 * opening.extent[0]
         if opening.is_obround and reach > 0.5 * package.body[0] * (1 - 10 * _ROUNDING):
             raise InputError(f"part = {name!r} is not allowed here: an obround window reaches the edge of the body.")
@@ -118,7 +120,7 @@ def _check_openings(name: str, package: Package) -> None:
 
 @dataclass(frozen=True)
 class PhotoReflector(Specification):
-    """An array of photo-reflectors; the defaults are those of the paper's NJL5908AR."""
+    """An array of photo-reflectors; the defaults are those of the paper's sensor, the NJL5908AR."""
 
     plugin = "photo_reflector"
 
@@ -128,19 +130,22 @@ class PhotoReflector(Specification):
     part: str | None = text(
         None,
         "A part by its name in the catalogue, or from a TOML file. It determines body, windows, dies and their "
-        "positions; LED and phototransistor are not nested then. The LED is Lambertian unless the file says otherwise, "
-        "and emits 1 W: in air, or from dies below windows into the resin above them.",
+        "positions; LED and phototransistor are then not nested. The LED is Lambertian unless the file specifies "
+        "another law. It emits 1 W: into air, or, from a die below a window, into the resin above it.",
         "the name of a part, or of a TOML file",
-        default_words="the paper's sensor, as stated here",
+        default_words="the paper's sensor, with the defaults listed here",
     )
     led_shift: Shift | None = vector(
         (0.0, 0.0, 0.0),
         "mm",
-        "Of the LED's die off its place in the part, along x, y and z, below its window.",
+        "Displacement of the LED's die from its position in the part, along x, y and z; its window stays in place.",
         needs="part",
     )
     phototransistor_shift: Shift | None = vector(
-        (0.0, 0.0, 0.0), "mm", "Likewise, of the phototransistor's die.", needs="part"
+        (0.0, 0.0, 0.0),
+        "mm",
+        "Displacement of the phototransistor's die from its position in the part, along x, y and z.",
+        needs="part",
     )
     body: tuple[float, float, float] | None = vector(
         (1.46, 1.06, 0.5), "mm", "Extent of the package along x, y and z.", above=0, common=(0.05, 100), without="part"
@@ -157,17 +162,17 @@ class PhotoReflector(Specification):
         "Rigid motion, with at most a uniform scale. The body stands on z = 0, its centre on x = y = 0."
     )
     led: AnnularLed | None = nested(
-        "emitter", AnnularLed, AnnularLed(), "One `annular_led`, repeated in each body.", without="part"
+        "emitter", AnnularLed, AnnularLed(), "The `annular_led` of each body.", without="part"
     )
     phototransistor: Phototransistor | None = nested(
-        "sensor", Phototransistor, Phototransistor(), "One `phototransistor`, repeated in each body.", without="part"
+        "sensor", Phototransistor, Phototransistor(), "The `phototransistor` of each body.", without="part"
     )
     wall: Wall = nested(
         "bsdf",
         Wall,
         ABSORBING,
         "BSDF of the package: a `region` with entries `body`, `led` and `phototransistor`, or any other BSDF, which "
-        "then covers the body alone.",
+        "then covers only the body.",
         default_words="absorbing",
     )
 
@@ -188,7 +193,7 @@ class PhotoReflector(Specification):
 
     @property
     def package(self) -> Package:
-        """Body and dies, those of the part if one is named; raises `InputError`."""
+        """Body and dies, of the part if it is set; raises `InputError`."""
         if self.part is not None:
             return _package_of(self.part, self.led_shift, self.phototransistor_shift)
         assert self.body is not None and self.spacing is not None and self.led and self.phototransistor
@@ -197,6 +202,7 @@ class PhotoReflector(Specification):
         return Package(self.body, led, sensor, emitter, _bare(0.5 * self.spacing, sensor.width, sensor.depth))
 
     def _check_layout(self, package: Package) -> None:
+        """Raise `InputError` if faces do not fit into the body side by side, or bodies overlap."""
         led, phototransistor = package.led, package.phototransistor
         length, width, _ = package.body
         closest = 0.5 * (led.size + phototransistor.width)
@@ -216,7 +222,7 @@ class PhotoReflector(Specification):
             )
         widest = max(led.size, phototransistor.depth)
         if widest > width * slack:
-            raise InputError(f"body = {package.extent} is not allowed: its y extent must hold {widest:g}.")
+            raise InputError(f"body = {package.extent} is not allowed: a y extent of at least {widest:g} is needed.")
         closest_pitch = max(length if self.columns > 1 else 0.0, width if self.rows > 1 else 0.0)
         if self.pitch < closest_pitch / slack:
             raise InputError(

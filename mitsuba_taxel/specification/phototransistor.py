@@ -22,7 +22,7 @@ class Phototransistor(Specification):
     nested = (
         Nested(
             kind="film",
-            doc="One phototransistor's irradiance map; it must have a box filter.",
+            doc="Irradiance map of a phototransistor; it must have a box filter.",
             default_words="one pixel",
         ),
         Nested(
@@ -35,10 +35,10 @@ class Phototransistor(Specification):
     width: float = number(0.52, "mm", "Extent of the light-sensitive area along x.", above=0, common=(0.002, 100))
     depth: float = number(0.3, "mm", "Extent of the light-sensitive area along y.", above=0, common=(0.002, 100))
     response: str = choice(
-        "ideal", RESPONSES, "Dependence of the reading of a parallel beam on its angle theta to the normal."
+        "ideal", RESPONSES, "Dependence of the reading on the angle theta of a parallel beam to the normal."
     )
     exponent: float | None = number(
-        1.0, "", "Of the cosine; 1 is ideal.", minimum=1, maximum=1e4, when=("response", "cosine_power")
+        1.0, "", "Exponent of the cosine; 1 is ideal.", minimum=1, maximum=1e4, when=("response", "cosine_power")
     )
     file: str | None = text(
         REQUIRED,

@@ -21,7 +21,7 @@ class PluginPage:
     Attributes
     ----------
     name, kind, title : str
-        Such as ``wall``, ``bsdf``, ``Wall``.
+        Name, kind and title, such as ``wall``, ``bsdf``, ``Wall``.
     parameters : tuple[Parameter, ...]
         Rows of the parameter table, with RST markup.
     text : str
@@ -45,24 +45,24 @@ def plugin_names() -> list[str]:
     Returns
     -------
     list[str]
-        As in ``type="..."`` of a scene.
+        Names, as in ``type="..."`` of a scene.
     """
     files = plugin_files()
     return sorted(files, key=lambda name: (files[name].parent.name, name))
 
 
 def plain(text: str) -> str:
-    """RST roles and substitutions as plain words on one line.
+    """Text with RST roles and substitutions replaced by plain words, on a single line.
 
     Parameters
     ----------
     text : str
-        Of a docstring.
+        Text of a docstring.
 
     Returns
     -------
     str
-        One line.
+        A single line.
     """
     text = re.sub(r":\w+:`([^`]*)`", r"\1", text)
     text = re.sub(r"\|(\w+)\|", r"\1", text)
@@ -70,12 +70,12 @@ def plain(text: str) -> str:
 
 
 def plugin_page(name: str, convert: Callable[[str], str] = plain) -> PluginPage:
-    """The page of one plugin.
+    """The reference page of a plugin.
 
     Parameters
     ----------
     name : str
-        Of the plugin.
+        Name of the plugin.
     convert : Callable[[str], str]
         Converts a docstring's RST to the format of the page; the title is always plain.
 
@@ -86,18 +86,24 @@ def plugin_page(name: str, convert: Callable[[str], str] = plain) -> PluginPage:
 
     Raises
     ------
+    InputError
+        if there is no such plugin.
     ValueError
         if the file of the plugin has no such page.
     """
     files = plugin_files()
     if name not in files:
         raise InputError(f"{name!r} is not a plugin: one of {', '.join(plugin_names())} is needed.")
+
+    # The docstring with the title of the plugin, found without importing the file.
     file = files[name]
     tree = ast.parse(file.read_text(encoding="utf-8"))
     docstrings = (ast.get_docstring(node) or "" for node in tree.body if isinstance(node, ast.ClassDef))
     docstring = next((text for text in docstrings if f"(:monosp:`{name}`)\n-" in text), None)
     if docstring is None:
-        raise ValueError(f"{file.name} holds no class whose docstring has a title with its name")
+        raise ValueError(f"{file.name} has no class whose docstring has a title with its name")
+
+    # Title, prose and tabs.
     head, underline, rest = re.split(r"\n(-+)\n", docstring, maxsplit=1)
     prose, _, tabs = rest.partition(".. tabs::")
     return PluginPage(
@@ -112,7 +118,7 @@ def plugin_page(name: str, convert: Callable[[str], str] = plain) -> PluginPage:
 
 
 def _tab(tabs: str, language: str) -> str:
-    """The code in the tab of a language, empty if there is none."""
+    """The code in the tab of a language; empty without such a tab."""
     pattern = rf"\.\. code-tab:: {language}\n(.*?)(?:^ *\.\. code-tab::|\Z)"
-    found = re.search(pattern, tabs, flags=re.MULTILINE | re.DOTALL)
-    return textwrap.dedent(found[1]).strip() if found else ""
+    match = re.search(pattern, tabs, flags=re.MULTILINE | re.DOTALL)
+    return textwrap.dedent(match[1]).strip() if match else ""

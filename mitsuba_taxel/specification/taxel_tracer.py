@@ -12,7 +12,7 @@ STRATEGIES = {
     "connections": "each reflection is connected to a point of the phototransistor",
     "sensor_subpath_connections": "each vertex is connected to the first surface point on a ray from the "
     "phototransistor",
-    "unidirectional_hits": "paths that reach it by themselves",
+    "unidirectional_hits": "paths that reach the phototransistor without a connection",
 }
 
 
@@ -25,6 +25,6 @@ class TaxelTracer(PathDepth):
     strategy: str = choice(
         "all",
         STRATEGIES,
-        "All techniques, or a single one for tests. A single one may miss light: only unidirectional hits find light "
-        "reflected by a mirror.",
+        "All techniques, or a single technique for tests. A single technique may miss light: only unidirectional hits "
+        "find light reflected by a mirror.",
     )

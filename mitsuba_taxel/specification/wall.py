@@ -18,12 +18,12 @@ SCATTERING = {
 }
 _REFLECTING = ("scattering", *(word for word in SCATTERING if word != "absorbing"))
 SMALLEST_SLOPE = 0.01
-"""Least rms slope in degrees: Mitsuba increases slopes below 0.004 (its alpha is at least 1e-4), and rounding blurs
-slopes by some 1e-7 / cos(theta)."""
+"""Least rms slope in degrees: Mitsuba increases slopes below 0.004 (its alpha is at least 1e-4), and rounding errors of
+slopes are about 1e-7 / cos(theta)."""
 
 
-def _share(what: str) -> float:
-    doc = f"Share of the reflected light that follows {what}; the three shares sum to 1."
+def _fraction_of(what: str) -> float:
+    doc = f"Fraction of the reflected light that follows {what}; the three fractions sum to 1."
     return number(0.0, "", doc, minimum=0, maximum=1, when=("scattering", "mixed"))
 
 
@@ -37,7 +37,7 @@ class Wall(Specification):
     reflectance: float | None = number(
         1.0,
         "",
-        "Share of the light that is reflected.",
+        "Fraction of the light that is reflected.",
         minimum=0,
         maximum=1,
         when=_REFLECTING,
@@ -45,17 +45,17 @@ class Wall(Specification):
     )
     reflectance_table: str | None = text(
         None,
-        "Instead of `reflectance`: a CSV file of wavelength in nm, increasing, and reflectance, 0 to 1.",
+        "CSV file of wavelength in nm, increasing, and reflectance, 0 to 1, instead of `reflectance`.",
         "the name of a CSV file",
         when=_REFLECTING,
     )
-    specular: float | None = _share("the law of mirrors")
-    lambertian: float | None = _share("the cosine law")
-    isotropic: float | None = _share("the isotropic law")
+    specular: float | None = _fraction_of("the law of mirrors")
+    lambertian: float | None = _fraction_of("the cosine law")
+    isotropic: float | None = _fraction_of("the isotropic law")
     rms_slope: float | None = number(
         REQUIRED,
         "degrees",
-        "Angle whose tangent is the root mean square slope along either axis of the wall (not of both together).",
+        "Angle whose tangent is the root mean square slope along one axis of the wall (not of both axes combined).",
         minimum=SMALLEST_SLOPE,
         maximum=45,
         hint="; use scattering = 'mirror' for less",
@@ -69,7 +69,7 @@ class Wall(Specification):
         if abs(total - 1) > 1e-6:
             raise InputError(
                 f"specular = {self.specular:g}, lambertian = {self.lambertian:g}, isotropic = {self.isotropic:g} are "
-                f"not allowed: their sum is {total:.8g} and must be 1, as they share the reflected light."
+                f"not allowed: their sum is {total:.8g} and must be 1, as they divide the reflected light."
             )
 
 

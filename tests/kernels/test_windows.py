@@ -101,7 +101,7 @@ def test_a_die_off_its_place_below_the_same_window(agree, llvm_mono, shift):
             {"part": "vcnt2020", "led_shift": (0, 0, 0.2)},
             "led_shift = 0, 0, 0.2 is not allowed: die_depth = -0.1 is not",
         ),
-        ({"part": "vcnt2020", "led_shift": (-0.6, 0, 0)}, "its die lies over the edge of the body along x"),
+        ({"part": "vcnt2020", "led_shift": (-0.6, 0, 0)}, "its die extends beyond the edge of the body along x"),
         (
             {"part": "vcnt2020", "phototransistor_shift": (0, 0, -1)},
             "phototransistor_shift = 0, 0, -1 .* 0.8, is needed",

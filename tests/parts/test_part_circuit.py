@@ -11,7 +11,7 @@ from taxel_program import run_program
 from mitsuba_taxel import InputError, Scene, measure, read_circuit
 from mitsuba_taxel.electronics import respond
 from mitsuba_taxel.parts import card_curve, circuit_of_part, read_part
-from mitsuba_taxel.parts.part_circuit import sold_below
+from mitsuba_taxel.parts.part_circuit import standard_resistance
 
 VCNT = read_part("vcnt2020")
 MIRROR = """<scene version="3.9.0">
@@ -45,7 +45,7 @@ def test_under_a_white_card_too():
 
 
 def test_what_a_part_does_not_state_is_left_out_or_refused(tmp_path):
-    with pytest.raises(InputError, match="part njl5908ar states no collector_current_typical_A, led_current_A"):
+    with pytest.raises(InputError, match="part njl5908ar has no collector_current_typical_A, led_current_A"):
         circuit_of_part(read_part("njl5908ar"))
     assert run_program(tmp_path, "new", "part").returncode == 0
     assert run_program(tmp_path, "new", "circuit", "--part", "part.toml").returncode == 0
@@ -58,4 +58,4 @@ def test_what_a_part_does_not_state_is_left_out_or_refused(tmp_path):
 
 @pytest.mark.parametrize(("resistance", "sold"), [(639.0, 560.0), (1.0, 1.0), (0.99, 0.82), (9.9e5, 8.2e5)])
 def test_resistances_that_are_sold(resistance, sold):
-    assert np.isclose(sold_below(resistance), sold)
+    assert np.isclose(standard_resistance(resistance), sold)

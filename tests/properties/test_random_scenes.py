@@ -47,7 +47,7 @@ RUBBED = """<string name="load" value="indenter_displacement"/> <float name="ind
     ("pad", "sensor", "message"),
     [
         (ROD, "", "indenter_radius = 0.001 is not allowed: more than 60000 elements"),
-        (PATCH, "", r"a force of 173 MPa on a patch of 1 x 0.001 mm is not allowed"),
+        (PATCH, "", r"a traction of 173 MPa on a patch of 1 x 0.001 mm is not allowed"),
         (ENDS, '<float name="width" value="9"/>', r"width = 9 of the phototransistor is not allowed"),
     ],
     ids=["rod of 1 µm", "patch of 1 µm", "an end of the path and a wrong part"],
