@@ -1,1 +1,1 @@
-"""Mitsuba plugins, one file each; the file's name is the plugin's name."""
+"""Mitsuba plugins, a file each; the name of the file is the name of the plugin."""

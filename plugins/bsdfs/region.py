@@ -1,4 +1,4 @@
-"""One wall model for each region of a pad or a photo-reflector."""
+"""A BSDF for each region of a pad or a photo-reflector."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ class Region(mi.BSDF):
     Wall by region (:monosp:`region`)
     ---------------------------------
 
-    Selects one of its named BSDFs by the face attribute :monosp:`face_region` of the mesh, with the codes roof = 1,
-    side = 2, bottom = 3, top = 4, outer = 5, body = 6, led = 7, phototransistor = 8. A `deformable_pad`, the PLY files
-    written from it and a `photo_reflector` have that attribute. Other codes absorb.
+    This BSDF selects one of its nested BSDFs by the face attribute :monosp:`face_region` of the mesh. The codes are
+    roof = 1, side = 2, bottom = 3, top = 4, outer = 5, body = 6, led = 7, phototransistor = 8. A `deformable_pad`, the
+    PLY files written from it and a `photo_reflector` have that attribute. Regions without a BSDF and other codes
+    absorb.
 
     .. tabs::
         .. code-tab:: xml
@@ -44,7 +45,7 @@ class Region(mi.BSDF):
                 raise InputError(f"region: {name} must be a BSDF.")
             self.walls[name] = value
         if not self.walls:
-            raise InputError(f"region: it holds no BSDF: name at least one of {', '.join(ALL_REGIONS)}.")
+            raise InputError(f"region: it has no BSDF: at least one of {', '.join(ALL_REGIONS)} is needed.")
         self.specification = Parameters.read(props)
         components = [flag for wall in self.walls.values() for flag in _components(wall)]
         self.m_components = components
@@ -54,16 +55,21 @@ class Region(mi.BSDF):
 
     @property
     def needs_wavelength(self) -> bool:
-        """Whether any of the walls needs it; see `wall`."""
+        """Whether any nested `wall` has a table of reflectance, and so needs the wavelength."""
         return bool(self._walls_with_table())
 
     def set_wavelength(self, nm: float) -> None:
-        """Set the wavelength of the LEDs, in nm, in the walls that need it.
+        """Set the wavelength of the LEDs in the walls that need it.
+
+        Parameters
+        ----------
+        nm : float
+            Wavelength in nm.
 
         Raises
         ------
         InputError
-            if the table of one of them does not cover that wavelength.
+            if the table of a wall does not cover that wavelength.
         """
         for wall in self._walls_with_table():
             wall.set_wavelength(nm)
@@ -71,44 +77,44 @@ class Region(mi.BSDF):
     def _walls_with_table(self) -> list[mi.BSDF]:
         return [wall for wall in self.walls.values() if getattr(wall, "needs_wavelength", False)]
 
-    def _each(self, si, active):
-        """Each wall, with the lanes of ``active`` whose hit lies in its region."""
+    def _walls_hit(self, si, active):
+        """Yield each BSDF, with the lanes of ``active`` whose hit lies in its region."""
         code = si.shape.eval_attribute_1("face_region", si, active)
         for name, wall in self.walls.items():
             yield wall, mi.Bool(active) & (dr.abs(code - ALL_REGIONS[name]) < 0.5)
 
     def sample(self, ctx, si, sample1, sample2, active=True):
         bs, weight = dr.zeros(mi.BSDFSample3f), mi.Spectrum(0)
-        for wall, here in self._each(si, active):
-            wall_bs, wall_weight = wall.sample(ctx, si, sample1, sample2, here)
-            bs = dr.select(here, wall_bs, bs)
-            weight = dr.select(here, wall_weight, weight)
+        for wall, inside in self._walls_hit(si, active):
+            wall_bs, wall_weight = wall.sample(ctx, si, sample1, sample2, inside)
+            bs = dr.select(inside, wall_bs, bs)
+            weight = dr.select(inside, wall_weight, weight)
         return bs, weight
 
     def eval(self, ctx, si, wo, active=True):
         value = mi.Spectrum(0)
-        for wall, here in self._each(si, active):
-            value = dr.select(here, wall.eval(ctx, si, wo, here), value)
+        for wall, inside in self._walls_hit(si, active):
+            value = dr.select(inside, wall.eval(ctx, si, wo, inside), value)
         return value
 
     def pdf(self, ctx, si, wo, active=True):
         density = mi.Float(0)
-        for wall, here in self._each(si, active):
-            density = dr.select(here, wall.pdf(ctx, si, wo, here), density)
+        for wall, inside in self._walls_hit(si, active):
+            density = dr.select(inside, wall.pdf(ctx, si, wo, inside), density)
         return density
 
     def eval_pdf(self, ctx, si, wo, active=True):
         value, density = mi.Spectrum(0), mi.Float(0)
-        for wall, here in self._each(si, active):
-            wall_value, wall_density = wall.eval_pdf(ctx, si, wo, here)
-            value = dr.select(here, wall_value, value)
-            density = dr.select(here, wall_density, density)
+        for wall, inside in self._walls_hit(si, active):
+            wall_value, wall_density = wall.eval_pdf(ctx, si, wo, inside)
+            value = dr.select(inside, wall_value, value)
+            density = dr.select(inside, wall_density, density)
         return value, density
 
     def eval_diffuse_reflectance(self, si, active=True):
         reflectance = mi.Spectrum(0)
-        for wall, here in self._each(si, active):
-            reflectance = dr.select(here, wall.eval_diffuse_reflectance(si, here), reflectance)
+        for wall, inside in self._walls_hit(si, active):
+            reflectance = dr.select(inside, wall.eval_diffuse_reflectance(si, inside), reflectance)
         return reflectance
 
     def traverse(self, callback) -> None:
@@ -120,4 +126,5 @@ class Region(mi.BSDF):
 
 
 def _components(wall: mi.BSDF) -> list[int]:
+    """Flags of the components of a BSDF."""
     return [int(wall.flags(i)) for i in range(wall.component_count())]

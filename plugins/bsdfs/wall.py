@@ -1,4 +1,4 @@
-"""A wall of a cell or a plate: mirror, rough mirror, Lambertian, isotropic, a mixture of them, or absorbing."""
+"""A wall of a cell or a plate: mirror, rough mirror, Lambertian, isotropic, a mixture of these, or absorbing."""
 
 from __future__ import annotations
 
@@ -26,18 +26,20 @@ class Wall(mi.BSDF):
     Wall (:monosp:`wall`)
     ---------------------
 
-    An opaque two-sided surface. Light that is not reflected is absorbed. The isotropic wall is not reciprocal: light
-    from any direction leaves uniformly over the hemisphere, f = reflectance / (2 pi cos(theta_o)). Traced from the
-    light its weight is constant; traced from a detector it is 1 / (2 cos(theta)), whose variance is infinite. The same
-    holds for the isotropic share of a mixed wall.
+    This BSDF describes an opaque two-sided surface. Light that is not reflected is absorbed.
+
+    The isotropic wall is not reciprocal: light from any direction leaves uniformly over the hemisphere,
+    f = reflectance / (2 pi cos(theta_o)). Traced from the light, its weight is constant; traced from a detector, its
+    weight is 1 / (2 cos(theta)), whose variance is infinite. The same applies to the isotropic fraction of a mixed
+    wall.
 
     The rough mirror has facets whose slopes along x and along y are Gaussian, each with the root mean square
-    tan(rms_slope): Beckmann's distribution with alpha = sqrt(2) tan(rms_slope). Facets shadow each other (Smith), and
-    light that would meet a second facet is lost: such a wall reflects less than its reflectance, and much less at
-    slopes around 45 degrees.
+    tan(rms_slope): this is Beckmann's distribution with alpha = sqrt(2) tan(rms_slope). Facets shadow each other
+    (Smith), and light that would meet a second facet is lost. Such a wall reflects less than its reflectance, and much
+    less at slopes around 45 degrees.
 
-    A table is interpolated linearly at the wavelength of the LEDs, which must be set before rendering; measuring
-    through mitsuba_taxel does so.
+    A table of reflectance is interpolated linearly at the wavelength of the LEDs. The functions and commands of
+    mitsuba_taxel set that wavelength before they render.
 
     .. tabs::
         .. code-tab:: xml
@@ -53,11 +55,11 @@ class Wall(mi.BSDF):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self.specification = stated = Parameters.read(props)
-        self.scattering = stated.scattering
-        self.law = _law_of(stated)
-        self.table = None if stated.reflectance_table is None else ReflectanceTable(stated.reflectance_table)
-        self.reflectance = None if self.table else dr.opaque(mi.Float, stated.reflectance or 0.0)
+        self.specification = parameters = Parameters.read(props)
+        self.scattering = parameters.scattering
+        self.law = _law_of(parameters)
+        self.table = None if parameters.reflectance_table is None else ReflectanceTable(parameters.reflectance_table)
+        self.reflectance = None if self.table else dr.opaque(mi.Float, parameters.reflectance or 0.0)
         self.is_directed = self.scattering in ("mirror", "rough_mirror", "mixed")
         self.m_components = self.law.components
         self.m_flags = 0
@@ -66,11 +68,16 @@ class Wall(mi.BSDF):
 
     @property
     def needs_wavelength(self) -> bool:
-        """Whether the reflectance is known only once :meth:`set_wavelength` has been called."""
+        """Whether the reflectance is undefined until :meth:`set_wavelength` is called."""
         return self.table is not None
 
     def set_wavelength(self, nm: float) -> None:
-        """Set the reflectance to that of the table, if any, at a wavelength in nm.
+        """Set the reflectance to the value of the table at the wavelength of the LEDs.
+
+        Parameters
+        ----------
+        nm : float
+            Wavelength in nm.
 
         Raises
         ------
@@ -83,12 +90,17 @@ class Wall(mi.BSDF):
     def sample(self, ctx, si, sample1, sample2, active=True):
         drawn = self.law.sample(_above(si.wi), sample1, sample2, _from_light(ctx))
         active = mi.Bool(active) & (si.wi.z != 0) & (drawn.density > 0)
+
+        # The law samples on the front; the direction is on the side of incidence.
         bs = dr.zeros(mi.BSDFSample3f)
         bs.wo = mi.Vector3f(drawn.direction.x, drawn.direction.y, dr.mulsign(drawn.direction.z, si.wi.z))
         bs.eta = 1
         bs.sampled_component = mi.UInt32(drawn.component)
         for i, flags in enumerate(self.law.components):
             bs.sampled_type = dr.select(bs.sampled_component == i, flags, bs.sampled_type)
+
+        # Where the normal of the wall differs from that of the triangle, directions behind the triangle are mirrored,
+        # and density and value are sums over both directions.
         density, weight = drawn.density, drawn.weight
         if self.is_directed:
             mirrored, behind = _mirrored(si, bs.wo)
@@ -113,30 +125,32 @@ class Wall(mi.BSDF):
         return mi.Spectrum(self._known_reflectance() * value) & active, dr.select(active, density, 0)
 
     def _of_one_side(self, ctx, si, wo):
-        """Value and density of direction ``wo``, on the side of incidence."""
+        """Value and density of the direction ``wo``; zero if it is not on the side of incidence."""
         value, density = self.law.eval_pdf(_above(si.wi), _above(wo), _from_light(ctx))
         same = si.wi.z * wo.z > 0
         return dr.select(same, value, 0), dr.select(same, density, 0)
 
     def _of_both_sides(self, ctx, si, wo):
-        """As :meth:`_of_one_side`, including light that would leave behind the triangle, mirrored by it."""
+        """Value and density of ``wo``, including light that would leave behind the triangle and is mirrored by it."""
         value, density = self._of_one_side(ctx, si, wo)
         mirrored, behind = _mirrored(si, wo)
-        more, denser = self._of_one_side(ctx, si, mirrored)
-        _, back = _mirrored(si, mirrored)
+        mirrored_value, mirrored_density = self._of_one_side(ctx, si, mirrored)
+        _, from_behind = _mirrored(si, mirrored)
         return (
-            dr.select(behind, 0, value) + dr.select(back, more, 0),
-            dr.select(behind, 0, density) + dr.select(back, denser, 0),
+            dr.select(behind, 0, value) + dr.select(from_behind, mirrored_value, 0),
+            dr.select(behind, 0, density) + dr.select(from_behind, mirrored_density, 0),
         )
 
     def eval_diffuse_reflectance(self, si, active=True):
-        """Share of the light that is reflected, except specularly."""
+        """Fraction of the light that is reflected, except specular reflection."""
         return mi.Spectrum(self._known_reflectance() * self.law.smooth_share()) & mi.Bool(active)
 
     def _known_reflectance(self) -> mi.Float:
+        """The reflectance; raises `InputError` if a table has no wavelength yet."""
         if self.reflectance is None:
             raise InputError(
-                "wall: reflectance_table needs the wavelength of the LEDs, which measuring through mitsuba_taxel sets."
+                "wall: reflectance_table needs the wavelength of the LEDs, which only mitsuba_taxel sets: use measure "
+                "or taxel render."
             )
         return self.reflectance
 
@@ -149,26 +163,30 @@ class Wall(mi.BSDF):
         return f"Wall[scattering = {self.scattering}, reflectance = {reflectance}]"
 
 
-def _law_of(stated: Parameters) -> Scattering:
+def _law_of(parameters: Parameters) -> Scattering:
     """The scattering law of a wall."""
-    shares = [share for share in (stated.specular, stated.lambertian, stated.isotropic) if share is not None]
-    if shares:
-        return Mixed(*shares)
-    if stated.rms_slope is not None:
-        return RoughMirror(stated.rms_slope)
+    fractions = [
+        fraction
+        for fraction in (parameters.specular, parameters.lambertian, parameters.isotropic)
+        if fraction is not None
+    ]
+    if fractions:
+        return Mixed(*fractions)
+    if parameters.rms_slope is not None:
+        return RoughMirror(parameters.rms_slope)
     laws: dict[str, type[Scattering]] = {
         "mirror": SmoothMirror,
         "lambertian": Lambertian,
         "isotropic": Isotropic,
         "absorbing": Absorbing,
     }
-    return laws[stated.scattering]()
+    return laws[parameters.scattering]()
 
 
 def _mirrored(si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Vector3f, mi.Bool]:
-    """A direction mirrored by the plane of the triangle, and whether light incident on its front left behind it.
+    """A direction mirrored by the plane of the triangle, and whether the direction passes through the triangle.
 
-    The latter happens only where the normal of the wall differs from that of the triangle.
+    The latter occurs only where the normal of the wall differs from that of the triangle.
     """
     normal = si.to_local(si.n)
     height = dr.dot(wo, normal)
@@ -176,9 +194,10 @@ def _mirrored(si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Vector3f
 
 
 def _above(direction: mi.Vector3f) -> mi.Vector3f:
-    """The direction, mirrored to the front of the wall if it is behind."""
+    """A direction, mirrored to the front of the wall if it is behind the wall."""
     return mi.Vector3f(direction.x, direction.y, dr.abs(direction.z))
 
 
 def _from_light(ctx: mi.BSDFContext) -> bool:
+    """Whether paths are traced from the light."""
     return ctx.mode == mi.TransportMode.Importance

@@ -1,4 +1,4 @@
-"""A square or round LED with a dark centre, in one narrow band."""
+"""A square or round LED with a dark centre, in a single narrow band."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class AnnularLed(mi.Emitter):
     Annular LED (:monosp:`annular_led`)
     -----------------------------------
 
-    Nest it in a `rectangle`, at whose centre it lies, or in a `photo_reflector`, where it is repeated in every package.
-    The power is a plain number of watts, the same in each colour channel; neither it nor the wavelength passes through
-    colour conversion. Under every law each LED emits exactly :monosp:`power`, uniformly over its emitting area. A table
-    beside the scene's XML file is found by its name.
+    Nest this emitter in a `rectangle`, at whose centre it lies, or in a `photo_reflector`, where it is repeated in
+    every package. Under every law, each LED emits exactly :monosp:`power`, uniformly over its emitting area. The power
+    is a number of watts, the same in each colour channel; power and wavelength are not subject to colour conversion.
+    The name of a table file is relative to the scene's XML file.
 
-    The cone laws are called *conical* release in ray tracers (the polar angle of equations 2 to 4 in
+    Ray tracers call the cone laws *conical* release (the polar angle of equations 2 to 4 in
     Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile Sensor).
 
     .. tabs::
@@ -56,58 +56,58 @@ class AnnularLed(mi.Emitter):
 
     @property
     def faces(self) -> FaceGrid:
-        """Positions of the LEDs; computed on first use, since the emitter gets its shape late."""
+        """Positions of the LEDs, computed at first use: the emitter gets its shape after its construction."""
         if self._faces is None:
-            stated = self.specification
-            self._faces = faces_on(self.get_shape(), "led", (stated.size, stated.size))
-            outer, inner = (0.5 * self._faces.scale * side for side in (stated.size, stated.hole))
-            self._annulus = _ANNULI[stated.shape](outer, inner)
+            parameters = self.specification
+            self._faces = faces_on(self.get_shape(), "led", (parameters.size, parameters.size))
+            outer, inner = (0.5 * self._faces.scale * side for side in (parameters.size, parameters.hole))
+            self._annulus = _ANNULI[parameters.shape](outer, inner)
             self._window = window_on(self.get_shape(), "led", self._faces)
         return self._faces
 
     @property
     def window(self) -> Window:
         """The windows above the LEDs."""
-        assert self.faces  # finds the windows as well
+        assert self.faces  # computes the windows as well
         return self._window
 
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> mi.Point3f:
-        """A point uniform on the emitting annulus of LED ``index``."""
+        """A uniformly distributed point on the emitting annulus of LED ``index``."""
         faces = self.faces
         return faces.point(index, self._annulus.sample(sample))
 
     def sample_direction_of_emission(self, sample: mi.Point2f) -> mi.Vector3f:
-        """A world direction sampled from the law."""
+        """A direction in world coordinates, distributed by the law."""
         return self.faces.frame.to_world(self.law.sample(sample))
 
     def density_of_direction(self, d: mi.Vector3f) -> mi.Float:
-        """Density [1/sr] with which the world direction ``d`` is sampled."""
+        """Density [1/sr] of :meth:`sample_direction_of_emission` at the world direction ``d``."""
         return self.law.density(self.faces.frame.to_local(d))
 
     def share_of_direction(self, d: mi.Vector3f) -> mi.Float:
-        """Share of the power per solid angle [1/sr] that leaves in world direction ``d``, where a window is open."""
+        """Fraction of the power per solid angle [1/sr] that leaves an open window in world direction ``d``."""
         return self.density_of_direction(d) * self._passed(dr.dot(d, self.faces.frame.n))
 
     def leave(self, index: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> tuple[mi.Point3f, mi.Float]:
-        """Where a ray of LED ``index`` leaves that is sampled at the point ``p`` with direction ``d``, and the share of
-        its power that does."""
-        place, is_open = self.window.leave(index, p, d)
-        return place, self._passed(dr.dot(d, self.faces.frame.n)) & is_open
+        """Point at which a ray from the point ``p`` of LED ``index`` leaves its window, and the fraction of its power
+        that leaves; ``d`` is the world direction in air."""
+        exit_point, is_open = self.window.leave(index, p, d)
+        return exit_point, self._passed(dr.dot(d, self.faces.frame.n)) & is_open
 
     def _passed(self, cosine: mi.Float) -> mi.Float:
-        """Radiance in air relative to that before the window."""
+        """Radiance in air relative to the radiance in the resin below the window."""
         if self.resin_index is None:
             return mi.Float(1)
         return transmittance(self.resin_index, cosine) / dr.square(self.resin_index)
 
     @property
     def area(self) -> mi.Float:
-        """Emitting area of one LED [mm²]."""
+        """Emitting area of each LED [mm²]."""
         assert self.faces  # computes the annulus as well
         return self._annulus.area
 
     def contains(self, index: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
-        """Whether a ray that arrives at the surface point ``p`` in direction ``d`` meets the emitting annulus of LED
+        """Whether a ray in direction ``d`` through the surface point ``p`` meets the emitting annulus of LED
         ``index``."""
         offset, enters = self.window.enter(index, p, d)
         return enters & self._annulus.contains(offset)
@@ -124,12 +124,13 @@ class AnnularLed(mi.Emitter):
         value = self.power / self._annulus.area * self.share_of_direction(d) / cosine
         return mi.Spectrum(dr.select(cosine > 0, value, 0))
 
-    # Interface of Mitsuba's own integrators: all LEDs together. Dr.Jit records such calls for every LED object that
+    # Interface of the integrators of Mitsuba: all LEDs together. Dr.Jit records these calls for every LED object that
     # exists, even without a surface or in another scene; such an LED emits nothing.
 
     @property
     def _is_nested(self) -> bool:
-        return self._faces is not None or self.get_shape() is not None  # without access to a deleted shape
+        """Whether the LED has a shape, which is not accessed once positions are known: it may be deleted by then."""
+        return self._faces is not None or self.get_shape() is not None
 
     @property
     def _density(self) -> mi.Float:
@@ -145,7 +146,7 @@ class AnnularLed(mi.Emitter):
         return ps, dr.select(active, dr.rcp(ps.pdf), 0) if self._is_nested else mi.Float(0)
 
     def _sample_position(self, time, sample):
-        """A point of an LED, and the number of that."""
+        """A point of an LED, and the index of that LED."""
         ps = dr.zeros(mi.PositionSample3f)
         if not self._is_nested:
             return ps, mi.UInt32(0)
@@ -212,7 +213,7 @@ class AnnularLed(mi.Emitter):
 
 
 class _SquareAnnulus:
-    """Between two concentric squares of half-sides ``inner`` and ``outer``."""
+    """The area between two concentric squares of half-sides ``inner`` and ``outer``."""
 
     def __init__(self, outer: float, inner: float) -> None:
         self.outer, self.inner = dr.opaque(mi.Float, outer), dr.opaque(mi.Float, inner)
@@ -222,9 +223,9 @@ class _SquareAnnulus:
         half = dr.sqrt(dr.lerp(dr.square(self.inner), dr.square(self.outer), sample.x))
         perimeter = 4 * sample.y
         edge = dr.minimum(dr.floor(perimeter), 3)
-        along = 2 * (perimeter - edge) - 1
-        x = dr.select(edge == 0, 1, dr.select(edge == 2, -1, dr.select(edge == 1, -along, along)))
-        y = dr.select(edge == 1, 1, dr.select(edge == 3, -1, dr.select(edge == 0, along, -along)))
+        position = 2 * (perimeter - edge) - 1
+        x = dr.select(edge == 0, 1, dr.select(edge == 2, -1, dr.select(edge == 1, -position, position)))
+        y = dr.select(edge == 1, 1, dr.select(edge == 3, -1, dr.select(edge == 0, position, -position)))
         return mi.Point2f(half * x, half * y)
 
     def contains(self, offset: mi.Point2f) -> mi.Bool:
@@ -233,7 +234,7 @@ class _SquareAnnulus:
 
 
 class _CircularAnnulus:
-    """Between two concentric circles of radii ``inner`` and ``outer``."""
+    """The area between two concentric circles of radii ``inner`` and ``outer``."""
 
     def __init__(self, outer: float, inner: float) -> None:
         self.outer, self.inner = dr.opaque(mi.Float, outer), dr.opaque(mi.Float, inner)
@@ -253,10 +254,10 @@ _ANNULI: dict[str, type[_SquareAnnulus] | type[_CircularAnnulus]] = {
     "square": _SquareAnnulus,
     "circular": _CircularAnnulus,
 }
-"""The emitting area of one LED about its centre, in world lengths.
+"""The emitting area of an LED around its centre, in world lengths.
 
 Both outlines map the unit square continuously and with equal areas, which preserves low discrepancy: the first
-coordinate runs from the hole to the rim, the second once round.
+coordinate runs from the hole to the outer edge, the second around the centre.
 """
 
 

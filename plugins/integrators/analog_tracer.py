@@ -1,4 +1,4 @@
-"""Analog ray tracing by counting rays: the method of the paper."""
+"""Analog ray tracing, which counts rays: the method of the paper."""
 
 from __future__ import annotations
 
@@ -21,11 +21,14 @@ class AnalogTracer(mi.CppADIntegrator):
     Analog tracer (:monosp:`analog_tracer`)
     ---------------------------------------
 
-    Releases rays of equal power from a grid of points in random directions, lets each wall absorb or reflect a whole
-    ray at random, and counts those that reach the phototransistor, like the ray tracer in Multiphysics Simulation for
-    the Optimization of an Optoelectronic-Based Tactile Sensor (section 2.1.3: 20 points with 3000 rays each). It is for
-    comparison; `taxel_tracer` needs thousands of times fewer rays. The grid is shifted randomly in each randomisation,
-    so that the mean has no error from the grid; directions are plain random numbers.
+    This integrator releases rays of equal power from a grid of points in random directions. At each wall a ray is
+    absorbed or reflected as a whole, at random. The reading is the power of the rays that reach the phototransistor.
+    This is the method of the ray tracer in Multiphysics Simulation for the Optimization of an Optoelectronic-Based
+    Tactile Sensor (section 2.1.3: 20 points with 3000 rays each).
+
+    The integrator is meant for comparison: `taxel_tracer` needs thousands of times fewer rays. The grid is shifted
+    randomly in each randomisation, so that the mean has no error from the grid. Directions are independent random
+    numbers.
 
     .. tabs::
         .. code-tab:: xml
@@ -47,14 +50,16 @@ class AnalogTracer(mi.CppADIntegrator):
 
     @dr.syntax
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
-        """Power [W] that one ray from each LED of ``led_index`` brings to the phototransistor of ``index``."""
+        """Power [W] of a ray from each LED of ``led_index`` that reaches the phototransistor of ``index``."""
         led, sensor = pair.led, pair.sensor
         clearance = clearance_of(scene, pair)
         detector = mi.ShapePtr(sensor.get_shape())
         context = mi.BSDFContext(mi.TransportMode.Importance)
-        random = mi.PCG32()  # without a width, which would add the lane's number, so that a run can be continued
+        # No width is given, which would add the number of the lane: a run can then be continued.
+        random = mi.PCG32()
         random.seed(mi.sample_tea_32(sampler.sequence_seed, sampler.index)[0], sampler.index)
 
+        # ---------------------- Release ----------------------
         vertex = mi.Point3f(led.sample_point(led_index, self._release_point(sampler)))
         normal = mi.Normal3f(led.faces.frame.n)
         direction = led.sample_direction_of_emission(mi.Point2f(random.next_float32(), random.next_float32()))
@@ -66,15 +71,17 @@ class AnalogTracer(mi.CppADIntegrator):
             active &= random.next_float32() < passed
         ray = release(vertex, normal, direction, clearance)
         while active:
+            # ---------------------- Hit of the phototransistor ----------------------
             si = scene.ray_intersect(ray, active)
             active &= si.is_valid()
             inside, offset = sensor.contains(index, si.p, direction)
             cosine = -dr.dot(direction, sensor.normal)
-            here = active & (si.shape == detector) & inside & (cosine > 0)
-            landed = dr.select(here, led.power * sensor.response(cosine), 0)
-            splat(sensor, index, offset, landed, pixels)
-            result += landed
+            hits = active & (si.shape == detector) & inside & (cosine > 0)
+            received = dr.select(hits, led.power * sensor.response(cosine), 0)
+            splat(sensor, index, offset, received, pixels)
+            result += received
 
+            # ---------------------- Absorption or reflection ----------------------
             sample = mi.Point2f(random.next_float32(), random.next_float32())
             bs, weight = si.bsdf(ray).sample(context, si, random.next_float32(), sample, active)
             active &= random.next_float32() < weight[0]

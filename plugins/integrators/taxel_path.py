@@ -1,4 +1,4 @@
-"""Light traced back from each taxel's phototransistor to its own LED."""
+"""Light traced backwards from the phototransistor of each taxel to the LED of the same taxel."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ class TaxelPath(mi.CppADIntegrator):
     Taxel path tracer (:monosp:`taxel_path`)
     ----------------------------------------
 
-    Paths start at the phototransistor, each reflection is connected to a point of the LED, and paths that hit the LED
-    count as well, combined with the power heuristic. The estimate is that of `taxel_tracer`, at lower cost only if a
-    broad LED and a phototransistor of narrow angular response are under a diffuse plate. It refuses scenes with
-    unbounded weights: isotropic walls, which are not reciprocal, and the law :monosp:`uniform_polar_angle`, whose
-    intensity is unbounded on the axis.
+    Paths start at the phototransistor. Each reflection is connected to a point of the LED, and paths that hit the LED
+    count as well; both techniques are combined by the power heuristic. The expected reading is that of `taxel_tracer`.
+    The cost is lower only for a broad LED and a phototransistor of narrow angular response under a diffuse plate.
+
+    Scenes in which weights would be unbounded are refused: those with isotropic walls, which are not reciprocal, and
+    those with the law :monosp:`uniform_polar_angle`, whose intensity is unbounded on the axis.
 
     .. tabs::
         .. code-tab:: xml
@@ -45,15 +46,18 @@ class TaxelPath(mi.CppADIntegrator):
         self.rr_depth = self.specification.rr_depth
 
     def refuse_unbounded(self, scene) -> None:
-        """Raise an InputError if weights of paths from the detector would be unbounded."""
+        """Raise `InputError` if weights of paths from the phototransistors of a scene would be unbounded."""
         if not all(map(is_bounded_from_detector, walls_of(scene))):
             raise InputError(
-                "taxel_path: an isotropic wall gives paths from the detector a weight without bound: use taxel_tracer.",
+                "taxel_path: isotropic walls are not allowed, as weights of paths from the detector are unbounded: use "
+                "taxel_tracer.",
                 self,
             )
         if any(isinstance(led.law, UniformPolarAngle) for led in scene.emitters()):
             raise InputError(
-                "taxel_path: the law uniform_polar_angle has no bound on the axis of the LED: use taxel_tracer.", self
+                "taxel_path: law = 'uniform_polar_angle' is not allowed, as its intensity is unbounded on the axis: "
+                "use taxel_tracer.",
+                self,
             )
 
     render = rendering.render
@@ -61,7 +65,7 @@ class TaxelPath(mi.CppADIntegrator):
 
     @dr.syntax
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
-        """Power [W] that one path brings from the LED of ``led_index`` to each phototransistor of ``index``."""
+        """Power [W] from the LED of ``led_index`` to each phototransistor of ``index``, estimated by a path each."""
         led, sensor = pair.led, pair.sensor
         clearance = clearance_of(scene, pair)
         carrier = mi.ShapePtr(led.get_shape())
@@ -73,8 +77,8 @@ class TaxelPath(mi.CppADIntegrator):
         local, density = sensor.sample_view(sampler.next_2d())
         direction = sensor.faces.frame.to_world(local)
         target = mi.Point3f(led.sample_point(led_index, sampler.next_2d()))
-        place, is_open = sensor.window.leave(index, y, direction)
-        vertex, normal = mi.Point3f(place), mi.Normal3f(sensor.normal)
+        exit_point, is_open = sensor.window.leave(index, y, direction)
+        vertex, normal = mi.Point3f(exit_point), mi.Normal3f(sensor.normal)
         result = dr.zeros(mi.Float, dr.width(index))
         if dr.hint(not pair.coplanar, mode="scalar"):
             result += self._straight_across(scene, pair, vertex, target, clearance)
@@ -90,15 +94,15 @@ class TaxelPath(mi.CppADIntegrator):
             active &= si.is_valid()
 
             # ---------------------- Hit of the LED ----------------------
-            # Direct light is left to the connection.
+            # Direct light (depth 0) is estimated by the connection alone.
             cosine = -dr.dot(direction, led.faces.frame.n)
             inside = led.contains(led_index, si.p, direction)
-            here = active & (depth > 0) & (si.shape == carrier) & inside & (cosine > 0)
+            hits = active & (depth > 0) & (si.shape == carrier) & inside & (cosine > 0)
             distance_squared = led.window.apparent(dr.squared_norm(si.p - vertex), cosine)
             connection = distance_squared / (density * cosine * led.area)
             weight = dr.select(specular, 1, dr.rcp(1 + dr.square(connection)))
             radiance = led.power * led.share_of_direction(-direction) / (led.area * cosine)
-            result += dr.select(here, throughput * radiance * weight, 0)
+            result += dr.select(hits, throughput * radiance * weight, 0)
 
             active &= depth < most_reflections
             vertex, normal = mi.Point3f(si.p), mi.Normal3f(si.n)
@@ -134,7 +138,7 @@ class TaxelPath(mi.CppADIntegrator):
 
     @staticmethod
     def _straight_across(scene, pair, y, target, clearance):
-        """Power [W] that reaches the phototransistor from the LED without reflection."""
+        """Power [W] from the LED to the phototransistor without reflection, by a connection of two points."""
         led, sensor = pair.led, pair.sensor
         to_target = target - y
         distance_squared = dr.squared_norm(to_target)

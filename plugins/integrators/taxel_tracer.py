@@ -1,4 +1,4 @@
-"""Light traced from each taxel's LED to its own phototransistor."""
+"""Light traced from the LED of each taxel to the phototransistor of the same taxel."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ class TaxelTracer(mi.CppADIntegrator):
     Taxel tracer (:monosp:`taxel_tracer`)
     -------------------------------------
 
-    Paths start at the LED, where the weights of all walls are bounded, and are read by the phototransistor of the same
-    taxel only, so that no work goes into LEDs that a phototransistor is not read against. Detector connections,
-    sensor-subpath connections and unidirectional hits are combined by multiple importance sampling with the power
-    heuristic (E. Veach, 1997, chapters 9 and 10), so that mirrors, diffuse walls and narrow gaps are all handled
-    efficiently. Between the diffuse walls of a cell, path guiding samples directions towards other scattering walls;
-    where there are mirrors, emission guiding learns from a pilot run in which directions light returns. `annular_led`
-    and `phototransistor` are paired in the order of the scene.
+    Paths start at the LED: in this direction the weights of all walls are bounded. They contribute only to the
+    phototransistor of the same taxel. `annular_led` and `phototransistor` are paired in the order of the scene.
+
+    Three techniques are combined by multiple importance sampling with the power heuristic (E. Veach, 1997, chapters 9
+    and 10): connections to the phototransistor, connections to the first point on a ray from the phototransistor, and
+    unidirectional hits. Mirrors, diffuse walls and narrow gaps are therefore all efficient. Between the diffuse walls
+    of a cell, path guiding samples directions towards other scattering walls. In scenes with mirrors, emission guiding
+    learns from a pilot run the directions from which light returns.
 
     .. tabs::
         .. code-tab:: xml
@@ -54,7 +55,7 @@ class TaxelTracer(mi.CppADIntegrator):
     render_forward = render_backward = rendering.refuse_derivatives
 
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
-        """Power that one path from each LED of ``led_index`` brings to the phototransistor of ``index`` [W]."""
+        """Power [W] from each LED of ``led_index`` to the phototransistor of ``index``, estimated by a path each."""
         emission, guide = guided_emission(self, scene, pair), guide_for(scene, pair)
 
         def trace(scene, sampler, index, led_index):
@@ -66,8 +67,17 @@ class TaxelTracer(mi.CppADIntegrator):
 
     @dr.syntax
     def sample_guided(self, scene, pair, index, led_index, sampler, pixels, emission, guide):
-        """As :meth:`sample_paths`, with the directions of emission drawn from ``emission`` and those between walls from
-        ``guide``, if there are any."""
+        """Power [W] as of :meth:`sample_paths`, with guided directions.
+
+        Parameters
+        ----------
+        scene, pair, index, led_index, sampler, pixels
+            As of :meth:`sample_paths`.
+        emission : GuidedEmission or None
+            Distribution of the directions of emission; None for the law of the LED.
+        guide : Guide or None
+            Distribution of the directions between diffuse walls; None for those of the BSDFs alone.
+        """
         led, sensor = pair.led, pair.sensor
         clearance = clearance_of(scene, pair)
         techniques = Techniques(self.strategy, scene, sensor, index, guide, clearance)
@@ -94,16 +104,16 @@ class TaxelTracer(mi.CppADIntegrator):
         splat(sensor, index, view.offset, value, pixels)
         result += value
 
-        # The current ray: its density, and its throughput before division by that. Weights assume that an LED's rays
-        # are sampled from the law alone: any densities are valid there, as long as all techniques agree.
+        # The current ray: its density, and its throughput before division by that density. Weights assume that rays of
+        # the LED are sampled from its law alone: any densities are valid in weights if all techniques use the same.
         density = led.density_of_direction(direction)
         vertex.p, passed = led.leave(led_index, vertex.p, direction)
         power = power * passed
         carried = power * density / overdrawn
         ray = release(vertex.p, vertex.n, direction, clearance)
         specular = mi.Bool(False)
-        reach = mi.Float(dr.inf)  # distance of the point sampled by the guide
-        target = mi.UInt32(0)  # its triangle
+        reach = mi.Float(dr.inf)  # distance of the point sampled by the guide; infinite without such a point
+        target = mi.UInt32(0)  # triangle of that point
         depth = mi.UInt32(0)
         active = carried > 0
         while active:
@@ -114,25 +124,25 @@ class TaxelTracer(mi.CppADIntegrator):
             if dr.hint(is_bent, mode="scalar"):
                 apparent = led.window.apparent(dr.square(distance), dr.dot(direction, led.faces.frame.n))
                 distance = dr.select(depth == 0, dr.sqrt(apparent), distance)
-            member, guided, place = techniques.guidance(si, active)
+            member, guided, surface_uv = techniques.guidance(si, active)
             # A point sampled by the guide counts only if it is visible; rounding may hit the adjacent triangle.
-            found = (si.prim_index == target) | (dr.abs(distance - reach) <= 1e-3 * reach)
-            active &= (reach == dr.inf) | (found & member)
+            reaches_target = (si.prim_index == target) | (dr.abs(distance - reach) <= 1e-3 * reach)
+            active &= (reach == dr.inf) | (reaches_target & member)
             cosine = dr.abs(dr.dot(si.n, direction))
-            drawn = techniques.drawn(density, vertex, member, place, dr.square(distance) / cosine)
-            throughput = carried / dr.select(specular, density, drawn)
+            total_density = techniques.drawn(density, vertex, member, surface_uv, dr.square(distance) / cosine)
+            throughput = carried / dr.select(specular, density, total_density)
 
             # ---------------------- Unidirectional hit ----------------------
-            before = replace(vertex, throughput=throughput)
-            value, offset = techniques.hit(si, direction, before, drawn, specular)
+            previous = replace(vertex, throughput=throughput)
+            value, offset = techniques.hit(si, direction, previous, total_density, specular)
             value = dr.select(active, value, 0)
             splat(sensor, index, offset, value, pixels)
             result += value
 
             # ---------------------- Connections ----------------------
             active &= depth < most_reflections
-            inverse = dr.select(specular, 0, dr.square(distance) / (drawn * cosine))
-            vertex = Vertex(si.p, si.n, throughput, guided, place, inverse)
+            inverse = dr.select(specular, 0, dr.square(distance) / (total_density * cosine))
+            vertex = Vertex(si.p, si.n, throughput, guided, surface_uv, inverse)
             bsdf = si.bsdf(ray)
             scatter = partial(_scatter, techniques.context, si, bsdf, active)
             value = techniques.connect(view, vertex, scatter, active)
@@ -179,11 +189,11 @@ class TaxelTracer(mi.CppADIntegrator):
 
 
 def _emit(led, wo: mi.Vector3f) -> tuple[mi.Float, mi.Float]:
-    """Share of an LED's power that leaves per solid angle, and the density of its rays."""
+    """Fraction of an LED's power that leaves per solid angle, and the density of its rays."""
     return led.share_of_direction(wo), led.density_of_direction(wo)
 
 
 def _scatter(context, si, bsdf, active, wo: mi.Vector3f) -> tuple[mi.Float, mi.Float]:
-    """Share of the light that a wall scatters per solid angle, and the density of its rays."""
+    """Fraction of the light that a wall scatters per solid angle, and the density of its rays."""
     value, density = bsdf.eval_pdf(context, si, si.to_local(wo), active)
     return value[0], density

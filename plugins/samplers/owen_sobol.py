@@ -21,10 +21,10 @@ class OwenSobol(mi.Sampler):
     Owen-scrambled Sobol' sampler (:monosp:`owen_sobol`)
     ----------------------------------------------------
 
-    Each sequence is the same Sobol' point set under an independent scrambling, so that each gives an independent
-    unbiased estimate; their scatter gives the standard error. The scrambling is the nested uniform one of Owen, by the
-    hash of Laine and Karras (B. Burley, Practical Hash-based Owen Scrambling, JCGT 9 (4), 2020). Beyond 24 dimensions
-    the point set is reused in a new shuffled order.
+    Each sequence is the same Sobol' point set under an independent scrambling. Each sequence therefore gives an
+    independent unbiased estimate, and the scatter of the estimates gives the standard error. The scrambling is Owen's
+    nested uniform scrambling, computed by the hash of Laine and Karras (B. Burley, Practical Hash-based Owen
+    Scrambling, JCGT 9 (4), 2020). For more than 24 dimensions the point set is reused in a new shuffled order.
 
     .. tabs::
         .. code-tab:: xml
@@ -41,7 +41,7 @@ class OwenSobol(mi.Sampler):
         self.specification = Parameters.read(props)
         self.base_seed = self.specification.seed
         self.first = (0, 0)
-        self.index, self.sequence_seed, self.dimension = (mi.UInt32(0) for _ in range(3))  # until it is seeded
+        self.index, self.sequence_seed, self.dimension = (mi.UInt32(0) for _ in range(3))
         self.set_sample_count(self.specification.sample_count)
 
     def set_sample_count(self, spp: int) -> None:
@@ -49,7 +49,7 @@ class OwenSobol(mi.Sampler):
         super().set_sample_count(self.count)
 
     def place(self, first_point: int, first_sequence: int) -> None:
-        """Set where the next :meth:`seed` begins, to continue an earlier run point for point.
+        """Set the first point and sequence of the next :meth:`seed`, to continue an earlier run point by point.
 
         Parameters
         ----------
@@ -75,7 +75,7 @@ class OwenSobol(mi.Sampler):
         self.index = dr.opaque(mi.UInt32, first_point) + (lane & dr.opaque(mi.UInt32, self.count - 1))
         bits = dr.opaque(mi.UInt32, self.count.bit_length() - 1)
         self.sequence = dr.opaque(mi.UInt32, first_sequence) + (lane >> bits)
-        # A plain integer is made opaque, so that another seed needs no new kernel.
+        # An integer is made opaque, so that another seed needs no new kernel.
         seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF) if isinstance(seed, int) else mi.UInt32(seed)
         key = seed + dr.opaque(mi.UInt32, self.base_seed)
         self.sequence_seed = mi.sample_tea_32(key, self.sequence)[0]
@@ -107,7 +107,7 @@ class OwenSobol(mi.Sampler):
     def clone(self) -> OwenSobol:
         twin = self.fork()
         twin.__dict__.update(self.__dict__)
-        twin.dimension = mi.UInt32(self.dimension)  # which grows in place
+        twin.dimension = mi.UInt32(self.dimension)  # a copy, as it is incremented in place
         return twin
 
     def schedule_state(self) -> None:
@@ -118,9 +118,9 @@ class OwenSobol(mi.Sampler):
         return f"OwenSobol[sample_count = {self.count}, seed = {self.base_seed}]"
 
     def _shuffled(self, group: mi.UInt32) -> mi.UInt32:
-        """The point index under a nested uniform permutation, a new one for each group.
+        """The point index under a nested uniform permutation, which differs between groups of dimensions.
 
-        Points 0 to 255, 256 to 511, 512 to 1023 and so on are each permuted among themselves, so that a run can be
+        The blocks of points 0 to 255, 256 to 511, 512 to 1023 and so on are permuted separately, so that a run can be
         continued without changing its points.
         """
         bits = dr.maximum(31 - dr.lzcnt(self.index | 1), self.first_bits)
@@ -132,7 +132,7 @@ class OwenSobol(mi.Sampler):
 
 
 def _laine_karras(bits: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
-    """Scramble bit-reversed digits so that each bit depends on the lower ones only (constants: N. Vegdahl)."""
+    """Scramble bit-reversed digits so that each bit depends only on lower bits (constants: N. Vegdahl)."""
     bits ^= bits * 0x3D20ADEA
     bits += seed
     bits *= (seed >> 16) | 1
@@ -142,7 +142,7 @@ def _laine_karras(bits: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
 
 
 def _hash(x: mi.UInt32) -> mi.UInt32:
-    """A well-mixing 32-bit hash (constants: C. Wellons, lowbias32)."""
+    """A 32-bit hash with good mixing (constants: C. Wellons, lowbias32)."""
     x = mi.UInt32(x)
     x ^= x >> 16
     x *= 0x7FEB352D
@@ -153,7 +153,7 @@ def _hash(x: mi.UInt32) -> mi.UInt32:
 
 @kept(4)
 def _table(count: int, variant: str) -> mi.UInt32:
-    """All coordinates of the points, bit-reversed, dimension by dimension."""
+    """Coordinates of all points, bit-reversed, one dimension after the other."""
     points = dr.brev(mi.UInt32(in_packets(sobol_points(count), np.uint32)))
     dr.eval(points)
     return points

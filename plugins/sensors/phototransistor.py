@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from mitsuba_taxel.kernels.scene_state import KnownScene
 
 MOST_PIXELS = 1 << 24
-"""Most pixels of a film, all blocks together."""
+"""Most pixels of a film, summed over all blocks."""
 SMALLEST_COSINE = 1e-6
-"""Of a table, whose values include the cosine and are divided by it."""
+"""Least cosine by which the values of a table, which include the cosine, are divided."""
 
 _E_OVER_HC = 1.602176634e-19 / (6.62607015e-34 * 299792458) * 1e-9  # A/W per nm, from the exact constants of the SI
 
@@ -39,15 +39,15 @@ class Phototransistor(mi.Sensor):
     Phototransistor (:monosp:`phototransistor`)
     -------------------------------------------
 
-    Nest it in a `rectangle`, at whose centre it lies, or in a `photo_reflector`. Pixels of its film are irradiance in
-    W/mm²; for an array the film has one block of pixels per phototransistor, row by row, and a reading is the mean of
-    its block times the area.
+    Nest this sensor in a `rectangle`, at whose centre it lies, or in a `photo_reflector`. Pixels of its film are
+    irradiance in W/mm². For an array the film has a block of pixels for each phototransistor, row by row; a reading is
+    the mean of its block times the area.
 
     A reading is *effective* power in W: light is weighted by the response relative to that of an ideal
-    phototransistor, which is 1 on the axis. Times :monosp:`responsivity(wavelength_nm)`, in A/W, it is a current. A
-    table beside the scene's XML file is found by its name.
+    phototransistor, which is 1 on the axis. The reading times :monosp:`responsivity(wavelength_nm)`, in A/W, is a
+    current. The name of a table file is relative to the scene's XML file.
 
-    Mitsuba merges sensors with identical parameters: to load a scene with two such sensors by :monosp:`mi.load_file` or
+    Mitsuba merges sensors with identical parameters. To load a scene with two such sensors by :monosp:`mi.load_file` or
     :monosp:`mi.load_dict`, pass :monosp:`optimize=False`. `Scene.load` needs no such option.
 
     .. tabs::
@@ -65,10 +65,10 @@ class Phototransistor(mi.Sensor):
     """
 
     LEARNED: ClassVar = ("guided_emission", "guide", "recorded", "checked")
-    """Attributes that follow from the state of the scene, and so are no part of it."""
+    """Attributes that are derived from the state of the scene, and are not part of that state."""
 
     def __init__(self, props: mi.Properties) -> None:
-        stated = Parameters.read(props)
+        parameters = Parameters.read(props)
         kinds = [type(value) for _, value in props.objects()]
         if not any(issubclass(kind, mi.Film) for kind in kinds):
             pixels = {"width": 1, "height": 1, "pixel_format": "luminance", "component_format": "float32"}
@@ -76,16 +76,17 @@ class Phototransistor(mi.Sensor):
         if not any(issubclass(kind, mi.Sampler) for kind in kinds):
             props["sampler"] = make_plugin("owen_sobol", sample_count=1024)
         super().__init__(props)
-        self.specification = stated
+        self.specification = parameters
         self.angular_response = _response_of(self.specification)
         self.table = self.angular_response.table if isinstance(self.angular_response, _Tabulated) else None
         self.view = self.angular_response.view
         if not self.film().rfilter().is_box_filter():
             raise InputError("film: its rfilter must be a box, so that the map integrates to the reading.")
-        if "pixel_format = xyz" in str(self.film()):  # the only way to ask it
-            raise InputError("film: pixel_format = 'xyz' is not allowed: a reading is no colour; take luminance.")
+        # A film reveals its pixel format only in its description.
+        if "pixel_format = xyz" in str(self.film()):
+            raise InputError("film: pixel_format = 'xyz' is not allowed: a reading has no colour; use luminance.")
         if tuple(self.film().crop_size()) != tuple(self.film().size()):
-            raise InputError("film: a crop is not allowed, as it would leave out a part of the reading.")
+            raise InputError("film: a crop is not allowed, as the reading would be incomplete: remove it.")
         self.block = tuple(int(n) for n in self.film().size())
         self._check_film(1)
         self.m_needs_sample_3 = True
@@ -97,7 +98,7 @@ class Phototransistor(mi.Sensor):
         self.checked: KnownScene | None = None
 
     def spread_film(self, rows: int, columns: int) -> None:
-        """Enlarge the film to one block of pixels per phototransistor of an array; raises `InputError`."""
+        """Enlarge the film to a block of pixels for each phototransistor of an array; raises `InputError`."""
         self._check_film(rows * columns)
         parameters = mi.traverse(self.film())
         parameters["size"] = mi.ScalarVector2u(columns * self.block[0], rows * self.block[1])
@@ -107,8 +108,8 @@ class Phototransistor(mi.Sensor):
         width, height = self.block
         if not 0 < blocks * width * height <= MOST_PIXELS:
             raise InputError(
-                f"film: {width} x {height} pixels for each of {blocks} phototransistors are not allowed: from 1 to "
-                f"{MOST_PIXELS} in all are needed."
+                f"film: {width} x {height} pixels for each of {blocks} phototransistors are not allowed: a total from "
+                f"1 to {MOST_PIXELS} is needed."
             )
 
     def responsivity(self, wavelength_nm: float) -> float:
@@ -117,10 +118,20 @@ class Phototransistor(mi.Sensor):
         Source: section 2.1.1 of Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile
         Sensor, with the exact constants of the SI.
 
+        Parameters
+        ----------
+        wavelength_nm : float
+            In nm.
+
+        Returns
+        -------
+        float
+            In A/W.
+
         Raises
         ------
         InputError
-            if the wavelength, in nm, is not a finite number above 0.
+            if the wavelength is not a finite number above 0.
         """
         if not 0 < wavelength_nm < math.inf:
             raise InputError(f"wavelength_nm = {wavelength_nm:g} is not allowed: a finite number above 0 is needed.")
@@ -130,7 +141,7 @@ class Phototransistor(mi.Sensor):
 
     @property
     def faces(self) -> FaceGrid:
-        """Positions of the phototransistors; computed on first use, since the sensor gets its shape late."""
+        """Positions of the phototransistors, computed at first use: the sensor gets its shape after construction."""
         if self._faces is None:
             size = self.specification.width, self.specification.depth
             self._faces = faces_on(self.get_shape(), "phototransistor", size)
@@ -140,7 +151,7 @@ class Phototransistor(mi.Sensor):
     @property
     def window(self) -> Window:
         """The windows above the phototransistors."""
-        assert self.faces  # finds the windows as well
+        assert self.faces  # computes the windows as well
         return self._window
 
     @property
@@ -149,46 +160,47 @@ class Phototransistor(mi.Sensor):
         return self.faces.frame.n
 
     def response(self, cosine: mi.Float) -> mi.Float:
-        """Response to light at an angle of cosine (0, 1] to the normal, relative to the ideal response.
+        """Response to light relative to the ideal response, by the cosine (0, 1] of its angle to the normal.
 
-        The response to a parallel beam divided by the cosine: 1 on the axis, and 1 everywhere if ideal; below a window,
-        times its transmittance.
+        This is the response to a parallel beam divided by the cosine: 1 on the axis, and 1 for all angles if ideal.
+        Below a window it includes the transmittance.
         """
         value = self.angular_response(cosine)
         return value if self.resin_index is None else value * transmittance(self.resin_index, cosine)
 
     def sample_view(self, sample: mi.Point2f) -> tuple[mi.Vector3f, mi.Float]:
-        """A direction, in the frame of the normal, for a point of the unit square, and its density [1/sr].
+        """A random direction in the frame of the normal, and its density [1/sr].
 
-        It is distributed as the response to a parallel beam: a narrow response sees a small part of a wall.
+        Directions are distributed as the response to a parallel beam, so that a narrow response samples a small area of
+        a wall.
         """
         local = self.view.sample(sample)
         return local, self.view.density(local)
 
     def density_of_view(self, d: mi.Vector3f) -> mi.Float:
-        """Density [1/sr] with which :meth:`sample_view` returns a direction, given in world coordinates."""
+        """Density [1/sr] of :meth:`sample_view` at a direction in world coordinates."""
         return self.view.density(self.faces.frame.to_local(d))
 
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f]:
-        """A point uniform on phototransistor ``index``, and its offset from the centre."""
+        """A uniformly distributed point on phototransistor ``index``, and its offset from the centre."""
         offset = (sample - 0.5) * self.faces.size
         return self.faces.point(index, offset), offset
 
     def contains(self, index: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> tuple[mi.Bool, mi.Point2f]:
-        """Whether a ray that arrives at the surface point ``p`` in direction ``d`` meets phototransistor ``index``, and
-        its offset from the centre there."""
+        """Whether a ray in direction ``d`` through the surface point ``p`` meets phototransistor ``index``, and the
+        offset of that hit from the centre."""
         offset, enters = self.window.enter(index, p, d)
         return dr.all(dr.abs(offset) <= 0.5 * self.faces.size) & enters, offset
 
     def pixel(self, index: mi.UInt32, offset: mi.Point2f) -> mi.Point2f:
-        """Film position in pixels of a point on phototransistor ``index``."""
+        """Position on the film, in pixels, of a point on phototransistor ``index``."""
         faces = self.faces
         uv = dr.clip(mi.Point2f(offset.x, -offset.y) / faces.size + 0.5, 0, dr.one_minus_epsilon(mi.Float))
         row = index // faces.columns
         corner = mi.Point2f(mi.Float(index - row * faces.columns), mi.Float(row))
         return (corner + uv) * mi.Vector2f(*self.block)
 
-    # Interface of Mitsuba's own integrators
+    # Interface of the integrators of Mitsuba
 
     def sample_ray(self, time, sample1, sample2, sample3, active=True):
         faces = self.faces
@@ -250,8 +262,10 @@ class Phototransistor(mi.Sensor):
 
 
 class _AngularResponse(Protocol):
-    """Response relative to an ideal phototransistor, finite for every cosine of at most 1, and the law of directions
-    that is proportional to the response to a parallel beam."""
+    """Response relative to an ideal phototransistor, by the cosine of the angle; finite for every cosine up to 1.
+
+    ``view`` is the distribution of directions that is proportional to the response to a parallel beam.
+    """
 
     @property
     def view(self) -> emission.EmissionLaw: ...
@@ -259,7 +273,7 @@ class _AngularResponse(Protocol):
 
 
 class _Ideal:
-    """Independent of the angle."""
+    """The ideal response, which is independent of the angle."""
 
     view = emission.CosineLaw()
 
@@ -268,7 +282,7 @@ class _Ideal:
 
 
 class _CosinePower:
-    """cos(theta)**(exponent - 1)."""
+    """The response cos(theta)**(exponent - 1)."""
 
     def __init__(self, exponent: float) -> None:
         self.excess = dr.opaque(mi.Float, exponent - 1)
@@ -279,7 +293,7 @@ class _CosinePower:
 
 
 class _Tabulated:
-    """Table over cos(theta); the cosine is limited, for tables that are not zero at 90 degrees."""
+    """A response from a table; the cosine is limited from below, for tables that are not zero at 90 degrees."""
 
     def __init__(self, angles: np.ndarray, responses: np.ndarray) -> None:
         self.view = emission.Tabulated(angles, responses)
@@ -288,24 +302,24 @@ class _Tabulated:
         cosines = np.cos(np.radians(angles[::-1]))
         relative = responses[::-1] / np.maximum(cosines, SMALLEST_COSINE)
         if cosines[0] < SMALLEST_COSINE and responses[-1] == 0:
-            relative[0] = relative[1]  # its limit at 90 degrees
+            relative[0] = relative[1]  # limit at 90 degrees
         self.table = cosines, relative
 
     def __call__(self, cosine: mi.Float) -> mi.Float:
         return self.to_beam(dr.safe_acos(cosine)) / dr.maximum(cosine, SMALLEST_COSINE)
 
 
-def _response_of(stated: Parameters) -> _AngularResponse:
+def _response_of(parameters: Parameters) -> _AngularResponse:
     """The response of a phototransistor; raises `InputError` for a table that is not allowed."""
-    if stated.exponent is not None:
-        return _CosinePower(stated.exponent)
-    if stated.file is None:
+    if parameters.exponent is not None:
+        return _CosinePower(parameters.exponent)
+    if parameters.file is None:
         return _Ideal()
-    angles, responses = read_angular_table(stated.file)
+    angles, responses = read_angular_table(parameters.file)
     smallest = 1e-6 * responses.max()
     if responses[0] < smallest or responses[0] == 0:
         raise InputError(
-            f"file = {stated.file!r}: the value {responses[0]:g} at 0 degrees is not allowed: above 0, and at least "
-            f"a millionth of the largest, {smallest:g}, is needed."
+            f"file = {parameters.file!r}: the value {responses[0]:g} at 0 degrees is not allowed: above 0, and at "
+            f"least a millionth of the largest, {smallest:g}, is needed."
         )
     return _Tabulated(angles, responses)

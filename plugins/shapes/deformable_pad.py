@@ -1,4 +1,4 @@
-"""The silicone pad with its cells, deformed by a load."""
+"""A silicone pad with cells, deformed by a load."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.surface.tessellation import Surface
 
 FLAT = 1e-5
-"""Distance of triangles from a wall, relative to the pad's height, that is negligible."""
+"""Negligible distance of triangles from a curved wall, relative to the height of the pad."""
 
 
 class DeformablePad(mi.Mesh):
@@ -47,22 +47,23 @@ class DeformablePad(mi.Mesh):
     Deformable pad (:monosp:`deformable_pad`)
     -----------------------------------------
 
-    Solves for the deformation (solutions are cached on disk) and becomes the mesh of the deformed surface, with the
-    face attributes :monosp:`face_region` and :monosp:`face_cell`. Its bottom is glued to z = 0. A load
-    beyond that at which the pad first touches itself, the board or a package, unless :monosp:`self_contact` is true, or
-    becomes unstable, is refused.
+    This shape computes the deformation of the pad by finite elements (solutions are cached on disk). It is the mesh of
+    the deformed surface, with the face attributes :monosp:`face_region` and :monosp:`face_cell`. The bottom of the pad
+    is fixed at z = 0. A load is refused if the pad becomes unstable before it is reached. It is also refused if the pad
+    touches itself, the board or a package before it is reached, unless :monosp:`self_contact` is true.
 
-    The roof of a cell with a profile is the surface of revolution of a clamped B-spline with evenly spaced knots, of
-    degree 3, or one less than its points, in r^2 and z: so it is smooth on the axis, and flat, spherical and
-    hemispheric roofs are profiles exactly (:monosp:`Pad.as_profile` of Python gives their points). The side below it
-    is straight. A frustum is a cone with a flat roof, of the diameter :monosp:`roof_size`.
+    The roof of a cell with a profile is a surface of revolution. Its meridian is a clamped B-spline in r^2 and z with
+    evenly spaced knots, of degree 3 or of one less than its number of points. The roof is therefore smooth on the axis,
+    and flat, spherical and hemispheric roofs are exactly representable (:monosp:`Pad.as_profile` in Python gives their
+    points). The side below the roof is straight. A frustum is a cone with a flat roof of the diameter
+    :monosp:`roof_size`.
 
-    A finish is applied to the undeformed cells and moves with the deformation. Layer steps are treads at the multiples
-    of the layer height along the print direction, from the centre of the pad's bottom, and risers midway between; walls
-    along that direction are unchanged, and a flat roof across it moves to the nearest level, by up to half a layer.
-    Grooves are V-shaped, with ridges where the distance from that centre along groove_direction is a multiple of the
-    pitch. Random heights are Gaussian, with the correlation exp(-r^2 / correlation_length^2). Both are measured along
-    the normal of the smooth wall, and are 0 on average.
+    A finish is applied to the undeformed cells and moves with the deformation. Layer steps are treads at multiples of
+    the layer height along the print direction, measured from the centre of the pad's bottom, with risers midway
+    between them. Walls along that direction are unchanged; a flat roof across it moves to the nearest level, by up to
+    half a layer. Grooves are V-shaped, with ridges where the distance from that centre along groove_direction is a
+    multiple of the pitch. Random heights are Gaussian, with the correlation exp(-r^2 / correlation_length^2). Heights
+    of grooves and random finishes are measured along the normal of the smooth wall, and are 0 on average.
 
     .. tabs::
         .. code-tab:: xml
@@ -80,50 +81,57 @@ class DeformablePad(mi.Mesh):
     def __init__(self, props: mi.Properties) -> None:
         from mitsuba_taxel.mechanics.history.timed_rows import rubs
         from mitsuba_taxel.mechanics.materials.viscoelastic import prony_of
-        from mitsuba_taxel.specification.deformable_pad import DeformablePad as Parameters  # imports the mechanics
+        from mitsuba_taxel.specification.deformable_pad import DeformablePad as Parameters
 
+        # Parameters and the objects that they describe.
         packages_follow = AWAITED_PACKAGE in props and isinstance(props[AWAITED_PACKAGE], mi.Properties)
         if packages_follow:
             del props[AWAITED_PACKAGE]
-        self.specification = stated = Parameters.read(props)
-        self.pad = stated.build_pad(found)
-        self.material = stated.build_material()
-        self.load, self.value = stated.build_load(found)
-        self.prony, self.history = prony_of(stated.prony), stated.build_history()
+        self.specification = parameters = Parameters.read(props)
+        self.pad = parameters.build_pad(found)
+        self.material = parameters.build_material()
+        self.load, self.value = parameters.build_load(found)
+        self.prony, self.history = prony_of(parameters.prony), parameters.build_history()
         self.remembers = bool(self.prony) or rubs(self.load)
-        self.mesh_size, self.mesh_tolerance, self.judged_on = stated.mesh_size, stated.mesh_tolerance, None
-        self.read_cells = stated.cell_numbers()
-        self.finish = stated.build_finish()
-        self.subdivision = stated.subdivision
-        self.to_world = np.eye(4) if stated.to_world is None else np.array(stated.to_world.matrix, dtype=float)
+        self.mesh_size, self.mesh_tolerance, self.judged_on = parameters.mesh_size, parameters.mesh_tolerance, None
+        self.read_cells = parameters.cell_numbers()
+        self.finish = parameters.build_finish()
+        self.subdivision = parameters.subdivision
+        self.to_world = np.eye(4) if parameters.to_world is None else np.array(parameters.to_world.matrix, dtype=float)
+
+        # A BSDF for each region: where the pad touches a package, light is blocked by a region of its own.
         walls = [value for _, value in props.objects() if isinstance(value, mi.BSDF)]
         if not walls:
             props["bsdf"] = make_plugin("wall", scattering="absorbing")
-        elif self.load.self_contact and not is_region(walls[0]):  # what touches a package is shut by its region
+        elif self.load.self_contact and not is_region(walls[0]):
             name = next(name for name, value in props.objects() if value is walls[0])
             props[name] = make_plugin("region", **dict.fromkeys(REGIONS, walls[0]))
         self.mirrors = [code for wall in walls for code in mirrors(wall)]
         check_mirrors(self.pad, self.mirrors, self.subdivision)
+
+        # Elements and triangles of loaded domes are chosen by the light unless a mesh size is set.
         if self.is_loaded and not (self.remembers or self.mesh_size or self.mesh_tolerance):
             self.mesh_size = size_for_light(self.pad, self.load, walls)
             if self.mesh_size is not None:
                 self.judged_on = self.pad.default_mesh_size
                 self.subdivision = fewer_triangles(self.subdivision, self.mesh_size / self.judged_on)
 
+        # The deformed surface becomes the mesh.
         self.surface = self._solve(waits=packages_follow and self.load.self_contact)
         triangles = self.surface.triangles
-        places = self._places(self.surface, self.surface.facing)
-        if places.normals is not None:
+        mesh_data = self._places(self.surface, self.surface.facing)
+        if mesh_data.normals is not None:
             triangles = np.arange(triangles.size).reshape(-1, 3)
-        initialize_mesh(self, props, places, triangles)
+        initialize_mesh(self, props, mesh_data, triangles)
         self._add_attributes(self)
 
     def _solve(self, waits: bool) -> Surface:
-        """The surface of the pad under its load, or undeformed if it ``waits`` for packages."""
+        """The surface of the pad under its load; the undeformed surface if it ``waits`` for packages."""
         from mitsuba_taxel.mechanics import check_finish
 
         with stages.stage("mechanics"):
-            # Refuse what cannot be built before solving. Smaller elements have as many triangles, but are made later.
+            # Limits on triangles and finishes are checked before the solve. Smaller elements do not change the number
+            # of triangles, but are generated later.
             subdivision = self.specification.subdivision
             if isinstance(self.pad, Pad):
                 least = LEAST_FACES * len(self.read_cells or self.pad.cell_centres)
@@ -137,18 +145,21 @@ class DeformablePad(mi.Mesh):
             return self._tessellated(self.state, self.pad)
 
     def _tessellated(self, state: State, pad: Pad | PadFile) -> Surface:
+        """The triangulated surface of a state."""
         from mitsuba_taxel.mechanics import tessellate
 
         cut_of = None if state.mesh is self.state.mesh else self.state.mesh
         return tessellate(state, self.subdivision, self.finish, self.read_cells, pad, cut_of)
 
     def _places(self, surface: Surface, vertices: np.ndarray) -> Places:
-        """The mesh's vertices; if there are mirrors, triangles share no vertices, and those of mirrors have normals of
-        the curved walls."""
-        places, region = _placed(vertices, self.to_world), self.changing_region(surface)
+        """Vertices and normals of the mesh.
+
+        With mirrors, triangles do not share vertices, and triangles of mirrors have the normals of the curved walls.
+        """
+        positions, region = _placed(vertices, self.to_world), self.changing_region(surface)
         if not self.mirrors:
-            return Places(places, None, region)
-        corners = places[surface.triangles]
+            return Places(positions, None, region)
+        corners = positions[surface.triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, None].repeat(3, axis=1)
         smooth = np.isin(surface.region, self.mirrors)
         normals[smooth] = np.einsum("tki,ji->tkj", surface.normals[smooth], self.to_world[:3, :3])
@@ -156,28 +167,28 @@ class DeformablePad(mi.Mesh):
         return Places(corners.reshape(-1, 3), normals.reshape(-1, 3), region)
 
     def changing_region(self, surface: Surface | None = None) -> np.ndarray | None:
-        """(T,) region codes of a surface, by default the present one, that may touch packages; None if these do not
-        change."""
+        """Region codes (T,) of a surface that may touch packages, by default the current surface; None if regions
+        cannot change."""
         surface = surface or self.surface
         return None if self.state.bodies is None else np.where(surface.shut, CONTACT, surface.region)
 
     @property
     def undeformed(self) -> CellSurface:
-        """The same triangles without a load: one object shared by all pads with the same undeformed surface."""
+        """The surface without a load, with the same triangles; equal surfaces of several pads are a single object."""
         cells = None if self.read_cells is None else tuple(self.read_cells)
-        place = tuple(map(tuple, self.to_world.tolist()))
-        return _undeformed(self.state.mesh, self.subdivision, self.finish, cells, self.pad, place)
+        pose = tuple(map(tuple, self.to_world.tolist()))
+        return _undeformed(self.state.mesh, self.subdivision, self.finish, cells, self.pad, pose)
 
-    def deviating_places(self, share: float = 1.0) -> list[Places] | None:
-        """The vertices displaced by a share of each of the pad's `State.deviations`; None if these are unknown."""
+    def deviating_places(self, fraction: float = 1.0) -> list[Places] | None:
+        """Vertices displaced by a fraction of each of `State.deviations`; None if these are unknown."""
         if self.state.deviations is None:
             return None
-        displaced = (self.state.displacement + share * deviation for deviation in self.state.deviations)
+        displaced = (self.state.displacement + fraction * deviation for deviation in self.state.deviations)
         surfaces = (self._tessellated(replace(self.state, displacement=u), self.pad) for u in displaced)
         return [self._kept_in_contact(surface) for surface in surfaces]
 
     def _kept_in_contact(self, surface: Surface) -> Places:
-        """The vertices of a surface that is displaced by an error; what touches a package stays where it is."""
+        """Vertices of a surface that is displaced by an error; vertices in contact with a package stay in place."""
         touches = self.surface.touches
         if not touches.any():
             return self._places(surface, surface.facing)
@@ -185,23 +196,37 @@ class DeformablePad(mi.Mesh):
         return self._places(surface, np.where(touches[:, None], self.surface.facing, surface.facing))
 
     def moved_places(self, state: State, pad: Pad | PadFile, chords: bool = False) -> Places:
-        """The vertices, or their ``chords``, of a state whose displacement or nodes were changed a little, and of its
-        pad, which may have other dimensions."""
+        """Vertices of a state with slightly changed displacement or nodes, and of a pad with changed dimensions.
+
+        Parameters
+        ----------
+        state : State
+            The changed state.
+        pad : Pad or PadFile
+            The pad of that state.
+        chords : bool
+            Whether vertices lie on the curved walls, so that triangles are chords.
+
+        Returns
+        -------
+        Places
+            Vertices and normals.
+        """
         surface = self._tessellated(state, pad)
         return self._places(surface, surface.vertices if chords else surface.facing)
 
     @property
     def is_curved(self) -> bool:
-        """Whether triangles deviate from curved walls by more than what changes readings by some 1e-5."""
+        """Whether triangles deviate from curved walls by so much that readings change by more than about 1e-5."""
         surface = self.surface
         return bool(np.abs(surface.offsets).max() > FLAT * np.ptp(surface.vertices[:, 2]))
 
     def chords(self) -> Places:
-        """The vertices on the curved walls themselves, so that triangles are their chords."""
+        """Vertices on the curved walls, so that triangles are chords."""
         return self._places(self.surface, self.surface.vertices)
 
     def closed(self) -> mi.Mesh:
-        """The same surface as a mesh whose triangles share their vertices, whatever the walls."""
+        """The surface as a mesh whose triangles share vertices, also with mirrors."""
         if not self.mirrors:
             return self
         mesh = mi.Mesh(self.id(), len(self.surface.vertices), len(self.surface.triangles))
@@ -218,7 +243,7 @@ class DeformablePad(mi.Mesh):
 
     @cached_property
     def contact_pressure(self) -> np.ndarray | None:
-        """(V,) MPa by which an indenter presses at the vertices of the surface; None where there is none."""
+        """Contact pressure (V,) of an indenter at the vertices of the surface in MPa; None without an indenter."""
         from mitsuba_taxel.mechanics import contact_pressure_at_vertices
 
         if self.state.indenter_moved is None:
@@ -227,50 +252,73 @@ class DeformablePad(mi.Mesh):
 
     @property
     def is_loaded(self) -> bool:
-        """Whether the pad is displaced, by a load or by an earlier one."""
+        """Whether the pad is displaced by its load or by an earlier load."""
         return any(self.value) or (self.remembers and any(map(any, self.history[1])))
 
     def at_rest(self, mesh_size: float | None = None) -> State:
-        """The unloaded state on the elements of the loaded one, or on others if their size in mm is given."""
-        return self._at_rest(self._how if mesh_size is None else self._how | {"mesh_size": mesh_size})
+        """The unloaded state, on the elements of the loaded state or on elements of another size in mm."""
+        return self._at_rest(self._settings if mesh_size is None else self._settings | {"mesh_size": mesh_size})
 
     def at_onset(self) -> State:
-        """The unloaded state on the elements of loaded ones, for derivatives with respect to a load."""
-        how = self._how_loaded
-        return self._at_rest({name: how[name] for name in self._how})
+        """The unloaded state on the elements of loaded states, for derivatives with respect to a load."""
+        settings = self._loaded_settings
+        return self._at_rest({name: settings[name] for name in self._settings})
 
-    def _at_rest(self, how: dict[str, Any]) -> State:
+    def _at_rest(self, settings: dict[str, Any]) -> State:
         from mitsuba_taxel.mechanics import state_at_rest
 
         values = self.history[1] if self.remembers else [self.value]
-        return state_at_rest(self.pad, self.material, values, **how)
+        return state_at_rest(self.pad, self.material, values, **settings)
 
     def state_under(self, value: Sequence[float], obstacles: np.ndarray | None = None) -> State:
-        """The state under another final value of the load; see `load_path`."""
-        from mitsuba_taxel.mechanics import Viscoelastic, load_path, state_after
+        """The state under another final value of the load.
 
-        if not (self.remembers and self.is_loaded):
-            how = self._how | {"judged_on": self.judged_on}
-            return load_path(self.pad, self.material, [value], obstacles=obstacles, **how)[0]
-        times, values = self.history
-        material, when = (Viscoelastic(self.material, self.prony), times) if self.prony else (self.material, None)
-        return state_after(self.pad, material, [*values[:-1], value], when, obstacles=obstacles, **self._how)
-
-    def heed(self, obstacles: np.ndarray) -> bool:
-        """Deform the pad as ``obstacles`` (K, 3, 3), corners of triangles in mm in its frame, let it.
+        Parameters
+        ----------
+        value : sequence of float
+            Components of the load.
+        obstacles : (K, 3, 3) ndarray, optional
+            Corners of triangles in the frame of the pad, mm.
 
         Returns
         -------
-        Whether its vertices were moved, which they are only where its load goes on.
+        State
+            Last state of the path; see `load_path`.
+        """
+        from mitsuba_taxel.mechanics import Viscoelastic, load_path, state_after
+
+        if not (self.remembers and self.is_loaded):
+            settings = self._settings | {"judged_on": self.judged_on}
+            return load_path(self.pad, self.material, [value], obstacles=obstacles, **settings)[0]
+        times, values = self.history
+        path = [*values[:-1], value]
+        if not self.prony:
+            return state_after(self.pad, self.material, path, None, obstacles=obstacles, **self._settings)
+        material = Viscoelastic(self.material, self.prony)
+        return state_after(self.pad, material, path, times, obstacles=obstacles, **self._settings)
+
+    def heed(self, obstacles: np.ndarray) -> bool:
+        """Deform the pad in contact with obstacles.
+
+        Parameters
+        ----------
+        obstacles : (K, 3, 3) ndarray
+            Corners of triangles in the frame of the pad, mm.
+
+        Returns
+        -------
+        bool
+            Whether vertices were moved, which requires ``self_contact``.
 
         Raises
         ------
         InputError, ComputationError
-            as of `load_path`: if it touches them undeformed, or its load path ends.
+            as of `load_path`: if the undeformed pad touches an obstacle, or if the load path ends.
         """
         try:
             state = self.state_under(self.value, obstacles)
-        except InputError as error:  # undeformed
+        except InputError as error:
+            # The undeformed pad touches an obstacle: the message gets advice on where there is room.
             if isinstance(self.pad, PadFile):
                 from mitsuba_taxel.pads.imported.regions import extents_of
 
@@ -288,12 +336,12 @@ class DeformablePad(mi.Mesh):
         return True
 
     def _room_needed(self, obstacles: np.ndarray) -> str:
-        """For the first package that does not fit into its cell, in words; else the width of the cells."""
+        """Room that the first package that does not fit into its cell needs, as text; otherwise the cells' width."""
         from mitsuba_taxel.mechanics.contact.barriers.bodies import body_of_each
         from mitsuba_taxel.pads.room import holds, nearest_cell, room_needed
 
-        number = body_of_each(obstacles)
-        for corners in (obstacles[number == each].reshape(-1, 3) for each in range(number.max() + 1)):
+        body = body_of_each(obstacles)
+        for corners in (obstacles[body == index].reshape(-1, 3) for index in range(body.max() + 1)):
             middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
             centre = self.pad.cell_centres[nearest_cell(self.pad, middle[None, :2])[0]]
             if not holds(self.pad, (corners - [*centre, 0.0])[None])[0]:
@@ -301,33 +349,35 @@ class DeformablePad(mi.Mesh):
         return f"its cells are {self.pad.cell_size:g} mm wide"
 
     def take(self, state: State) -> None:
-        """Become the surface of another state of the pad on the same mesh."""
+        """Change to the surface of another state of the pad on the same mesh."""
         self.state, self.surface = state, self._tessellated(state, self.pad)
         move_vertices(self, self._places(self.surface, self.surface.facing))
 
     def second_state(self) -> SecondState | None:
-        """The state on elements of another size, with which derivatives are compared; see `second_state`."""
+        """The state on elements of another size, for the error of derivatives; see `second_state`."""
         from mitsuba_taxel.mechanics import second_state
 
-        return second_state(self.pad, self.material, self.value, bodies=self.state.bodies, **self._how_loaded)
+        return second_state(self.pad, self.material, self.value, bodies=self.state.bodies, **self._loaded_settings)
 
     @property
-    def _how(self) -> dict[str, Any]:
+    def _settings(self) -> dict[str, Any]:
+        """Arguments of `load_path`: the load and its mesh."""
         return {"load": self.load, "mesh_size": self.mesh_size, "mesh_tolerance": self.mesh_tolerance}
 
     @property
     def loaded_mesh_size(self) -> float | None:
-        """Size in mm of the elements that the pad has under a load, which may be smaller than at rest."""
+        """Size in mm of the elements of the loaded pad, which may be smaller than at rest."""
         if self.is_loaded or self.remembers or self.mesh_size or self.mesh_tolerance:
             return self.mesh_size
         return size_for_light(self.pad, self.load, [self.bsdf()])
 
     @property
-    def _how_loaded(self) -> dict[str, Any]:
-        size, judged_on = self.loaded_mesh_size, self.judged_on
-        if size != self.mesh_size:
+    def _loaded_settings(self) -> dict[str, Any]:
+        """Arguments of `load_path` on the elements of the loaded pad."""
+        mesh_size, judged_on = self.loaded_mesh_size, self.judged_on
+        if mesh_size != self.mesh_size:
             judged_on = self.pad.default_mesh_size
-        return self._how | {"mesh_size": size, "judged_on": judged_on}
+        return self._settings | {"mesh_size": mesh_size, "judged_on": judged_on}
 
     def to_string(self) -> str:
         return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"
@@ -335,14 +385,17 @@ class DeformablePad(mi.Mesh):
 
 @kept(4)  # the pads of a study share their mesh
 def _undeformed(mesh, subdivision, finish, cells, pad, to_world):
+    """The undeformed surface in world coordinates."""
     from mitsuba_taxel.mechanics import tessellate
 
-    rest: Any = SimpleNamespace(mesh=mesh, displacement=np.zeros_like(mesh.points))  # used parts of a state
+    # Tessellation uses only these two attributes of a state.
+    rest: Any = SimpleNamespace(mesh=mesh, displacement=np.zeros_like(mesh.points))
     surface = tessellate(rest, subdivision, finish, cells, pad)
     vertices = _placed(surface.vertices, np.array(to_world))
     return CellSurface(vertices, surface.triangles, surface.region, surface.cell)
 
 
 def _placed(vertices: np.ndarray, to_world: np.ndarray) -> np.ndarray:
-    # Not as a matrix product: BLAS threads woken for so little take several times as long on busy cores.
+    """Vertices (V, 3) transformed into world coordinates."""
+    # A matrix product would start BLAS threads, which takes several times as long on busy cores.
     return np.einsum("vi,ji->vj", vertices, to_world[:3, :3]) + to_world[:3, 3]

@@ -1,4 +1,4 @@
-"""LED and phototransistor in one package, or a whole array of them."""
+"""LED and phototransistor in a package, or an array of such packages."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from mitsuba_taxel.specification.photo_reflector import Opening
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector as Parameters
 
 ROUNDS = 12
-"""Sides of a quarter of a round end in the mesh. Its BSDFs thus cover 0.3 % less of the end than the window, which is
-round for light that enters or leaves."""
+"""Edges of a quarter of a round end in the mesh. The mesh covers 0.3 % less of the end than the window, which is round
+for light that enters or leaves."""
 
 
 class PhotoReflector(mi.Mesh):
@@ -31,11 +31,13 @@ class PhotoReflector(mi.Mesh):
     Photo-reflector (:monosp:`photo_reflector`)
     -------------------------------------------
 
-    Body, LED face and phototransistor face form one closed surface: the top is cut along the edges of the two faces,
-    and the face attribute :monosp:`face_region` distinguishes the three. Regions without a BSDF absorb; the dark centre
-    of an LED belongs to its face. Defaults are those of the paper's NJL5908AR; a :monosp:`part` of the catalogue has
-    its own dies. If these lie below windows, the faces are the windows, and light is bent there; what a window reflects
-    is up to the BSDF of its region.
+    Body, LED face and phototransistor face form a closed surface: the top is divided along the edges of the two faces,
+    and the face attribute :monosp:`face_region` distinguishes the three regions. Regions without a BSDF absorb. The
+    dark centre of an LED belongs to its face.
+
+    Defaults are those of the paper's sensor, the NJL5908AR. A :monosp:`part` of the catalogue has its own dies. If the
+    dies lie below windows, the faces are the windows, and light is refracted there; the BSDF of the region determines
+    what a window reflects.
 
     .. tabs::
         .. code-tab:: xml
@@ -53,20 +55,24 @@ class PhotoReflector(mi.Mesh):
 
     def __init__(self, props: mi.Properties) -> None:
         find_file(props, "part", SUFFIX)
-        self.specification = stated = Parameters.read(props)
-        package = stated.package
-        if stated.part is not None:
-            for part in (package.led, package.phototransistor):
-                words = part.to_dict()
-                props[part.plugin] = make_plugin(words.pop("type"), **words)
+        self.specification = parameters = Parameters.read(props)
+        package = parameters.package
+        if parameters.part is not None:
+            for nested in (package.led, package.phototransistor):
+                entries = nested.to_dict()
+                props[nested.plugin] = make_plugin(entries.pop("type"), **entries)
+
+        # LED and phototransistor, and the body around them.
         led, detector = _ends_of(props)
         if package.resin_index is not None:
             led.resin_index = detector.resin_index = dr.opaque(mi.Float, package.resin_index)
-        self.rows, self.columns, self.pitch = stated.rows, stated.columns, stated.pitch
+        self.rows, self.columns, self.pitch = parameters.rows, parameters.columns, parameters.pitch
         self.sides, self.openings, self.resin_index = package.sides, package.openings, package.resin_index
         self.body = np.array(package.body)
-        self.to_world = stated.to_world or mi.ScalarTransform4f()
+        self.to_world = parameters.to_world or mi.ScalarTransform4f()
         _cover_the_body(props)
+
+        # The mesh of a body, repeated in the array.
         vertices, triangles = _body(self.body, *self._cuts())
         self.built = self._repeat(vertices, triangles)
         initialize_mesh(self, props, Places(self.built[0], None), self.built[1])
@@ -75,18 +81,18 @@ class PhotoReflector(mi.Mesh):
         detector.spread_film(self.rows, self.columns)
 
     def is_as_built(self) -> bool:
-        """Whether vertices and triangles are unchanged since LED and phototransistor were set into them."""
+        """Whether vertices and triangles are unchanged since construction, when LED and phototransistor were placed."""
         parameters, (vertices, triangles) = mi.traverse(self), self.built
-        same = np.array_equal(parameters["faces"], triangles.ravel())
-        return same and np.array_equal(parameters["vertex_positions"], vertices.astype(np.float32).ravel())
+        same_triangles = np.array_equal(parameters["faces"], triangles.ravel())
+        return same_triangles and np.array_equal(parameters["vertex_positions"], vertices.astype(np.float32).ravel())
 
     def face_grid(self, name: str) -> FaceGrid:
-        """Positions of the dies called ``led`` or ``phototransistor``."""
+        """Positions of the dies ``led`` or ``phototransistor`` of all packages."""
         side = self.sides[name]
         return self._grid((side.x, side.y), side.die_depth, (side.die_width, side.die_length))
 
     def window(self, name: str, dies: FaceGrid) -> ResinWindow | None:
-        """Windows above the dies at a grid, None for dies in the top of the body."""
+        """Windows above the dies ``led`` or ``phototransistor``; None for dies in the top of the body."""
         if self.resin_index is None:
             return None
         depth, opening = self.sides[name].die_depth, self.openings[name]
@@ -94,11 +100,11 @@ class PhotoReflector(mi.Mesh):
         return ResinWindow(dies, faces, dies.scale * depth, self.resin_index, opening.is_obround)
 
     def _grid(self, centre: tuple[float, float], depth: float, size: tuple[float, float]) -> FaceGrid:
-        place = (*centre, self.body[2] - depth)
-        return FaceGrid(self.to_world, place, size, self.rows, self.columns, self.pitch)
+        position = (*centre, self.body[2] - depth)
+        return FaceGrid(self.to_world, position, size, self.rows, self.columns, self.pitch)
 
     def _regions(self, centroids: np.ndarray) -> np.ndarray:
-        """Codes (T,) of the regions of one body's triangles, given their centroids (T, 3) in mm."""
+        """Region codes (T,) of the triangles of a body, from their centroids (T, 3) in mm."""
         codes = np.full(len(centroids), BODY_REGIONS["body"])
         on_top = centroids[:, 2] > self.body[2] * (1 - 1e-6)
         for name, opening in self.openings.items():
@@ -107,7 +113,7 @@ class PhotoReflector(mi.Mesh):
         return codes
 
     def _repeat(self, vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (V, 3) in the world and triangles (T, 3) of all bodies, given those of one."""
+        """Vertices (V, 3) in world coordinates and triangles (T, 3) of all bodies, from those of a single body."""
         column, row = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
         shift = np.zeros((self.rows * self.columns, 1, 3))
         shift[:, 0, 0] = (column.ravel() - (self.columns - 1) / 2) * self.pitch
@@ -118,8 +124,15 @@ class PhotoReflector(mi.Mesh):
         return all_vertices @ matrix[:3, :3].T + matrix[:3, 3], (triangles[None] + offsets).reshape(-1, 3)
 
     def _cuts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Grid lines on the top, such that both openings are unions of grid cells: x (K, L) of L lines at K values of
-        y, and these."""
+        """Grid lines on the top, chosen so that both openings are unions of grid cells.
+
+        Returns
+        -------
+        x : (K, L) ndarray
+            Positions in mm of L lines at K values of y.
+        y : (K,) ndarray
+            These values, mm.
+        """
         lines = []
         for axis in (0, 1):
             half = 0.5 * self.body[axis]
@@ -127,10 +140,12 @@ class PhotoReflector(mi.Mesh):
             inner = [cut for cut in sorted(cuts) if abs(cut) < half * (1 - 1e-6)]
             lines.append(_distinct(np.array([-half, *inner, half])))
         x, y = np.tile(lines[0], (len(lines[1]), 1)), lines[1]
-        for opening in (each for each in self.openings.values() if each.is_obround):
+        for opening in (opening for opening in self.openings.values() if opening.is_obround):
             for side, line in zip((-1, 1), _edges(opening, 0), strict=True):
-                here = np.abs(lines[0] - line).argmin()
-                x[:, here] = opening.centre[0] + side * _half_width(opening, np.abs(y - opening.centre[1]), beyond=True)
+                column = np.abs(lines[0] - line).argmin()
+                x[:, column] = opening.centre[0] + side * _half_width(
+                    opening, np.abs(y - opening.centre[1]), beyond=True
+                )
         return x, y
 
     def to_string(self) -> str:
@@ -139,18 +154,20 @@ class PhotoReflector(mi.Mesh):
 
 
 def _ends_of(props: mi.Properties) -> tuple[mi.Emitter, mi.Sensor]:
-    """The nested LED and phototransistor; raises `InputError` unless there is exactly one of each."""
+    """The nested LED and phototransistor; raises `InputError` unless there is exactly one of each kind."""
     ends = []
-    for kind, plugin, what in ((mi.Emitter, "annular_led", "emitters"), (mi.Sensor, "phototransistor", "sensors")):
-        made = [value for _, value in props.objects() if isinstance(value, kind)]
-        if len(made) != 1 or kind_of(made[0]) != plugin:
-            raise InputError(f"photo_reflector: exactly one {plugin} must be nested in it, not {len(made)} {what}.")
-        ends += made
+    for kind, plugin, plural in ((mi.Emitter, "annular_led", "emitters"), (mi.Sensor, "phototransistor", "sensors")):
+        nested = [value for _, value in props.objects() if isinstance(value, kind)]
+        if len(nested) != 1 or kind_of(nested[0]) != plugin:
+            raise InputError(
+                f"photo_reflector: {len(nested)} {plural} are nested in it: exactly one {plugin} is needed."
+            )
+        ends += nested
     return ends[0], ends[1]
 
 
 def _cover_the_body(props: mi.Properties) -> None:
-    """Let a BSDF other than a `region` cover the body alone; by default all faces absorb."""
+    """Restrict a BSDF other than a `region` to the body; without any BSDF, all faces absorb."""
     covers = [(name, value) for name, value in props.objects() if isinstance(value, mi.BSDF)]
     for name, cover in covers:
         if not is_region(cover):
@@ -160,45 +177,55 @@ def _cover_the_body(props: mi.Properties) -> None:
 
 
 def _distinct(values: np.ndarray) -> np.ndarray:
-    """Sorted ``values`` without those closer than 1e-6 of their range to the one before."""
+    """Sorted values without those that are closer than 1e-6 of the range to their predecessor."""
     keep = np.diff(values, prepend=-np.inf) > 1e-6 * (values[-1] - values[0])
     return values[keep]
 
 
 def _edges(opening: Opening, axis: int) -> list[float]:
-    """Positions along an axis of the edges of an opening, of all of its corners along y."""
+    """Positions in mm of the edges of an opening along x (axis 0), or of all its corners along y (axis 1)."""
     outwards = _outline(opening)[0].tolist() if axis else [0.5 * opening.extent[0]]
     return [opening.centre[axis] + side * half for half in outwards for side in (-1, 1)]
 
 
 def _half_width(opening: Opening, distance: np.ndarray, beyond: bool = False) -> np.ndarray:
-    """Half the width of an opening at distances along y from its centre; further out 0, or if ``beyond`` as at its
-    end."""
+    """Half the width of an opening at distances along y from its centre.
+
+    Outside the opening the result is 0, or the width at its end if ``beyond``.
+    """
     y, x = _outline(opening)
     return np.interp(distance, y, x, right=None if beyond else 0.0)
 
 
 def _outline(opening: Opening) -> tuple[np.ndarray, np.ndarray]:
-    """Distances from the centre of an opening, along y and x, of the corners of a quarter of it."""
+    """Corners of a quarter of an opening: their distances from its centre along y and along x."""
     half = 0.5 * np.array(opening.extent)
     if not opening.is_obround:
         return half[1:], half[:1]
-    turn = np.pi / (2 * ROUNDS + 1) * np.arange(ROUNDS + 1)  # ends in a side across
+    turn = np.pi / (2 * ROUNDS + 1) * np.arange(ROUNDS + 1)  # the last edge is parallel to x
     return half[1] - half[0] * (1 - np.sin(turn)), half[0] * np.cos(turn)
 
 
 def _body(size: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A closed box on z = 0, its faces cut along lines ``x`` (K, L), given at K values of ``y``, and along these."""
+    """A closed box on z = 0, its top and bottom divided along the grid lines of :meth:`PhotoReflector._cuts`.
+
+    Returns
+    -------
+    vertices : (V, 3) ndarray
+        In mm.
+    triangles : (T, 3) ndarray of int
+        Numbers of vertices.
+    """
     vertices: list[tuple[float, float, float]] = []
-    number: dict[tuple[float, float, float], int] = {}
+    index: dict[tuple[float, float, float], int] = {}
     triangles: list[tuple[int, int, int]] = []
 
     def vertex(x: float, y: float, z: float) -> int:
         p = (x, y, z)
-        if p not in number:
-            number[p] = len(vertices)
+        if p not in index:
+            index[p] = len(vertices)
             vertices.append(p)
-        return number[p]
+        return index[p]
 
     def quad(a, b, c, d) -> None:
         i, j, k, m = vertex(*a), vertex(*b), vertex(*c), vertex(*d)
@@ -206,12 +233,14 @@ def _body(size: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, n
 
     top = float(size[2])
     xs, ys = [[float(v) for v in line] for line in x.T], [float(v) for v in y]
-    for left, right in pairwise(xs):
-        for (a, b, y0), (c, d, y1) in pairwise(zip(left, right, ys, strict=True)):
+    for line, next_line in pairwise(xs):
+        for (a, b, y0), (c, d, y1) in pairwise(zip(line, next_line, ys, strict=True)):
             quad((a, y0, top), (b, y0, top), (d, y1, top), (c, y1, top))
             quad((a, y0, 0.0), (c, y1, 0.0), (d, y1, 0.0), (b, y0, 0.0))
-        quad((left[0], ys[0], 0.0), (right[0], ys[0], 0.0), (right[0], ys[0], top), (left[0], ys[0], top))
-        quad((right[-1], ys[-1], 0.0), (left[-1], ys[-1], 0.0), (left[-1], ys[-1], top), (right[-1], ys[-1], top))
+        quad((line[0], ys[0], 0.0), (next_line[0], ys[0], 0.0), (next_line[0], ys[0], top), (line[0], ys[0], top))
+        quad(
+            (next_line[-1], ys[-1], 0.0), (line[-1], ys[-1], 0.0), (line[-1], ys[-1], top), (next_line[-1], ys[-1], top)
+        )
     west, east = xs[0][0], xs[-1][0]
     for y0, y1 in pairwise(ys):
         quad((west, y1, 0.0), (west, y0, 0.0), (west, y0, top), (west, y1, top))

@@ -46,7 +46,7 @@ def test_a_wall_with_a_table_waits_for_the_wavelength(llvm_mono, table):
         lambda: bsdf.eval_pdf(ctx, si, wo),
         lambda: bsdf.eval_diffuse_reflectance(si),
     ):
-        with pytest.raises(InputError, match="reflectance_table needs the wavelength .* through mitsuba_taxel"):
+        with pytest.raises(InputError, match="reflectance_table needs the wavelength .* only mitsuba_taxel sets"):
             call()
     with pytest.raises(InputError, match=r"paint.csv' has no .* wavelength of 850 nm: it holds 900 to 1000 nm"):
         bsdf.set_wavelength(850.0)

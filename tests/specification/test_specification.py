@@ -270,7 +270,7 @@ ROUGH = '<bsdf type="wall"> <string name="scattering" value="rough_mirror"/>{}</
             '<bsdf type="wall"> <float name="reflectance_table" value="0.5"/> </bsdf>',
             "reflectance_table = 0.5 is not allowed: the name of a CSV file",
         ),
-        ('<bsdf type="region"/>', "holds no BSDF"),
+        ('<bsdf type="region"/>', "it has no BSDF"),
         (
             '<bsdf type="region"> <bsdf name="ceiling" type="wall"/> </bsdf>',
             "'ceiling' is not a region: allowed are roof, .* phototransistor",
