@@ -1,7 +1,8 @@
 """A box between walls, and the light that it blocks between two points.
 
-Visibility is discontinuous at the silhouette of the box. It is smoothed over segments that run through the box, or miss
-it, by a short length, so that the blocked light is a smooth function of positions; gains and losses balance.
+Visibility is discontinuous at the silhouette of the box. It is smoothed over segments that pass through the box, or
+miss it, by a short length, so that the blocked light is a smooth function of positions. Gains and losses of light
+balance.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import numpy as np
 from drjit.llvm import Array3f64, Bool, Float64, UInt32
 
 WIDTH = 0.2
-"""Length within a box up to which some light passes, relative to its shortest side; with half or a quarter of it,
-derivatives change by less than 1e-3."""
+"""Length of a segment within a box up to which some light passes, relative to the shortest side of the box. With half
+or a quarter of this length, derivatives change by less than 1e-3."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,68 +43,83 @@ class Box:
 
     __hash__ = None  # type: ignore[assignment]
 
-    def below_top(self, places: np.ndarray) -> bool:
-        """Whether any of ``places`` (..., 3) lies below its top, along its third side."""
-        return bool(((places - self.centre) @ self.axes[2] < self.half[2]).any())
+    def below_top(self, positions: np.ndarray) -> bool:
+        """Whether any of the ``positions`` (..., 3) lies below the top, whose normal is the third axis."""
+        return bool(((positions - self.centre) @ self.axes[2] < self.half[2]).any())
 
-    def within(self, points: np.ndarray) -> np.ndarray:
-        """(N, 3) points in the frame of the box."""
+    def to_box(self, points: np.ndarray) -> np.ndarray:
+        """(N, 3) coordinates of points (N, 3) in the frame of the box."""
         return (points - self.centre) @ self.axes.T
 
 
 class Passage:
-    """Share of the light that passes a box on straight segments.
+    """Fraction of the light that passes a box on straight segments.
 
     Parameters
     ----------
     box : Box
+        That blocks the light.
     start, d : Array3f64
-        Starts of the segments in the frame of the box, and vectors to their ends.
-    stands : Bool or bool
-        Whether the box can stand in a segment: it does not if an end lies on its faces and sees the other.
+        Starts of the segments in the frame of the box, and vectors to their ends, in mm.
+    can_block : Bool or bool
+        Whether the box can block a segment: it cannot if an end lies on its faces and sees the other end.
+
+    Attributes
+    ----------
+    fraction : Float64
+        That passes, from 0 to 1.
     """
 
-    def __init__(self, box: Box, start: Array3f64, d: Array3f64, stands: Bool | bool = True) -> None:
+    def __init__(self, box: Box, start: Array3f64, d: Array3f64, can_block: Bool | bool = True) -> None:
         width = WIDTH * 2 * float(box.half.min())
         self._box, self._d = box, d
-        over = [dr.select(dr.abs(part) > dr.epsilon(Float64), dr.rcp(part), 1 / dr.epsilon(Float64)) for part in d]
-        ends = [
-            [(sign * float(half) - at) * one for sign in (-1, 1)]
-            for half, at, one in zip(box.half, start, over, strict=True)
+        # Fractions of the segment at which it crosses the planes of the faces: it enters the box at the last of the
+        # three nearer planes, and leaves it at the first of the three farther ones.
+        over = [dr.select(dr.abs(side) > dr.epsilon(Float64), dr.rcp(side), 1 / dr.epsilon(Float64)) for side in d]
+        crossings = [
+            [(sign * float(half) - at) * rate for sign in (-1, 1)]
+            for half, at, rate in zip(box.half, start, over, strict=True)
         ]
-        self._enter, enter_by = _extreme(dr.maximum, 0.0, [dr.minimum(*pair) for pair in ends])
-        self._leave, leave_by = _extreme(dr.minimum, 1.0, [dr.maximum(*pair) for pair in ends])
+        self._enter, enter_by = _extreme(dr.maximum, 0.0, [dr.minimum(*pair) for pair in crossings])
+        self._leave, leave_by = _extreme(dr.minimum, 1.0, [dr.maximum(*pair) for pair in crossings])
+        # The length within the box, negative if the segment misses it, sets the fraction by a smooth step.
         self._length = dr.norm(d)
-        inside = (self._leave - self._enter) * self._length / width
-        inner = dr.clip(inside, -1, 1)
+        inner = dr.clip((self._leave - self._enter) * self._length / width, -1, 1)
         square = dr.square(inner)
-        self.share = dr.select(stands, 0.5 - 0.9375 * inner * (1 - square * (2 / 3 - square / 5)), 1)
-        self._slope = dr.select(stands, -0.9375 / width * dr.square(1 - square), 0)
-        self._by = [(dr.select(enter_by == k, one, 0), dr.select(leave_by == k, one, 0)) for k, one in enumerate(over)]
+        self.fraction = dr.select(can_block, 0.5 - 0.9375 * inner * (1 - square * (2 / 3 - square / 5)), 1)
+        self._slope = dr.select(can_block, -0.9375 / width * dr.square(1 - square), 0)
+        self._by = [
+            (dr.select(enter_by == axis, rate, 0), dr.select(leave_by == axis, rate, 0))
+            for axis, rate in enumerate(over)
+        ]
 
     def slopes(self) -> tuple[Array3f64, Array3f64]:
-        """Derivatives of the share that passes by the end, and by a common translation of both ends, in world
-        coordinates."""
-        along = (self._leave - self._enter) / self._length
-        by_end = Array3f64(
-            *(
-                self._slope * (part * along + self._length * (self._enter * first - self._leave * last))
-                for part, (first, last) in zip(self._d, self._by, strict=True)
-            )
-        )
-        by_both = Array3f64(*(self._slope * self._length * (first - last) for first, last in self._by))
-        return self._turned(by_end), self._turned(by_both)
+        """Derivatives of the fraction in world coordinates, per mm.
 
-    def _turned(self, vector: Array3f64) -> Array3f64:
-        return Array3f64(
-            *(sum(float(a) * part for a, part in zip(axis, vector, strict=True)) for axis in self._box.axes.T)
+        Returns
+        -------
+        by_end : Array3f64
+            By the end of the segment.
+        by_both : Array3f64
+            By a common translation of both ends.
+        """
+        along = (self._leave - self._enter) / self._length
+        by_end = [
+            self._slope * (side * along + self._length * (self._enter * first - self._leave * last))
+            for side, (first, last) in zip(self._d, self._by, strict=True)
+        ]
+        by_both = [self._slope * self._length * (first - last) for first, last in self._by]
+        by_end_world, by_both_world = (
+            Array3f64(*(sum(float(a) * b for a, b in zip(axis, vector, strict=True)) for axis in self._box.axes.T))
+            for vector in (by_end, by_both)
         )
+        return by_end_world, by_both_world
 
 
 def _extreme(pick, bound: float, values: list[Float64]) -> tuple[Float64, UInt32]:
-    """The extreme of a bound and three values, and the number of the value, 3 for the bound."""
-    found = pick(pick(values[0], values[1]), pick(values[2], bound))
-    number = dr.full(UInt32, 3, dr.width(found))
+    """The extreme of a bound and three values, and the index of the value that it is, 3 for the bound."""
+    extreme = pick(pick(values[0], values[1]), pick(values[2], bound))
+    index = dr.full(UInt32, 3, dr.width(extreme))
     for k, value in enumerate(values):
-        number = dr.select(found == value, k, number)
-    return found, dr.select(found == bound, 3, number)
+        index = dr.select(extreme == value, k, index)
+    return extreme, dr.select(extreme == bound, 3, index)

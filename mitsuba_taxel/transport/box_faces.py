@@ -11,10 +11,10 @@ from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.patches import LATTICE
 
 THIN = 1e-6
-"""Width of strips that are left out, relative to the box."""
+"""Width relative to the box up to which a strip is left out."""
 
 Rectangle = tuple[float, float, float, float]
-"""From x to x, and from y to y, in the frame of the top."""
+"""(x_min, x_max, y_min, y_max) in mm, in the frame of the top."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class BoxFaces:
     sides : (R, 2, 3) ndarray
         Two sides, such that their cross product points outwards.
     kind : (R,) ndarray
-        Number of the opening in which each lies, -1 on the box itself.
+        Number of the opening in which the rectangle lies, -1 outside of openings.
     """
 
     corner: np.ndarray
@@ -36,28 +36,30 @@ class BoxFaces:
     kind: np.ndarray
 
     def among(self, kept: np.ndarray) -> BoxFaces:
-        """Those of a mask (R,)."""
+        """The rectangles that a mask (R,) selects."""
         return BoxFaces(self.corner[kept], self.sides[kept], self.kind[kept])
 
     def cuts(self, longest: float) -> np.ndarray:
-        """(R, 2) numbers of equal parts of both sides, such that these are at most ``longest`` mm. They may be slender:
-        nothing that they see is near, as the box is convex."""
+        """(R, 2) numbers of equal parts into which both sides are divided, so that parts are at most ``longest`` mm.
+
+        Patches may be slender: the box is convex, so that nothing that they see is near.
+        """
         return np.ceil(np.linalg.norm(self.sides, axis=2) / longest * (1 - THIN)).astype(int)
 
-    def places(self, cuts: np.ndarray) -> np.ndarray:
-        """(G, 15, 3) positions of patches, two for each part of a rectangle."""
-        found = [np.empty((0, len(LATTICE), 3))]
+    def positions(self, cuts: np.ndarray) -> np.ndarray:
+        """(G, 15, 3) positions in mm of patches, two triangles for each part of a rectangle."""
+        patches = [np.empty((0, len(LATTICE), 3))]
         for corner, sides, (across, along) in zip(self.corner, self.sides, cuts, strict=True):
-            one, other = sides / ((across,), (along,))
-            steps = np.arange(across)[:, None, None] * one + np.arange(along)[:, None] * other
+            u, v = sides / ((across,), (along,))
+            steps = np.arange(across)[:, None, None] * u + np.arange(along)[:, None] * v
             starts = corner + steps.reshape(-1, 3)
-            half = LATTICE @ np.stack([one, other])
-            found += [starts[:, None] + half, starts[:, None] + one + other - half]
-        return np.concatenate(found)
+            half = LATTICE @ np.stack([u, v])
+            patches += [starts[:, None] + half, starts[:, None] + u + v - half]
+        return np.concatenate(patches)
 
 
 def faces_of(box: Box, openings: Sequence[Rectangle]) -> BoxFaces:
-    """The sides of a box and its top, around ``openings`` and in these; its bottom is left out.
+    """The sides of a box and its top, with and without the areas of openings; the bottom is left out.
 
     Parameters
     ----------
@@ -72,34 +74,53 @@ def faces_of(box: Box, openings: Sequence[Rectangle]) -> BoxFaces:
         Rectangles, and the opening of each.
     """
     (x, y, z), (a, b, c) = box.half, box.half[:, None] * box.axes
-    top = [(each, -1) for each in around((-x, x, -y, y), openings)]
-    top += [(_within(each, (-x, x, -y, y)), number) for number, each in enumerate(openings)]
-    corners = [np.array([left, near, z]) @ box.axes for (left, _, near, _), _ in top]
-    sides = [np.array([[right - left, 0, 0], [0, far - near, 0]]) @ box.axes for (left, right, near, far), _ in top]
+    top = [(rectangle, -1) for rectangle in around((-x, x, -y, y), openings)]
+    top += [(_clipped(opening, (-x, x, -y, y)), number) for number, opening in enumerate(openings)]
+    corners = [np.array([x_min, y_min, z]) @ box.axes for (x_min, _, y_min, _), _ in top]
+    sides = [
+        np.array([[x_max - x_min, 0, 0], [0, y_max - y_min, 0]]) @ box.axes for (x_min, x_max, y_min, y_max), _ in top
+    ]
+    # The four sides, from a vertical edge of each.
     corners += [-a - b - c, a - b - c, a + b - c, -a + b - c]
     sides += [np.stack([2 * along, 2 * c]) for along in (a, b, -a, -b)]
     kind = [number for _, number in top] + [-1] * 4
     return BoxFaces(np.array(corners) + box.centre, np.array(sides), np.array(kind))
 
 
-def around(whole: Rectangle, openings: Sequence[Rectangle]) -> list[Rectangle]:
-    """Rectangles that cover a whole one but for openings, which may overlap and reach beyond it."""
-    inner = [_within(opening, whole) for opening in openings]
-    thin = THIN * max(whole[1] - whole[0], whole[3] - whole[2])
-    edges = sorted({*whole[:2], *(x for each in inner for x in each[:2])})
-    found = []
-    for left, right in zip(edges, edges[1:], strict=False):
-        middle, at = (left + right) / 2, whole[2]
-        if right - left <= thin:
+def around(face: Rectangle, openings: Sequence[Rectangle]) -> list[Rectangle]:
+    """Rectangles that cover a face except its openings.
+
+    Parameters
+    ----------
+    face : Rectangle
+        That is covered.
+    openings : sequence of Rectangle
+        They may overlap, and extend beyond the face.
+
+    Returns
+    -------
+    list of Rectangle
+        That do not overlap; strips thinner than `THIN` are left out.
+    """
+    inner = [_clipped(opening, face) for opening in openings]
+    thin = THIN * max(face[1] - face[0], face[3] - face[2])
+    edges = sorted({*face[:2], *(x for opening in inner for x in opening[:2])})
+    rectangles = []
+    # Between two adjacent edges in x, each opening covers a range of y or nothing: the ranges between are kept.
+    for x_min, x_max in zip(edges, edges[1:], strict=False):
+        middle, y = (x_min + x_max) / 2, face[2]
+        if x_max - x_min <= thin:
             continue
-        here = sorted(each[2:] for each in inner if each[0] < middle < each[1])
-        for near, far in [*here, (whole[3], whole[3])]:
-            if near - at > thin:
-                found.append((left, right, at, near))
-            at = max(at, far)
-    return found
+        open_ranges = sorted(opening[2:] for opening in inner if opening[0] < middle < opening[1])
+        for y_min, y_max in [*open_ranges, (face[3], face[3])]:
+            if y_min - y > thin:
+                rectangles.append((x_min, x_max, y, y_min))
+            y = max(y, y_max)
+    return rectangles
 
 
-def _within(one: Rectangle, whole: Rectangle) -> Rectangle:
-    left, right, near, far = (float(each) for each in np.clip(one, np.repeat(whole[::2], 2), np.repeat(whole[1::2], 2)))
-    return left, right, near, far
+def _clipped(rectangle: Rectangle, face: Rectangle) -> Rectangle:
+    """The intersection of a rectangle with a face."""
+    limits = np.repeat(face[::2], 2), np.repeat(face[1::2], 2)
+    x_min, x_max, y_min, y_max = (float(edge) for edge in np.clip(rectangle, *limits))
+    return x_min, x_max, y_min, y_max

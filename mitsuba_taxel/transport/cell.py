@@ -1,10 +1,10 @@
 """The reading of one cell and its derivatives, by one linear system and its adjoint.
 
-Let W(x) be the response of the phototransistor to a watt incident at x on the walls. It receives D(x) directly, and the
-rest via other walls: W = D + K W. With the power B from the LED on the walls, the reading is P = B . W, and with the
-adjoint A = B + K^T A it changes by dP = dB . W + A . (dD + dK W). W is known at the points of a quadrature rule on each
-patch (Nystrom's method), and a polynomial in between. Source: K. E. Atkinson, The Numerical Solution of Integral
-Equations of the Second Kind, Cambridge University Press, 1997.
+Let W(x) be the response of the phototransistor to a watt that falls on the walls at x. It receives D(x) directly, and
+the rest via other walls: W = D + K W. With the power B of the LED on the walls, the reading is P = B . W. With the
+adjoint A = B + K^T A, it changes by dP = dB . W + A . (dD + dK W). W is solved for at the points of a quadrature rule
+on each patch (Nystrom's method), and interpolated by a polynomial in between. Source: K. E. Atkinson, The Numerical
+Solution of Integral Equations of the Second Kind, Cambridge University Press, 1997.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from mitsuba_taxel.transport.rules import triangle_rule
 DISTANCE = 0.8
 """As for :func:`cut_near`: with twice the value, readings change by 3e-5 and derivatives by 2e-4."""
 BEND = 1e-5
-"""Movement in mm of the walls that shows how light begins to pass between points of one plane."""
+"""Displacement of the walls in mm, in the difference that shows how light begins to pass between points of one
+plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,19 +40,19 @@ class ScatteringWalls:
 
     Attributes
     ----------
-    places, rest : (F, 15, 3) ndarray
+    positions, rest : (F, 15, 3) ndarray
         Deformed and undeformed positions in mm.
     isotropic, lambertian : (F,) ndarray
-        Share of the incident light that each scatters with this law.
+        Fraction of the incident light that each patch scatters with this law.
     of_box : int
-        Number of the last patches, which lie on the box: LED and phototransistor at its top do not see them, and it
-        does not stand between them and others.
+        Number of patches on the box, which are the last. LED and phototransistor, at the top of the box, do not see
+        them, and the box does not block their light.
     have_edges : bool
-        Whether walls meet at edges, at which isotropic light of one passes along the horizon of its points onto
-        another: patches that the horizon crosses count by the share above it.
+        Whether walls meet at edges. Isotropic light then passes along the horizon of a point onto another wall, and a
+        patch that the horizon crosses counts by the fraction above it.
     """
 
-    places: np.ndarray
+    positions: np.ndarray
     rest: np.ndarray
     isotropic: np.ndarray
     lambertian: np.ndarray
@@ -60,17 +61,17 @@ class ScatteringWalls:
 
     @property
     def seen(self) -> np.ndarray:
-        """Patches that LED and phototransistor see."""
-        return self.places[: len(self.places) - self.of_box]
+        """Positions of the patches that LED and phototransistor see."""
+        return self.positions[: len(self.positions) - self.of_box]
 
 
 class Mesh:
-    """Quadrature on the walls of a cell, determined by the undeformed state and the same for all loads.
+    """Quadrature on the walls of a cell, which follows from the undeformed state and is the same for all loads.
 
     Parameters
     ----------
     rest : (F, 15, 3) ndarray
-        Positions of the undeformed patches in mm, anywhere in space.
+        Positions of the undeformed patches in mm; a translation has no effect.
     degree : int
         Of the polynomials: 2, or 1 for a coarser solution.
 
@@ -79,13 +80,13 @@ class Mesh:
     own : (T,) ndarray
         Number of the patch of each target.
     targets : PatchPoints
-        The points at which W is known.
+        The points at which W is solved for.
     pairs : Pairs
-        Of targets and the points of the integral over all patches for each.
+        Of each target with the points of the integral over all patches.
     first_pairs : (T + 1,) ndarray
-        Number of the first pair of each target, and of all pairs.
-    shares : (P, T) csr_matrix
-        Weights of the known values of W for the value at each point of the integral.
+        Number of the first pair of each target; the last entry is the number of pairs.
+    interpolation : (P, T) csr_matrix
+        Weights of the values of W at the targets for the value at each point of the integrals.
     """
 
     def __init__(self, rest: np.ndarray, degree: int = 2) -> None:
@@ -93,46 +94,65 @@ class Mesh:
         self.degree = degree
         self.own = np.repeat(np.arange(len(rest)), len(rule))
         self.targets = PatchPoints(self.own, np.tile(rule, (len(rest), 1)))
-        self.pairs = pairs_of(self.targets.places(rest), rest, self.own, degree, DISTANCE)
+        self.pairs = pairs_of(self.targets.interpolated(rest), rest, self.own, degree, DISTANCE)
         self.first_pairs = np.searchsorted(self.pairs.target, np.arange(len(self.own) + 1))
-        self.shares = self._shares()
-
-    def _shares(self) -> sparse.csr_matrix:
-        points, size = self.pairs.shares.shape
-        known = self.pairs.points.face[:, None] * size + np.arange(size)
-        starts = np.arange(0, known.size + 1, size)
-        return sparse.csr_matrix((self.pairs.shares.ravel(), known.ravel(), starts), shape=(points, len(self.own)))
+        weights = self.pairs.interpolation
+        points, size = weights.shape
+        targets = self.pairs.points.face[:, None] * size + np.arange(size)
+        rows = np.arange(0, targets.size + 1, size)
+        self.interpolation = sparse.csr_matrix((weights.ravel(), targets.ravel(), rows), shape=(points, len(self.own)))
 
     def by_target(self, vectors: list[np.ndarray]) -> np.ndarray:
-        """(T, 3) sums of vectors with components (N,) over the pairs of each target."""
+        """(T, 3) sums over the pairs of each target of vectors, passed as their components (N,)."""
         return np.stack([np.add.reduceat(vector, self.first_pairs[:-1]) for vector in vectors], axis=1)
 
 
 class Cell:
-    """A cell in one state, with its LED and phototransistor, which may be at the top of a ``box``."""
+    """A cell in one state, with the path of light in it from the LED to the phototransistor.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Quadrature on its walls.
+    walls : ScatteringWalls
+        F patches.
+    led, phototransistor : End
+        Ends of the path.
+    box : Box, optional
+        Whose top they may be at, and which blocks light between the walls.
+
+    Attributes
+    ----------
+    response : (T,) ndarray
+        W at the targets of the mesh, in W per W.
+    """
 
     def __init__(
         self, mesh: Mesh, walls: ScatteringWalls, led: End, phototransistor: End, box: Box | None = None
     ) -> None:
-        self._mesh, self._walls = mesh, walls
+        self._mesh, self._walls, self._box = mesh, walls, box
         self._led, self._phototransistor = led, phototransistor
-        self._at, self._area = mesh.targets.placed(walls.places)
+        # The points of the walls at which W is solved for. Those on the box come last and see neither LED nor
+        # phototransistor.
+        self._at, self._area = mesh.targets.positions_and_areas(walls.positions)
         self._length = np.linalg.norm(self._area, axis=1, keepdims=True)
         self._normal = self._area / self._length
         self._starts = Starts(self._at, self._normal, walls.isotropic[mesh.own], walls.lambertian[mesh.own])
-        self._seen = slice(len(walls.seen) * len(mesh.own) // len(walls.places))
+        self._seen = slice(len(walls.seen) * len(mesh.own) // len(walls.positions))
+        # From the LED to the walls (B), from the walls to the phototransistor (D), and D interpolated more finely.
         self._emission = self._emission_of(led, phototransistor)
         self._reception = Reception(phototransistor, self._seen_starts)
         self._direct = self._direct_of(self._emission, phototransistor, self._reception)
-        self._box, self._exchange = box, self._exchanged(self._between_walls(box))
-        kept = lu_factor(np.eye(len(mesh.own)) - self._exchange)
-        self.response = lu_solve(kept, self._of_all(self._reception.value))
-        self._adjoint = lu_solve(kept, self.emitted, trans=1)
+        # From wall to wall (K). The response W and the adjoint A follow from one factorisation.
+        self._exchange = self._exchange_of(self._between_walls(box))
+        factors = lu_factor(np.eye(len(mesh.own)) - self._exchange)
+        self.response = lu_solve(factors, self._of_all(self._reception.value))
+        self._adjoint = lu_solve(factors, self.emitted, trans=1)
         self._gradients: dict[float, np.ndarray] = {}
 
     @property
     def emitted(self) -> np.ndarray:
-        """(T,) shares of the LED's power for each of the points at which the response is known."""
+        """(T,) fractions of the LED's power for each target, such that sums over targets are integrals."""
         return self._of_all(self._emission.power)
 
     @property
@@ -142,26 +162,37 @@ class Cell:
 
     @property
     def emission_error(self) -> float:
-        """Error of the reading by the power of the LED on each patch, as that within its outline is known, in W per W.
+        """Error of the reading by the power of the LED on each patch, in W per W.
 
-        It is multiplied by the mean response to the light on the patch.
+        It is the difference from the power within the outline of the patch, times the mean response to the light on
+        the patch.
         """
         return abs(float(self._emission.deviation @ self._mean_response))
 
     @cached_property
     def reception_error(self) -> float:
-        """Error of the reading by what the phototransistor accepts from each patch, in W per W; see :func:`acceptance`.
+        """Error of the reading by the light that the phototransistor accepts from each patch, in W per W.
 
-        It is that of all patches together, and of each as if they were independent.
+        It combines the sum of the errors of all patches and their root sum of squares; see :func:`acceptance`.
         """
         errors = self._reception_errors(self._walls.seen)
         return float(np.hypot(errors.sum(), np.linalg.norm(errors)))
 
     def conservation_slope_error(self, velocity: np.ndarray) -> float:
-        """Error of the derivative of the reading, for walls that move along a velocity (F, 15, 3), by what the walls
-        receive from the LED and what the phototransistor accepts from them."""
+        """Error of a derivative of the reading, by light that the walls receive and the phototransistor accepts.
+
+        Parameters
+        ----------
+        velocity : (F, 15, 3) ndarray
+            Of the patches, in mm per unit of the parameter.
+
+        Returns
+        -------
+        float
+            In W per W and unit of the parameter.
+        """
         lit, response = self._emission, self._mean_response
-        gradient = lit.gradient(*(response[each.points.face] for each in (lit.inside, lit.edge)))
+        gradient = lit.gradient(response[lit.inside.points.face], response[lit.edge.points.face])
         velocity = velocity[: len(gradient)]
         by_emission = (gradient * velocity).sum() - lit.outline_rate(velocity) @ response
         fastest = np.abs(velocity).max(initial=0)
@@ -171,12 +202,15 @@ class Cell:
         ahead, behind = (self._reception_errors(self._walls.seen + sign * step * velocity) for sign in (1, -1))
         return float(np.hypot(by_emission, (ahead - behind).sum() / (2 * step)))
 
-    def _reception_errors(self, places: np.ndarray) -> np.ndarray:
-        """Errors by what the phototransistor accepts from each patch that it sees, with all of its light, or with what
-        comes from other walls alone if the light of the LED is followed on parts of patches, and from each of these."""
-        by_rule, by_outline = accepted(self._phototransistor, places, self._mesh.degree)
+    def _reception_errors(self, positions: np.ndarray) -> np.ndarray:
+        """Errors in W per W by the light that the phototransistor accepts from each patch that it sees.
+
+        If patches are divided for the light of the LED, the errors of patches count light from other walls alone, and
+        those of all subpatches follow, for the light of the LED.
+        """
+        by_rule, by_outline = accepted(self._phototransistor, positions, self._mesh.degree)
         errors = self._radiance * (by_rule - by_outline)
-        return np.concatenate([errors, self._direct.reception_errors(places)]) if self._direct.is_finer else errors
+        return np.concatenate([errors, self._direct.reception_errors(positions)]) if self._direct.is_finer else errors
 
     @cached_property
     def _radiance(self) -> np.ndarray:
@@ -204,18 +238,19 @@ class Cell:
         return (weight * response).sum(axis=1) / weight.sum(axis=1)
 
     def flows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Samples of the light paths: from the LED, from wall to wall, and to the phototransistor.
+        """Segments of light paths: from the LED, from wall to wall, and to the phototransistor.
 
         Returns
         -------
         sources, ends : (M, 2, 3) ndarray
-            Positions in mm, and unit normals; from wall to wall, one for each patch that receives light from a point.
-        share : (M,) ndarray
-            Share of the reading on this segment; light via several walls counts several times.
+            Positions in mm, and unit normals. From wall to wall, there is a segment from each target to each patch that
+            receives its light.
+        fraction : (M,) ndarray
+            Fraction of the reading on this segment. Light via several walls counts several times.
         """
-        count, size = len(self._walls.places), len(self._at) // len(self._walls.places)
-        shares = self._adjoint[:, None] * self._exchange * self.response
-        target, patch = np.nonzero(between := shares.reshape(-1, count, size).sum(axis=2))
+        count, size = len(self._walls.positions), len(self._at) // len(self._walls.positions)
+        between = (self._adjoint[:, None] * self._exchange * self.response).reshape(-1, count, size).sum(axis=2)
+        target, patch = np.nonzero(between)
         walls = np.stack([self._at, self._normal], axis=1)
         led, phototransistor = (
             np.broadcast_to(np.stack([end.points.mean(axis=0), end.normal]), walls.shape)
@@ -223,16 +258,17 @@ class Cell:
         )
         sources, ends = (led, walls[target], walls), (walls, walls[patch * size + target % size], phototransistor)
         received = self._adjoint * self._of_all(self._reception.value)
-        into = np.concatenate([self.emitted * self.response, between[target, patch], received])
-        return np.concatenate(sources), np.concatenate(ends), into / (self.reading or 1.0)
+        power = np.concatenate([self.emitted * self.response, between[target, patch], received])
+        return np.concatenate(sources), np.concatenate(ends), power / (self.reading or 1.0)
 
     def _between_walls(self, box: Box | None) -> Exchange:
-        """Exchange from the points at which W is known to those of all patches, with a box between them if given."""
-        pairs, places = self._mesh.pairs, self._walls.places
-        return Exchange(self._starts, *pairs.points.placed(places), pairs.target, pairs.point, *self._standing(box))
+        """Exchange from the targets to the points of all patches, with a box between them, if any."""
+        pairs = self._mesh.pairs
+        ends = pairs.points.positions_and_areas(self._walls.positions)
+        return Exchange(self._starts, *ends, pairs.target, pairs.point, *self._blocking(box))
 
-    def _standing(self, box: Box | None) -> tuple[Box | None, np.ndarray | None]:
-        """The box, if it may stand between walls, and between which pairs."""
+    def _blocking(self, box: Box | None) -> tuple[Box | None, np.ndarray | None]:
+        """The box, None if it is below all walls, and the pairs (N,) that it may block, None for all."""
         if box is None or not box.below_top(self._walls.seen):
             return None, None
         pairs, last = self._mesh.pairs, len(self._walls.seen)
@@ -241,13 +277,13 @@ class Cell:
 
     @property
     def _seen_starts(self) -> Starts:
-        """Of the walls that LED and phototransistor see."""
+        """The starts that LED and phototransistor see."""
         return Starts(*(getattr(self._starts, field.name)[self._seen] for field in fields(Starts)))
 
     def _of_all(self, values: np.ndarray) -> np.ndarray:
-        """(T, ...) values at all points, 0 at those on the box, from those at the others."""
-        beyond = len(self._at) - len(values)
-        return np.pad(values, [(0, beyond), *[(0, 0)] * (values.ndim - 1)]) if beyond else values
+        """(T, ...) values at all targets, which are 0 at those on the box, from the values at all others."""
+        on_box = len(self._at) - len(values)
+        return np.pad(values, [(0, on_box), *[(0, 0)] * (values.ndim - 1)]) if on_box else values
 
     def _direct_of(self, emission: Emission, phototransistor: End, reception: Reception) -> Direct:
         return Direct(emission, phototransistor, self._walls.isotropic, self._walls.lambertian, reception.value)
@@ -256,51 +292,64 @@ class Cell:
         seen = self._walls.seen
         return emission(led, seen, self._walls.rest[: len(seen)], self._mesh.degree, phototransistor)
 
-    def _exchanged(self, between: Exchange) -> np.ndarray:
-        """(T, T) K."""
-        pairs, shares = self._mesh.pairs, self._mesh.shares
+    def _exchange_of(self, between: Exchange) -> np.ndarray:
+        """(T, T) matrix K."""
+        pairs, interpolation = self._mesh.pairs, self._mesh.interpolation
         values = between.values()
         if (crossing := self._crossing(between)) is not None:
-            values[crossing.pairs] = between.part(crossing.pairs).values(crossing.share)
+            values[crossing.pairs] = between.subset(crossing.pairs).values(crossing.fraction)
         values *= pairs.weight
-        return (sparse.csr_matrix((values, pairs.point, self._mesh.first_pairs), shares.shape[::-1]) @ shares).toarray()
+        to_points = sparse.csr_matrix((values, pairs.point, self._mesh.first_pairs), interpolation.shape[::-1])
+        return (to_points @ interpolation).toarray()
 
     def _crossing(self, between: Exchange) -> PiecesAtHorizon | None:
-        """Pieces that the horizon of isotropic light crosses, where walls meet at edges."""
+        """Pieces that the horizon of isotropic light crosses; None without edges between walls."""
         if not (self._walls.have_edges and self._walls.isotropic.any()):
             return None
         crossing = pieces_at_horizon(self._mesh.pairs, self._mesh.own, self._normal, between.leaving())
         return crossing if len(crossing.pairs) else None
 
-    def _slopes(self, given: np.ndarray, wider: float) -> LightRates:
-        """Derivatives of the exchange between walls, times ``given`` (N,)."""
+    def _slopes(self, weight: np.ndarray, wider: float) -> LightRates:
+        """Derivatives of the exchange between walls, times a weight (N,) of each pair."""
         between = self._between_walls(self._box)
-        slopes = between.slopes(given, wider)
+        slopes = between.slopes(weight, wider)
         if (crossing := self._crossing(between)) is None:
             return slopes
-        part, given = between.part(crossing.pairs), given[crossing.pairs]
-        ones = np.ones_like(given)
-        isotropic = given * (part.values(ones) - part.values(0 * ones))
-        by_share = isotropic.reshape(crossing.by_height.shape).sum(axis=1, keepdims=True)
-        rates = part.slopes(given, wider, crossing.share, (by_share * crossing.by_height).ravel())
+        # On pieces that a horizon crosses, isotropic light is in proportion to the fraction above it.
+        crossed, weight = between.subset(crossing.pairs), weight[crossing.pairs]
+        ones = np.ones_like(weight)
+        isotropic = weight * (crossed.values(ones) - crossed.values(0 * ones))
+        by_fraction = isotropic.reshape(crossing.by_height.shape).sum(axis=1, keepdims=True)
+        rates = crossed.slopes(weight, wider, crossing.fraction, (by_fraction * crossing.by_height).ravel())
         for field in fields(LightRates):
-            for whole, crossed in zip(getattr(slopes, field.name) or (), getattr(rates, field.name) or (), strict=True):
-                whole[crossing.pairs] = crossed
+            for of_all, of_crossed in zip(
+                getattr(slopes, field.name) or (), getattr(rates, field.name) or (), strict=True
+            ):
+                of_all[crossing.pairs] = of_crossed
         return slopes
 
     def gradient(self, wider: float = 1.0) -> np.ndarray:
-        """(F, 15, 3) derivatives of the reading by the positions of the patches, per mm; see
-        :meth:`Exchange.slopes`. They are kept, as studies ask for them again."""
-        if wider not in self._gradients:
-            self._gradients[wider] = self._gradient(wider)
-        return self._gradients[wider]
+        """Derivatives of the reading by the positions of the patches; later calls return the same array.
 
-    def _gradient(self, wider: float) -> np.ndarray:
-        pairs, mesh, places = self._mesh.pairs, self._mesh, self._walls.places
-        points, size = pairs.shares.shape
-        response = np.einsum("pq,pq->p", pairs.shares, self.response.reshape(-1, size)[pairs.points.face])
-        given = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
-        slopes = self._slopes(given, wider)  # whose pairs take four times a cell's memory
+        Parameters
+        ----------
+        wider : float
+            Factor of the width over which the step of light at horizons is smoothed; see :meth:`Exchange.slopes`.
+
+        Returns
+        -------
+        (F, 15, 3) ndarray
+            In W per W and mm.
+        """
+        if wider in self._gradients:
+            return self._gradients[wider]
+        pairs, mesh, positions = self._mesh.pairs, self._mesh, self._walls.positions
+        # From wall to wall, A . dK W: by the starts, which are the targets, and by the ends.
+        points, size = pairs.interpolation.shape
+        response = np.einsum("pq,pq->p", pairs.interpolation, self.response.reshape(-1, size)[pairs.points.face])
+        weight = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
+        slopes = self._slopes(weight, wider)  # whose arrays take four times the memory of a cell
+        # From the walls to the phototransistor, A . dD; the light of the LED is in the finer direct response below.
         adjoint = self._adjoint[self._seen] - self._emission.power
         by_start, by_normal = map(self._of_all, self._reception.gradient(adjoint, wider))
         by_start -= mesh.by_target(slopes.by_end)
@@ -308,41 +357,55 @@ class Cell:
         by_normal += mesh.by_target(slopes.by_normal)
         by_area = (by_normal - (by_normal * self._normal).sum(axis=1, keepdims=True) * self._normal) / self._length
         by_end, by_facing = (
-            np.stack([np.bincount(pairs.point, part, points) for part in each], axis=1)
-            for each in (slopes.by_end, slopes.by_area)
+            np.stack([np.bincount(pairs.point, component, points) for component in vector], axis=1)
+            for vector in (slopes.by_end, slopes.by_area)
         )
-        total = pairs.points.gradient(places, by_end, by_facing) + mesh.targets.gradient(places, by_start, by_area)
-        total[: len(self._walls.seen)] += self._emission.gradient(*self._at_lit_points) + self._direct.gradient(wider)
-        return total
-
-    @property
-    def _at_lit_points(self) -> list[np.ndarray]:
-        """Responses at points lit inside the cone and at its edge."""
-        lit, response = self._emission, self.response[self._seen]
-        return [lit.at(each, response) + self._direct.missing(each) for each in (lit.inside, lit.edge)]
+        gradient = pairs.points.gradient(positions, by_end, by_facing)
+        gradient += mesh.targets.gradient(positions, by_start, by_area)
+        # From the LED to the walls, dB . W, with the response at the lit points, and the finer direct response.
+        emission, response = self._emission, self.response[self._seen]
+        at_lit = [emission.at(lit, response) + self._direct.correction(lit) for lit in (emission.inside, emission.edge)]
+        gradient[: len(self._walls.seen)] += emission.gradient(*at_lit) + self._direct.gradient(wider)
+        self._gradients[wider] = gradient
+        return gradient
 
     def bent(self, velocity: np.ndarray, side: int) -> np.ndarray:
-        """(F,) derivatives of the light between points of one plane, which :meth:`gradient` leaves out, by the patch
-        that it leaves, for walls that move along a velocity (F, 15, 3): where they begin to, for ``side`` 1, or come
-        to their places, for -1. Points of a plane see each other when it is bent inwards, and not when outwards."""
-        pairs, own, places = self._mesh.pairs, self._mesh.own, self._walls.places
+        """Derivatives through light between points of one plane, which :meth:`gradient` leaves out.
+
+        Points of a plane see each other when it bends inwards, and not when it bends outwards, so that derivatives on
+        both sides differ.
+
+        Parameters
+        ----------
+        velocity : (F, 15, 3) ndarray
+            Of the patches, in mm per unit of the parameter.
+        side : int
+            1 for the derivative along the velocity, -1 for that of walls that arrive along it.
+
+        Returns
+        -------
+        (F,) ndarray
+            In W per W and unit of the parameter, by the patch that the light leaves.
+        """
+        pairs, own, positions = self._mesh.pairs, self._mesh.own, self._walls.positions
         fastest = np.abs(velocity).max()
         if not (fastest > 0 and self._in_plane.any()):
-            return np.zeros(len(places))
+            return np.zeros(len(positions))
         target, point = pairs.target[self._in_plane], pairs.point[self._in_plane]
-        given = pairs.weight[self._in_plane] * self._adjoint[target] * (self._mesh.shares @ self.response)[point]
+        response = (self._mesh.interpolation @ self.response)[point]
+        weight = pairs.weight[self._in_plane] * self._adjoint[target] * response
         step = side * BEND / fastest
-        moved = places + step * velocity
-        at, area = self._mesh.targets.placed(moved)
+        displaced = positions + step * velocity
+        at, area = self._mesh.targets.positions_and_areas(displaced)
         starts = replace(self._starts, at=at, normal=area / np.linalg.norm(area, axis=1, keepdims=True))
-        box, walls = self._standing(self._box)
-        between = None if walls is None else walls[self._in_plane]
-        light = Exchange(starts, *pairs.points.placed(moved), target, point, box, between)
-        return np.bincount(own[target], given * light.values() / step, len(places))
+        box, can_block = self._blocking(self._box)
+        can_block = None if can_block is None else can_block[self._in_plane]
+        light = Exchange(starts, *pairs.points.positions_and_areas(displaced), target, point, box, can_block)
+        return np.bincount(own[target], weight * light.values() / step, len(positions))
 
     @cached_property
     def _in_plane(self) -> np.ndarray:
-        """(N,) which pairs are of points in one plane."""
+        """(N,) whether both points of a pair lie in one plane."""
         return self._between_walls(None).in_plane()
 
     def change(self, led: End, phototransistor: End, box: Box | None, scattered: np.ndarray) -> float:
@@ -351,10 +414,16 @@ class Cell:
         Parameters
         ----------
         led, phototransistor : End
+            With their changed values.
         box : Box or None
-            Their changed values.
+            With its changed values.
         scattered : (F,) ndarray
-            Changed scattering of each patch, relative to the present one.
+            Changed scattering of each patch, relative to the present scattering.
+
+        Returns
+        -------
+        float
+            In W per W of the LED.
         """
         change = 0.0
         if led != self._led:
@@ -366,7 +435,7 @@ class Cell:
             change += self._adjoint[self._seen] @ (received.value - self._reception.value)
             change += self._direct_of(self._emission, phototransistor, received).value - self._direct.value
         if box != self._box:
-            exchange = self._exchanged(self._between_walls(box))
+            exchange = self._exchange_of(self._between_walls(box))
             change += self._adjoint @ ((exchange - self._exchange) @ self.response)
         change += self._direct.by_patch() @ (scattered[: len(self._walls.seen)] - 1)
         return float(change + self._adjoint @ ((scattered[self._mesh.own] - 1) * self.response))

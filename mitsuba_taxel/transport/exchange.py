@@ -1,8 +1,9 @@
-"""Light exchange between diffuse walls: from a point into its hemisphere, and onto a surface.
+"""Light exchange between diffuse walls: from a point of a wall to a surface.
 
-All integrals are over surfaces. With d from a point x to a point y of a surface, r = |d|, and the area normal N of the
-surface (its length is the area per unit of the integration variables), light emitted isotropically at x arrives there
-with -(N . d) / (2 pi r^3), and by Lambert's law with (n . d) (-N . d) / (pi r^4), with the unit normal n at x.
+All integrals are over surfaces. Let d be the vector from a point x to a point y of a surface, r = |d|, n the unit
+normal at x, and N the area normal at y, whose length is the area per unit of the integration variables. Light that x
+scatters isotropically arrives at y with the density -(N . d) / (2 pi r^3), light that it scatters by Lambert's law with
+(n . d) (-N . d) / (pi r^4).
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.transport.box import Box, Passage
 
 HORIZON = 4e-3
-"""Cosine up to which a direction counts as one along the horizon."""
+"""Cosine of the angle to the normal up to which a direction counts as along the horizon."""
 IN_PLANE = 1e-10
-"""Cosine up to which points count as points of one plane, which see nothing of each other."""
+"""Cosine up to which two points count as points of one plane, which do not see each other."""
 _TURN = threading.Lock()
-"""Lock of threads that launch kernels."""
+"""Lets one thread at a time launch kernels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class Starts:
     at, normal : (S, 3) ndarray
         Positions in mm, and unit normals.
     isotropic, lambertian : (S,) ndarray
-        Share of the incident light that each scatters with this law.
+        Fraction of the incident light that each point scatters with this law.
     """
 
     at: np.ndarray
@@ -46,9 +47,19 @@ class Starts:
 
 @dataclass(frozen=True, eq=False)
 class LightRates:
-    """Derivatives of the light on a surface, as components (N,): by its position (with opposite sign, by that of the
-    start), by its area normal, by the unit normal at the start, and by a common translation of both relative to a
-    box."""
+    """Derivatives of the light on points of a surface, each a vector with components (N,).
+
+    Attributes
+    ----------
+    by_end : list of (N,) ndarray
+        By the position of the end, per mm. That by the position of the start has the opposite sign.
+    by_area : list of (N,) ndarray
+        By the area normal of the end.
+    by_normal : list of (N,) ndarray
+        By the unit normal of the start.
+    by_both : list of (N,) ndarray or None
+        By a common translation of both ends relative to a box, per mm; None without a box.
+    """
 
     by_end: list[np.ndarray]
     by_area: list[np.ndarray]
@@ -68,9 +79,9 @@ class Exchange:
     start, end : (N,) ndarray
         Numbers of start and end of each pair.
     box : Box or None
-        Box between them.
-    walls : (N,) ndarray or None
-        Pairs between which it may stand, if not all: those without an end on the box.
+        Box that blocks light between them.
+    can_block : (N,) ndarray of bool or None
+        Pairs that the box may block: those without an end on it. None for all pairs.
     """
 
     def __init__(
@@ -81,35 +92,44 @@ class Exchange:
         start: np.ndarray,
         end: np.ndarray,
         box: Box | None = None,
-        walls: np.ndarray | None = None,
+        can_block: np.ndarray | None = None,
     ) -> None:
         self._starts, self._ends = starts, (at, area)
-        self._start, self._end, self._box, self._walls = start, end, box, walls
+        self._start, self._end, self._box, self._can_block = start, end, box, can_block
 
     def values(self, above: np.ndarray | None = None) -> np.ndarray:
-        """(N,) light per unit of power and of the integration variables of the surface.
+        """Light that arrives, per unit of power at the start.
 
-        Isotropic light ends at the horizon of its start, unless the share (N,) of the surface ``above`` it is given.
+        Parameters
+        ----------
+        above : (N,) ndarray or None
+            Fraction of the surface above the horizon of the start, by which isotropic light is multiplied; None if it
+            ends where a point passes below the horizon.
+
+        Returns
+        -------
+        (N,) ndarray
+            Per unit of the integration variables of the surface.
         """
         with _TURN:
             pair = self._pairs()
             value = pair.per_facing * pair.facing
             if above is not None:
                 value = (pair.per_facing - pair.even + _floats(above) * pair.even_below) * pair.facing
-            return np.array(value if self._box is None else value * self._passage(self._box).share)
+            return np.array(value if self._box is None else value * self._passage(self._box).fraction)
 
     def leaving(self) -> np.ndarray:
         """(N,) mm, heights of the ends above the horizons of the starts."""
         with _TURN:
             return np.asarray(self._pairs().leaving)
 
-    def part(self, pairs: np.ndarray) -> Exchange:
-        """The light of some pairs, by their numbers."""
-        walls = None if self._walls is None else self._walls[pairs]
-        return Exchange(self._starts, *self._ends, self._start[pairs], self._end[pairs], self._box, walls)
+    def subset(self, pairs: np.ndarray) -> Exchange:
+        """The light between the pairs with these numbers."""
+        can_block = None if self._can_block is None else self._can_block[pairs]
+        return Exchange(self._starts, *self._ends, self._start[pairs], self._end[pairs], self._box, can_block)
 
     def in_plane(self) -> np.ndarray:
-        """(N,) whether both ends of a pair lie in one plane, of which each sees the other as soon as it is bent."""
+        """(N,) whether both ends of a pair lie in one plane: they see each other as soon as it bends."""
         with _TURN:
             pair = self._pairs()
             most = IN_PLANE * pair.distance
@@ -117,15 +137,33 @@ class Exchange:
 
     def slopes(
         self,
-        given: np.ndarray,
+        weight: np.ndarray,
         wider: float = 1.0,
         above: np.ndarray | None = None,
         by_leaving: np.ndarray | None = None,
     ) -> LightRates:
-        """Derivatives of the values, times ``given`` (N,), with a horizon that is ``wider`` by a factor; or of those
-        with shares (N,) ``above`` it, which add ``by_leaving`` (N,) per mm of height above it."""
+        """Derivatives of the :meth:`values`, times a weight.
+
+        Parameters
+        ----------
+        weight : (N,) ndarray
+            Of each pair.
+        wider : float
+            Factor of the width :data:`HORIZON` over which the step at the horizon is smoothed.
+        above : (N,) ndarray or None
+            As for :meth:`values`.
+        by_leaving : (N,) ndarray or None
+            With ``above``, derivatives of the weighted values by the heights of the ends above the horizons, per mm,
+            as ``above`` depends on them.
+
+        Returns
+        -------
+        LightRates
+            Of each pair.
+        """
         with _TURN:
-            pair, factor = self._pairs(), _floats(given)
+            pair, factor = self._pairs(), _floats(weight)
+            # Light falls with the distance and the cosines; its step at the horizon is smoothed, or in ``by_leaving``.
             even, over, per_leaving = pair.even, pair.over, factor * pair.cosine * pair.facing
             if above is None or by_leaving is None:
                 per_leaving += factor * pair.at_horizon(HORIZON * wider)
@@ -134,37 +172,44 @@ class Exchange:
             per_facing = even + pair.cosine * pair.leaving
             radial = -(3 * even + 4 * pair.cosine * pair.leaving) * pair.facing * over
             by_end = factor * (radial * pair.d - per_facing * pair.area) + per_leaving * pair.normal
-            found = [by_end, -factor * per_facing * pair.d, per_leaving * pair.d]
+            rates = [by_end, -factor * per_facing * pair.d, per_leaving * pair.d]
+            # A box lets a fraction of the light pass, which depends on both ends.
             if self._box is not None:
                 passage = self._passage(self._box)
                 of_end, of_both = (factor * per_facing * pair.facing * slope for slope in passage.slopes())
-                found = [each * passage.share for each in found]
-                found = [found[0] + of_end, *found[1:], of_both]
+                rates = [rate * passage.fraction for rate in rates]
+                rates = [rates[0] + of_end, *rates[1:], of_both]
             if by_leaving is not None:
-                found[0] += _floats(by_leaving) * pair.normal
-                found[2] += _floats(by_leaving) * pair.d
-            dr.eval(found)
-            return LightRates(*([np.array(part) for part in each] for each in found))
+                rates[0] += _floats(by_leaving) * pair.normal
+                rates[2] += _floats(by_leaving) * pair.d
+            dr.eval(rates)
+            return LightRates(*([np.array(component) for component in rate] for rate in rates))
 
     def _passage(self, box: Box) -> Passage:
-        at, there = (
-            _gathered(box.within(points), _numbers(numbers))
+        start, end = (
+            _gathered(box.to_box(points), _numbers(numbers))
             for points, numbers in ((self._starts.at, self._start), (self._ends[0], self._end))
         )
-        return Passage(box, at, there - at, True if self._walls is None else Bool(in_packets(self._walls, np.bool_)))
+        can_block = True if self._can_block is None else Bool(in_packets(self._can_block, np.bool_))
+        return Passage(box, start, end - start, can_block)
 
     def _pairs(self) -> _Pairs:
         start, end = _numbers(self._start), _numbers(self._end)
-        at, normal = (_gathered(each, start) for each in (self._starts.at, self._starts.normal))
-        even, lambertian = (
-            dr.gather(Float64, _floats(each), start) for each in (self._starts.isotropic, self._starts.lambertian)
+        at, normal = (_gathered(vectors, start) for vectors in (self._starts.at, self._starts.normal))
+        isotropic, lambertian = (
+            dr.gather(Float64, _floats(fraction), start)
+            for fraction in (self._starts.isotropic, self._starts.lambertian)
         )
-        there, area = (_gathered(each, end) for each in self._ends)
-        return _Pairs(there - at, normal, area, even, lambertian)
+        end_at, area = (_gathered(vectors, end) for vectors in self._ends)
+        return _Pairs(end_at - at, normal, area, isotropic, lambertian)
 
 
 class _Pairs:
-    """Vectors and factors of pairs, for values and derivatives."""
+    """Vectors and factors of pairs of points, for values and derivatives.
+
+    ``facing`` is -(N . d), ``leaving`` is (n . d), the height of the end above the horizon of the start; ``even`` and
+    ``cosine`` are the factors of isotropic and of Lambertian light, 0 where the ends do not see each other.
+    """
 
     def __init__(
         self, d: Array3f64, normal: Array3f64, area: Array3f64, isotropic: Float64, lambertian: Float64
@@ -181,16 +226,16 @@ class _Pairs:
 
     @property
     def even_below(self) -> Float64:
-        """Isotropic light, as if it did not end at the horizon."""
+        """Factor of isotropic light without its end at the horizon."""
         over = dr.select(self.facing > 0, dr.rcp(dr.square(self.distance)), 0)
         return self.isotropic / (2 * math.pi) * over * dr.sqrt(over)
 
     def at_horizon(self, width: float) -> Float64:
-        """Loss of isotropic light in directions that pass below the horizon of the start, per mm of ``leaving``.
+        """Gain of isotropic light from directions that rise above the horizon of the start, per mm of ``leaving``.
 
-        Visibility is discontinuous there, and its derivative is spread over directions of a ``width`` (cosine). On a
-        surface of uniform curvature, both ends see each other equally: the difference of their views is the
-        contribution of the horizon.
+        Visibility is discontinuous there; its derivative is smoothed over directions within a ``width`` (cosine). On a
+        surface of uniform curvature both ends see each other equally: the difference of ``facing`` and ``leaving`` is
+        what the horizon contributes.
         """
         over = dr.rcp(self.distance)
         cosine = self.leaving * over / width
@@ -200,7 +245,7 @@ class _Pairs:
 
 
 def _gathered(vectors: np.ndarray, numbers: UInt32) -> Array3f64:
-    return dr.gather(Array3f64, Array3f64(*(_floats(each) for each in vectors.T)), numbers)
+    return dr.gather(Array3f64, Array3f64(*(_floats(component) for component in vectors.T)), numbers)
 
 
 def _floats(values: np.ndarray) -> Float64:

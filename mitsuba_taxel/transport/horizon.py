@@ -1,7 +1,7 @@
-"""Pieces of patches that the horizon of a start crosses.
+"""Pieces of patches that cross the horizon of a point from which light starts.
 
-Isotropic light ends there with a step, which points of a quadrature rule do not resolve: under load, a bent roof hides
-a strip of the wall beside it from most of its points, and that strip is narrower than a patch.
+Isotropic light ends at the horizon with a step, which the points of a quadrature rule do not resolve: under load, a
+bent roof hides a strip of the wall beside it from most of its points, and that strip is narrower than a patch.
 """
 
 from __future__ import annotations
@@ -15,64 +15,88 @@ from mitsuba_taxel.transport.pieces import WHOLE
 from mitsuba_taxel.transport.rules import coefficients, monomials
 
 ALONG = 0.9
-"""Cosine between normals of start and patch above which both belong to one smooth wall, whose own light is left as it
-is: curved pieces beside a start only touch its horizon."""
+"""Cosine between the normals of start and patch above which both belong to one smooth wall. Its pieces are not treated
+as crossed: curved pieces beside a start only touch its horizon."""
 
 
 class PiecesAtHorizon(NamedTuple):
-    """Pairs of starts and points of such pieces.
+    """Pairs of a start and a point on a piece that crosses the horizon of the start.
 
     Attributes
     ----------
     pairs : (M,) ndarray
         Numbers of the pairs.
-    share : (M,) ndarray
-        Share of the area of the piece that is above the horizon.
+    fraction : (M,) ndarray
+        Fraction of the area of the piece that is above the horizon.
     by_height : (M / Q, Q) ndarray
-        Derivatives per mm of the share of each piece by the heights of its points.
+        Derivatives per mm of the fraction of each piece by the heights of its Q points.
     """
 
     pairs: np.ndarray
-    share: np.ndarray
+    fraction: np.ndarray
     by_height: np.ndarray
 
 
 def pieces_at_horizon(pairs: Pairs, own: np.ndarray, normal: np.ndarray, leaving: np.ndarray) -> PiecesAtHorizon:
-    """Pieces that the horizon crosses, except those of the wall of the start.
+    """Pieces that cross the horizon of a target, except those of its own wall.
 
     Parameters
     ----------
+    pairs : Pairs
+        N of T targets and the points of pieces, from :func:`pairs_of`.
     own : (T,) ndarray
         Number of the patch of each target.
     normal : (T, 3) ndarray
         Unit normals of the targets.
     leaving : (N,) ndarray
         Heights in mm of the points above the horizons of the targets.
+
+    Returns
+    -------
+    PiecesAtHorizon
+        In the order of the pairs.
     """
     of_patch = normal.reshape(int(own[-1]) + 1, -1, 3).mean(axis=1)
     patch = pairs.points.face[pairs.point]
     along = (normal @ of_patch.T > ALONG)[pairs.target, patch]
-    # The points of a piece follow one another; heights at its corners are those of the polynomial through them.
-    numbers = np.flatnonzero(own[pairs.target] != patch).reshape(-1, pairs.shares.shape[1])
+    # The points of a piece are consecutive; the polynomial through their heights gives the heights of the corners.
+    numbers = np.flatnonzero(own[pairs.target] != patch).reshape(-1, pairs.interpolation.shape[1])
     numbers = numbers[~along[numbers[:, 0]]]
     to_corners = monomials(WHOLE, pairs.degree) @ coefficients(pairs.degree)
     heights = leaving[numbers] @ to_corners.T
     crossed = (heights.min(axis=1) < 0) & (heights.max(axis=1) > 0)
-    share, by_corner = share_above(heights[crossed])
-    return PiecesAtHorizon(numbers[crossed].ravel(), np.repeat(share, numbers.shape[1]), by_corner @ to_corners)
+    fraction, by_corner = fraction_above(heights[crossed])
+    return PiecesAtHorizon(numbers[crossed].ravel(), np.repeat(fraction, numbers.shape[1]), by_corner @ to_corners)
 
 
-def share_above(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(M,) shares of triangles on which a linear function is positive, from its values (M, 3) at the corners, of which
-    one at least is negative and one positive, and (M, 3) the derivatives by these."""
+def fraction_above(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Fractions of the areas of triangles on which a linear function is positive.
+
+    Parameters
+    ----------
+    heights : (M, 3) ndarray
+        Values of the function at the corners; at least one of them is negative and one positive.
+
+    Returns
+    -------
+    fraction : (M,) ndarray
+        From 0 to 1.
+    by_corner : (M, 3) ndarray
+        Its derivatives by the values.
+    """
+    # The zero line cuts off one corner, the tip, which is above it (``tip_above``) or below it.
     order = np.argsort(heights, axis=1)
     low, middle, high = np.take_along_axis(heights, order, axis=1).T
-    few = middle <= 0  # corners above the line: one, the tip of a triangle, or else one below it
-    tip, far, near = np.where(few, high, low), np.where(few, low, high), middle
-    share = tip**2 / ((tip - far) * (tip - near))
-    by_tip = share * (2 / tip - 1 / (tip - far) - 1 / (tip - near))
-    by_far, by_near = share / (tip - far), share / (tip - near)
-    by_sorted = np.stack([np.where(few, by_far, by_tip), by_near, np.where(few, by_tip, by_far)], axis=1)
+    tip_above = middle <= 0
+    tip, opposite = np.where(tip_above, high, low), np.where(tip_above, low, high)
+    # Area of the triangle between the tip and the line, relative to the entire triangle, and its derivatives.
+    cut_off = tip**2 / ((tip - opposite) * (tip - middle))
+    by_tip = cut_off * (2 / tip - 1 / (tip - opposite) - 1 / (tip - middle))
+    by_opposite, by_middle = cut_off / (tip - opposite), cut_off / (tip - middle)
+    # Back to the order of the corners, and from the part below the line to the part above it.
+    by_sorted = np.stack(
+        [np.where(tip_above, by_opposite, by_tip), by_middle, np.where(tip_above, by_tip, by_opposite)], axis=1
+    )
     by_corner = np.empty_like(by_sorted)
-    np.put_along_axis(by_corner, order, np.where(few, 1, -1)[:, None] * by_sorted, axis=1)
-    return np.where(few, share, 1 - share), by_corner
+    np.put_along_axis(by_corner, order, np.where(tip_above, 1, -1)[:, None] * by_sorted, axis=1)
+    return np.where(tip_above, cut_off, 1 - cut_off), by_corner

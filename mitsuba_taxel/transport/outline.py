@@ -1,8 +1,8 @@
-"""What an LED sends onto patches, or a phototransistor accepts from them, by integrals along their outlines.
+"""Light that an LED sends onto patches, or a phototransistor accepts from them, by integrals along their outlines.
 
-The power of a point source within an outline is the integral of F(theta) dphi along it / (2 pi), where F is the share
-of its power up to the polar angle theta, and phi the azimuth: Green's theorem on the sphere of directions. It needs
-neither the pieces nor the rules of the integrals over patches, and checks these.
+The power of a point source within an outline is the integral of F(theta) dphi along the outline, divided by 2 pi. F is
+the fraction of the power up to the polar angle theta, and phi is the azimuth: Green's theorem on the sphere of
+directions. This integral needs neither the pieces nor the rules of the integrals over patches, and so checks them.
 """
 
 from __future__ import annotations
@@ -15,27 +15,28 @@ from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.transport.rules import gauss
 
 POINTS = 6
-"""Points of Gauss' rule on a part of a side, and on each of its halves."""
+"""Points of Gauss' rule on an interval of a side, and on each of its halves."""
 TOLERANCE = 1e-6
-"""Largest difference, as share of the source's power, of the rule on a part of a side and on its halves."""
+"""Largest difference between the rule on an interval and on its two halves, as fraction of the source's power."""
 MOST_CUTS = 24
+"""Largest number of times that an interval is halved."""
 GRAIN = 1e-7
-"""Relative to the largest coordinate: sides whose points differ by less are the same."""
+"""Sides whose points differ by less are the same; relative to the largest coordinate."""
 _SIDES = np.array([[0, 1, 2, 3, 4], [4, 8, 11, 13, 14], [14, 12, 9, 5, 0]])
 """(3, 5) numbers of a patch's points (see `LATTICE`) along its sides, counterclockwise in (s, t)."""
 _POWERS = np.arange(5)
 _POLYNOMIAL = np.linalg.inv(np.vander(_POWERS / 4, increasing=True))
-"""(5, 5) from five points of a side to the coefficients of the polynomial through them."""
+"""(5, 5) matrix from five points of a side to the coefficients of the polynomial through them."""
 
 _FIRST = (0.0, 1.0), (0.0, 0.5), (0.5, 0.5)
-"""Start and width of a side and its halves."""
+"""Start and width of the intervals of a side and of its two halves."""
 
 Cumulative = Callable[[np.ndarray], np.ndarray]
-"""Takes cosines of polar angles, and returns the share of the power at smaller angles."""
+"""Fraction of the power at polar angles below those whose cosines are passed."""
 
 
-def power_within(points: np.ndarray, normal: np.ndarray, within: Cumulative, places: np.ndarray) -> np.ndarray:
-    """Share of the power of each point source within the outline of each patch.
+def power_within(points: np.ndarray, normal: np.ndarray, within: Cumulative, positions: np.ndarray) -> np.ndarray:
+    """Fraction of the power of each point source within the outline of each patch.
 
     Parameters
     ----------
@@ -44,7 +45,8 @@ def power_within(points: np.ndarray, normal: np.ndarray, within: Cumulative, pla
     normal : (3,) ndarray
         Unit vector along the axis of their light.
     within : Cumulative
-    places : (F, 15, 3) ndarray
+        Angular law of the sources.
+    positions : (F, 15, 3) ndarray
         Of the patches, in mm; they face the sources.
 
     Returns
@@ -52,41 +54,50 @@ def power_within(points: np.ndarray, normal: np.ndarray, within: Cumulative, pla
     (L, F) ndarray
         Negative for a patch that turns its back on the source.
     """
-    frame = _frame(normal)
-    side, sign, own = _shared((places[:, _SIDES] @ frame.T).reshape(-1, 5, 3))
-    source, coefficients = points @ frame.T, _POLYNOMIAL @ side
+    # The polar axis is the third axis of a right-handed frame.
+    across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    across /= np.linalg.norm(across)
+    frame = np.stack([across, np.cross(normal, across), normal])
+    sides, sign, side_of = _distinct((positions[:, _SIDES] @ frame.T).reshape(-1, 5, 3))
+    sources, coefficients = points @ frame.T, _POLYNOMIAL @ sides
 
-    # All sources see the same points of whole sides and of their halves.
-    parts = [_points(coefficients, *(np.full(len(side), value) for value in part)) for part in _FIRST]
-    whole, *first = (_integrals(at[:, None] - source[:, None], rate[:, None], within) for at, rate in parts)
-    amounts = first[0] + first[1]
-    number, of = np.nonzero(np.abs(amounts - whole) > TOLERANCE)
-    amounts[number, of] = 0
+    # All sources see the same points of entire sides and of their halves.
+    rules = [_points(coefficients, *(np.full(len(sides), value) for value in interval)) for interval in _FIRST]
+    entire, *first = (_integrals(at[:, None] - sources[:, None], rate[:, None], within) for at, rate in rules)
+    integrals = first[0] + first[1]
+    side, source = np.nonzero(np.abs(integrals - entire) > TOLERANCE)
+    integrals[side, source] = 0
 
-    # The parts that do not agree with the sum of their halves are halved again, for their sources alone.
-    halves = np.stack([each[number, of] for each in first], axis=1).ravel()
-    start = np.tile([0.0, 0.5], len(number))
-    number, of, width = np.repeat(number, 2), np.repeat(of, 2), np.full(len(start), 0.5)
+    # Intervals that do not agree with the sum of their halves are halved again, for the sources concerned.
+    halves = np.stack([half[side, source] for half in first], axis=1).ravel()
+    start = np.tile([0.0, 0.5], len(side))
+    side, source, width = np.repeat(side, 2), np.repeat(source, 2), np.full(len(start), 0.5)
     for _ in range(MOST_CUTS):
-        if not len(number):
+        if not len(side):
             break
-        whole = halves
-        number, of, width = np.repeat(number, 2), np.repeat(of, 2), np.repeat(width / 2, 2)
+        entire = halves
+        side, source, width = np.repeat(side, 2), np.repeat(source, 2), np.repeat(width / 2, 2)
         start = np.repeat(start, 2)
         start[1::2] += width[1::2]
-        at, rate = _points(coefficients[number], start, width)
-        halves = _integrals(at - source[of][:, None], rate, within)
+        at, rate = _points(coefficients[side], start, width)
+        halves = _integrals(at - sources[source][:, None], rate, within)
         both = halves[::2] + halves[1::2]
-        agree = np.abs(both - whole) <= TOLERANCE
-        np.add.at(amounts, (number[::2][agree], of[::2][agree]), both[agree])
-        left = np.repeat(~agree, 2)
-        number, of, start, width, halves = number[left], of[left], start[left], width[left], halves[left]
-    np.add.at(amounts, (number, of), halves)
-    return (sign[:, None] * amounts[own]).reshape(len(places), 3, -1).sum(axis=1).T
+        agree = np.abs(both - entire) <= TOLERANCE
+        np.add.at(integrals, (side[::2][agree], source[::2][agree]), both[agree])
+        unresolved = np.repeat(~agree, 2)
+        side, source, start, width, halves = (
+            side[unresolved],
+            source[unresolved],
+            start[unresolved],
+            width[unresolved],
+            halves[unresolved],
+        )
+    np.add.at(integrals, (side, source), halves)
+    return (sign[:, None] * integrals[side_of]).reshape(len(positions), 3, -1).sum(axis=1).T
 
 
 def _points(coefficients: np.ndarray, start: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(N, P, 3) points of the rule on parts of sides with coefficients (N, 5, 3), and their rates along the part."""
+    """(N, P, 3) points of the rule on intervals of sides with coefficients (N, 5, 3), and their rates (N, P, 3)."""
     along = start[:, None] + width[:, None] * gauss(POINTS)[0]
     powers = along[..., None] ** _POWERS
     rates = np.zeros_like(powers)
@@ -95,26 +106,25 @@ def _points(coefficients: np.ndarray, start: np.ndarray, width: np.ndarray) -> t
 
 
 def _integrals(away: np.ndarray, rate: np.ndarray, within: Cumulative) -> np.ndarray:
-    """(...) integrals of F dphi / (2 pi) along parts of sides at ``away`` (..., P, 3), clockwise seen from above."""
+    """(...) integrals of F dphi / (2 pi) along intervals of sides at ``away`` (..., P, 3) from the sources.
+
+    They count clockwise as seen from above.
+    """
     (x, y, z), (dx, dy) = np.moveaxis(away, -1, 0), np.moveaxis(rate[..., :2], -1, 0)
     across = np.maximum(x**2 + y**2, np.finfo(float).tiny)
     turn = (y * dx - x * dy) / across
     return (within(z / np.sqrt(across + z**2)) * turn) @ gauss(POINTS)[1] / (2 * np.pi)
 
 
-def _shared(sides: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Different sides (E, 5, 3), and of each side (S, 5, 3) the sign of its direction in them and its number there."""
+def _distinct(sides: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The distinct ones (E, 5, 3) of sides (S, 5, 3), as adjacent patches have the same, in opposite directions.
+
+    Also returned are, for each side, the sign (S,) of its direction and its number (S,) among the distinct sides.
+    """
     grain = GRAIN * np.abs(sides).max()
     ends = np.round(sides[:, [0, -1]] / grain).astype(np.int64)
     backwards = (ends[:, 0] * [4, 2, 1]).sum(axis=1) > (ends[:, 1] * [4, 2, 1]).sum(axis=1)
     forward = np.where(backwards[:, None, None], sides[:, ::-1], sides)
     keys = np.round(forward[:, [0, 2, -1]].reshape(-1, 9) / grain).astype(np.int64)
-    first, own = unique_rows(keys)
-    return forward[first], np.where(backwards, -1.0, 1.0), own
-
-
-def _frame(normal: np.ndarray) -> np.ndarray:
-    """(3, 3) rows: two directions across a unit vector, and itself, right-handed."""
-    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(normal, first), normal])
+    first, number = unique_rows(keys)
+    return forward[first], np.where(backwards, -1.0, 1.0), number

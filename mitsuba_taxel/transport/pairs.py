@@ -1,7 +1,7 @@
-"""The integral over patches seen from targets, as a sum over pairs of targets and points.
+"""Integrals over patches as seen from targets, as sums over pairs of a target and a point.
 
-The closer a patch, the more points: it is subdivided into pieces, to each of which the quadrature rule of patches is
-applied. The subdivision does not change with the load, so that the sum is a smooth function of positions.
+A patch is subdivided into pieces, and the quadrature rule is applied to each piece: the closer the target, the more
+pieces. The subdivision does not change with the load, so that the sum is a smooth function of positions.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mitsuba_taxel.transport.pieces import cut_near
 from mitsuba_taxel.transport.rules import coefficients, monomials, polar_rule, triangle_rule
 
 SELF_POINTS = 8
-"""Points along and across each of the three triangles into which a patch is subdivided for a target on it."""
+"""Points along and across each of the three triangles into which a patch is divided for a target on the patch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +28,11 @@ class Pairs:
     target, point : (N,) ndarray
         Numbers of target and point of each pair, ordered by target.
     weight : (N,) ndarray
-        Of the point in the integral over s and t.
+        Weight of the point in the integral over s and t.
     points : PatchPoints
-        All points.
+        All P points.
     degree : int
-        Of the polynomials of values on patches.
+        Of the polynomials that interpolate values on patches.
     """
 
     target: np.ndarray
@@ -42,39 +42,51 @@ class Pairs:
     degree: int
 
     @cached_property
-    def shares(self) -> np.ndarray:
-        """(P, Q) weights of the values on a patch for the value at each point."""
+    def interpolation(self) -> np.ndarray:
+        """(P, Q) weights of the Q values on a patch for the value at each of its points."""
         return monomials(self.points.at, self.degree) @ coefficients(self.degree)
 
 
-def pairs_of(targets: np.ndarray, places: np.ndarray, own: np.ndarray, degree: int, distance: float) -> Pairs:
-    """The pairs of ``targets`` (T, 3) with all patches of ``places`` (F, 15, 3).
+def pairs_of(targets: np.ndarray, positions: np.ndarray, own: np.ndarray, degree: int, distance: float) -> Pairs:
+    """Pairs of each target with the quadrature points of all patches.
 
     Parameters
     ----------
+    targets : (T, 3) ndarray
+        In mm: the points of :func:`triangle_rule`, patch by patch.
+    positions : (F, 15, 3) ndarray
+        Of the patches, in mm.
     own : (T,) ndarray
-        Number of the patch of each target; targets are the points of :func:`triangle_rule`, patch by patch.
+        Number of the patch of each target.
     degree : int
-        Of that rule, which is applied to each piece.
+        Of the triangle rule, which is applied to each piece of the other patches.
     distance : float
         See :func:`cut_near`.
+
+    Returns
+    -------
+    Pairs
+        Ordered by target.
     """
     rule, weights = triangle_rule(degree)
     target, point, weight, face, at, count = [], [], [], [], [], 0
-    for of_target, which, pieces in cut_near(targets, places, own, distance):
+    # The other patches, in pieces.
+    for of_target, piece, pieces in cut_near(targets, positions, own, distance):
         target.append(np.repeat(of_target, len(rule)))
-        point.append((count + len(rule) * which[:, None] + np.arange(len(rule))).ravel())
-        weight.append(np.outer(pieces.areas()[which], weights).ravel())
+        point.append((count + len(rule) * piece[:, None] + np.arange(len(rule))).ravel())
+        weight.append(np.outer(pieces.areas()[piece], weights).ravel())
         face.append(np.repeat(pieces.face, len(rule)))
         at.append(pieces.points(rule).reshape(-1, 2))
         count += face[-1].size
-    rules = [polar_rule(place, SELF_POINTS) for place in rule]
+    # The patch of the target itself, where the integrand grows as 1 / distance.
+    rules = [polar_rule(corner, SELF_POINTS) for corner in rule]
     size = len(rules[0][1])
     target.append(np.repeat(np.arange(len(own)), size))
     point.append(np.arange(count, count + size * len(own)))
-    weight.append(np.tile(np.concatenate([weights for _, weights in rules]), len(places)))
+    weight.append(np.tile(np.concatenate([weights for _, weights in rules]), len(positions)))
     face.append(np.repeat(own, size))
-    at.append(np.tile(np.concatenate([points for points, _ in rules]), (len(places), 1)))
+    at.append(np.tile(np.concatenate([points for points, _ in rules]), (len(positions), 1)))
+    # Points are ordered by patch, as `PatchPoints` needs them, and pairs by target.
     faces = np.concatenate(face)
     order = np.argsort(faces, kind="stable")
     number = np.empty_like(order)

@@ -1,4 +1,4 @@
-"""Patches cut into smaller ones of the same shape, along a plane in which what they receive or send has a kink."""
+"""Patches cut along a plane in which the light that they receive or send has a kink, into smaller curved triangles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from mitsuba_taxel.transport.pieces import WHOLE
 from mitsuba_taxel.transport.rules import monomials
 
 BESIDE = 0.02
-"""Distance of a corner from the plane, relative to that of the farthest one, up to which it counts as on it."""
+"""Distance of a corner from the plane, relative to that of the farthest corner, up to which it counts as in the
+plane."""
 ROUNDED = 6
 """Decimals of the coordinates of corners, so that cells that are equal but for rounding are cut equally."""
 _COEFFICIENTS = np.linalg.inv(monomials(LATTICE, DEGREE))
@@ -39,32 +40,32 @@ class PatchCuts:
         object.__setattr__(self, "_weights", weights)
 
     def of(self, values: np.ndarray) -> np.ndarray:
-        """(C, 15, 3) values on the lattices of the triangles from those on the lattices of patches (F, 15, 3)."""
+        """(C, 15, 3) values at the points of the triangles, from values (F, 15, 3) at the points of the patches."""
         return self._weights @ values[self.parent]  # type: ignore[attr-defined]
 
 
 def uncut(count: int) -> PatchCuts:
-    """Patches as they are.
+    """Patches that are not cut.
 
     Parameters
     ----------
     count : int
-        Of the patches.
+        Number of patches.
 
     Returns
     -------
     PatchCuts
-        One part for each.
+        One triangle for each patch.
     """
     return PatchCuts(np.arange(count), np.tile(WHOLE, (count, 1, 1)))
 
 
-def cut_at_plane(places: np.ndarray, point: np.ndarray, normal: np.ndarray) -> PatchCuts:
+def cut_at_plane(positions: np.ndarray, point: np.ndarray, normal: np.ndarray) -> PatchCuts:
     """Patches cut where they cross a plane, each into a triangle on one side and two on the other.
 
     Parameters
     ----------
-    places : (F, 15, 3) ndarray
+    positions : (F, 15, 3) ndarray
         In mm.
     point, normal : (3,) ndarray
         Of the plane.
@@ -72,10 +73,10 @@ def cut_at_plane(places: np.ndarray, point: np.ndarray, normal: np.ndarray) -> P
     Returns
     -------
     PatchCuts
-        Parts of each patch.
+        The triangles of all patches.
     """
     at_corners = [int(np.abs(LATTICE - corner).sum(axis=1).argmin()) for corner in WHOLE]
-    heights = (places[:, at_corners] - point) @ normal
+    heights = (positions[:, at_corners] - point) @ normal
     heights[np.abs(heights) < BESIDE * np.abs(heights).max(axis=1, keepdims=True)] = 0.0
     parent, corners = [], []
     for number, height in enumerate(heights):
@@ -86,16 +87,18 @@ def cut_at_plane(places: np.ndarray, point: np.ndarray, normal: np.ndarray) -> P
 
 
 def _cut(height: np.ndarray) -> list[np.ndarray]:
-    """Triangles (3, 2) on either side of the line on which a linear function with these values (3,) at the corners of
-    a triangle is 0."""
+    """Triangles (3, 2) on both sides of the line on which a linear function is 0, from its values (3,) at the
+    corners."""
+    # The line cuts off one corner, a, and meets the sides ab and ac.
     above = height > 0
     tip = int(np.argmax(above == (above.sum() == 1)))
     (a, b, c), (at_a, at_b, at_c) = np.roll(WHOLE, -tip, axis=0), np.roll(height, -tip)
     beside_b, beside_c = a + (b - a) * at_a / (at_a - at_b), a + (c - a) * at_a / (at_a - at_c)
+    # The quadrilateral on the other side is divided along its shorter diagonal; triangles without area are left out.
     if np.linalg.norm(beside_b - c) < np.linalg.norm(beside_c - b):
         rest = [(beside_b, b, c), (beside_b, c, beside_c)]
     else:
         rest = [(beside_b, b, beside_c), (b, c, beside_c)]
     triangles = np.array([(a, beside_b, beside_c), *rest])
     sides = triangles[:, 1:] - triangles[:, :1]
-    return [each for each, (one, other) in zip(triangles, sides, strict=True) if one[0] * other[1] != one[1] * other[0]]
+    return [triangle for triangle, (u, v) in zip(triangles, sides, strict=True) if u[0] * v[1] != u[1] * v[0]]

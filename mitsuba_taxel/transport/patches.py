@@ -33,45 +33,82 @@ class PatchPoints:
 
     @cached_property
     def _of_faces(self) -> list[tuple[int, slice]]:
+        """The patches that have points, and the slice of the points of each."""
         faces, counts = np.unique(self.face, return_counts=True)
         ends = np.cumsum(counts)
         starts = ends - counts
-        return [
-            (face, slice(*both)) for face, *both in zip(*(each.tolist() for each in (faces, starts, ends)), strict=True)
-        ]
+        rows = zip(faces.tolist(), starts.tolist(), ends.tolist(), strict=True)
+        return [(face, slice(start, end)) for face, start, end in rows]
 
     @cached_property
     def _monomials(self) -> np.ndarray:
-        """(15, P)"""
+        """(15, P) monomials at the points."""
         return monomials(self.at, DEGREE).T
 
-    def _evaluated(self, places: np.ndarray, polynomials: np.ndarray) -> np.ndarray:
-        """(K, P, 3) values of K polynomials (K, 15, 15) of the positions of the patches."""
-        factors = np.swapaxes(places, 1, 2) @ polynomials.reshape(-1, len(LATTICE)).T
-        factors = factors.reshape(len(places), -1, len(LATTICE))
+    def _evaluated(self, positions: np.ndarray, polynomials: np.ndarray) -> np.ndarray:
+        """(K, P, 3) values at the points of K matrices (K, 15, 15) of `_COEFFICIENTS`, applied to the positions."""
+        factors = np.swapaxes(positions, 1, 2) @ polynomials.reshape(-1, len(LATTICE)).T
+        factors = factors.reshape(len(positions), -1, len(LATTICE))
         result = np.empty((factors.shape[1], len(self.face)))
         for face, points in self._of_faces:
             np.matmul(factors[face], self._monomials[:, points], out=result[:, points])
         return result.reshape(3, len(polynomials), -1).transpose(1, 2, 0)
 
-    def places(self, places: np.ndarray) -> np.ndarray:
-        """(P, 3) positions on patches with ``places`` (F, 15, 3)."""
-        return self._evaluated(places, _COEFFICIENTS[:1])[0]
+    def interpolated(self, positions: np.ndarray) -> np.ndarray:
+        """Positions of the points.
 
-    def placed(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Positions (P, 3), and area normals (P, 3), whose length is the area per unit of s and t."""
-        at, one, other = self._evaluated(places, _COEFFICIENTS)
-        return at, cross(one, other)
+        Parameters
+        ----------
+        positions : (F, 15, 3) ndarray
+            Of the patches, in mm.
 
-    def gradient(self, places: np.ndarray, by_place: np.ndarray, by_area: np.ndarray) -> np.ndarray:
-        """(F, 15, 3) derivatives by the patches' positions, from those (P, 3) by position and area normal of the
-        points."""
-        one, other = self._evaluated(places, _COEFFICIENTS[1:])
-        given = np.concatenate([by_place.T, cross(other, by_area).T, cross(by_area, one).T])
-        summed = np.zeros((len(places), len(given), len(LATTICE)))
+        Returns
+        -------
+        (P, 3) ndarray
+            In mm.
+        """
+        return self._evaluated(positions, _COEFFICIENTS[:1])[0]
+
+    def positions_and_areas(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and area normals of the points.
+
+        Parameters
+        ----------
+        positions : (F, 15, 3) ndarray
+            Of the patches, in mm.
+
+        Returns
+        -------
+        at : (P, 3) ndarray
+            In mm.
+        area : (P, 3) ndarray
+            Normals, whose length is the area per unit of s and t.
+        """
+        at, by_s, by_t = self._evaluated(positions, _COEFFICIENTS)
+        return at, cross(by_s, by_t)
+
+    def gradient(self, positions: np.ndarray, by_position: np.ndarray, by_area: np.ndarray) -> np.ndarray:
+        """Derivatives of a function of the points by the positions of the patches.
+
+        Parameters
+        ----------
+        positions : (F, 15, 3) ndarray
+            Of the patches, in mm.
+        by_position, by_area : (P, 3) ndarray
+            Derivatives of the function by position and area normal of each point.
+
+        Returns
+        -------
+        (F, 15, 3) ndarray
+            Per mm.
+        """
+        by_s, by_t = self._evaluated(positions, _COEFFICIENTS[1:])
+        # Derivatives by the position and by both tangents, whose cross product is the area normal.
+        adjoint = np.concatenate([by_position.T, cross(by_t, by_area).T, cross(by_area, by_s).T])
+        summed = np.zeros((len(positions), len(adjoint), len(LATTICE)))
         for face, points in self._of_faces:
-            np.matmul(given[:, points], self._monomials[:, points].T, out=summed[face])
-        return np.einsum("kmc,fkxm->fcx", _COEFFICIENTS, summed.reshape(len(places), 3, 3, -1))
+            np.matmul(adjoint[:, points], self._monomials[:, points].T, out=summed[face])
+        return np.einsum("kmc,fkxm->fcx", _COEFFICIENTS, summed.reshape(len(positions), 3, 3, -1))
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

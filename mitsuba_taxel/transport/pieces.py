@@ -10,8 +10,9 @@ import numpy as np
 from mitsuba_taxel.transport.patches import PatchPoints
 
 MOST_CUTS = 7
+"""Largest number of subdivisions of a patch."""
 FEW = 4
-"""Numbers are sorted where fewer than one of so many occurs, as small pieces lie near targets alone."""
+"""Numbers are sorted if fewer than 1 in 4 of all possible ones occurs, as for small pieces, which lie near targets."""
 WHOLE = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 QUARTERS = np.stack([WHOLE / 2, WHOLE / 2 + (0.5, 0), WHOLE / 2 + (0, 0.5), 0.5 - WHOLE[[0, 1, 2]] / 2])
 """(4, 3, 2) corners of the four quarters of a triangle."""
@@ -33,73 +34,93 @@ class Pieces:
     corners: np.ndarray
 
     def points(self, rule: np.ndarray) -> np.ndarray:
-        """(M, Q, 2) points (s, t) of a rule (Q, 2) on each."""
+        """(M, Q, 2) points (s, t) of a quadrature rule (Q, 2) on each piece."""
         sides = self.corners[:, 1:] - self.corners[:, :1]
         return self.corners[:, :1] + rule @ sides
 
     def areas(self) -> np.ndarray:
-        """(M,) shares of the patch's area."""
+        """(M,) areas relative to those of the patches."""
         (a, b), (c, d) = (self.corners[:, 1:] - self.corners[:, :1]).transpose(1, 2, 0)
         return np.abs(a * d - b * c)
 
-    def extents(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Middle (M, 3) and longest side (M,) in mm, on patches with ``places`` (F, 15, 3)."""
+    def extents(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where the pieces are, and how large.
+
+        Parameters
+        ----------
+        positions : (F, 15, 3) ndarray
+            Of the patches, in mm.
+
+        Returns
+        -------
+        middle : (M, 3) ndarray
+            Mean of the corners, in mm.
+        size : (M,) ndarray
+            Longest side, in mm.
+        """
         corners = self.points(WHOLE).reshape(-1, 2)
-        at = PatchPoints(np.repeat(self.face, 3), corners).places(places).reshape(-1, 3, 3).transpose(1, 0, 2)
+        at = PatchPoints(np.repeat(self.face, 3), corners).interpolated(positions).reshape(-1, 3, 3).transpose(1, 0, 2)
         sides = [np.linalg.norm(at[k] - at[k - 1], axis=1) for k in range(3)]
         return at.mean(axis=0), np.max(sides, axis=0)
 
 
 def quartered(corners: np.ndarray) -> np.ndarray:
-    """(4 M, 3, 2) corners of the quarters of pieces (M, 3, 2), one piece after the other."""
+    """(4 M, 3, 2) corners of the quarters of pieces (M, 3, 2), in the order of the pieces."""
     start, sides = corners[:, None, None, 0], corners[:, 1:] - corners[:, :1]
     return (start + QUARTERS @ sides[:, None]).reshape(-1, 3, 2)
 
 
 def cut_near(
-    targets: np.ndarray, places: np.ndarray, own: np.ndarray | None, distance: float
+    targets: np.ndarray, positions: np.ndarray, own: np.ndarray | None, distance: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray, Pieces]]:
-    """Pairs of targets and pieces that together cover all patches, grouped by the size of the pieces.
+    """Cover all patches, for each target, with pieces that are small relative to their distance from the target.
+
+    Pairs of targets and pieces are grouped by the size of the pieces.
 
     Parameters
     ----------
     targets : (T, 3) ndarray
         In mm.
-    places : (F, 15, 3) ndarray
+    positions : (F, 15, 3) ndarray
         Of the patches, in mm.
     own : (T,) ndarray or None
-        Patch of each target, with which it forms no pair.
+        Patch of each target, with which it forms no pair; None if targets lie on no patch.
     distance : float
-        Distance from a target to the middle of a piece, relative to its longest side, from which it is not subdivided.
+        From a target to the middle of a piece, relative to its longest side: a piece at a smaller distance is
+        subdivided.
 
     Yields
     ------
-    Targets (N,), numbers of pieces (N,), and these pieces.
+    target : (N,) ndarray
+        Number of the target of each pair.
+    piece : (N,) ndarray
+        Number of its piece.
+    pieces : Pieces
+        The pieces of this size.
     """
-    target, face = (index.ravel() for index in np.indices((len(targets), len(places))))
+    target, face = (index.ravel() for index in np.indices((len(targets), len(positions))))
     if own is not None:
-        other = own[target] != face
-        target, face = target[other], face[other]
-    number, corners = face, WHOLE[None]  # pieces of a size: face by face, corners those of one patch
+        is_pair = own[target] != face
+        target, face = target[is_pair], face[is_pair]
+    # Pieces of one size are numbered patch by patch; ``corners`` are those of the pieces of one patch.
+    number, corners = face, WHOLE[None]
     for cut in range(MOST_CUTS + 1):
-        used, which = _numbered(number, len(places) * len(corners))
+        count = len(positions) * len(corners)
+        if count > FEW * len(number):
+            used, piece = np.unique(number, return_inverse=True)
+        else:
+            occurs = np.zeros(count, dtype=bool)
+            occurs[number] = True
+            used, piece = np.flatnonzero(occurs), np.cumsum(occurs)[number] - 1
         pieces = Pieces(used // len(corners), corners[used % len(corners)])
-        middle, size = pieces.extents(places)
-        away = middle[which] - targets[target]
-        near = (away**2).sum(axis=1) < (distance * size[which]) ** 2
+        # Pieces that are large relative to their distance are subdivided for the targets concerned.
+        middle, size = pieces.extents(positions)
+        away = middle[piece] - targets[target]
+        coarse = (away**2).sum(axis=1) < (distance * size[piece]) ** 2
         if cut == MOST_CUTS:
-            near[:] = False
-        yield target[~near], which[~near], pieces
-        if not near.any():
+            coarse[:] = False
+        yield target[~coarse], piece[~coarse], pieces
+        if not coarse.any():
             return
-        target, number = np.repeat(target[near], 4), (4 * number[near][:, None] + np.arange(4)).ravel()
+        target, number = np.repeat(target[coarse], 4), (4 * number[coarse][:, None] + np.arange(4)).ravel()
         corners = quartered(corners)
-
-
-def _numbered(number: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Which of ``count`` numbers occur, in ascending order, and the place of each number (N,) among them."""
-    if count > FEW * len(number):
-        return np.unique(number, return_inverse=True)
-    there = np.zeros(count, dtype=bool)
-    there[number] = True
-    return np.flatnonzero(there), np.cumsum(there)[number] - 1

@@ -22,11 +22,22 @@ _ORBITS = {
 
 @kept(128)
 def triangle_rule(degree: int) -> Rule:
-    """The symmetric rule of 3 points for ``degree`` 1, of 6 points for 2: exact for polynomials of twice the degree.
+    """The symmetric rule on the triangle with as many points as a polynomial of a degree has coefficients.
 
-    It has as many points as a polynomial of this degree has coefficients. Source: D. A. Dunavant, High degree efficient
-    symmetrical Gaussian quadrature rules for the triangle, International Journal for Numerical Methods in Engineering
-    21, 1985.
+    Source: D. A. Dunavant, High degree efficient symmetrical Gaussian quadrature rules for the triangle, International
+    Journal for Numerical Methods in Engineering 21, 1985.
+
+    Parameters
+    ----------
+    degree : int
+        1 or 2; the rule is exact for polynomials of twice this degree.
+
+    Returns
+    -------
+    points : (Q, 2) ndarray
+        3 for degree 1, 6 for 2.
+    weights : (Q,) ndarray
+        Of which the sum is 1/2.
     """
     points = [point for a, _ in _ORBITS[degree] for point in ((a, a), (a, 1 - 2 * a), (1 - 2 * a, a))]
     weights = [weight / 2 for _, weight in _ORBITS[degree] for _ in range(3)]
@@ -34,7 +45,20 @@ def triangle_rule(degree: int) -> Rule:
 
 
 def monomials(points: np.ndarray, degree: int) -> np.ndarray:
-    """(Q, C) all monomials s^i t^j of at most that degree; each is contiguous."""
+    """All monomials s^i t^j up to a degree.
+
+    Parameters
+    ----------
+    points : (Q, 2) ndarray
+        Coordinates (s, t).
+    degree : int
+        Largest i + j.
+
+    Returns
+    -------
+    (Q, C) ndarray
+        Each column is contiguous in memory.
+    """
     table = np.empty((len(_exponents(degree)), len(points)))
     table[0] = 1
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
@@ -49,7 +73,7 @@ def monomials(points: np.ndarray, degree: int) -> np.ndarray:
 
 @kept(128)
 def differentiated(degree: int) -> np.ndarray:
-    """(3, C, C) matrices from a polynomial's coefficients to themselves, and to those of its derivatives by s and t."""
+    """(3, C, C) matrices from the coefficients of a polynomial to these, and to those of its derivatives by s and t."""
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
     result = np.stack([np.eye(len(numbers)), *np.zeros((2, len(numbers), len(numbers)))])
     for (i, j), number in numbers.items():
@@ -67,13 +91,13 @@ def _exponents(degree: int) -> list[tuple[int, int]]:
 
 @kept(128)
 def coefficients(degree: int) -> np.ndarray:
-    """(C, Q) matrix from values at the points of :func:`triangle_rule` to the coefficients of the polynomial through
-    them."""
+    """(C, Q) matrix from values at the points of :func:`triangle_rule` to coefficients of the interpolating
+    polynomial."""
     return np.linalg.inv(monomials(triangle_rule(degree)[0], degree))
 
 
 def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and weights of Gauss' rule on [0, 1]."""
+    """Points (count,) and weights (count,) of Gauss' rule on [0, 1]."""
     points, weights = np.polynomial.legendre.leggauss(count)
     return (points + 1) / 2, weights / 2
 
@@ -129,7 +153,7 @@ def square_annulus_rule(outer: float, inner: float, along: int, across: int) -> 
 
 
 def disc_annulus_rule(outer: float, inner: float, rings: int, spokes: int) -> Rule:
-    """Rule on a disc with a round hole: Gauss in r^2, even in the angle.
+    """Rule on a disc with a round hole: Gauss' rule in r^2, equally spaced in the angle.
 
     Parameters
     ----------
@@ -145,35 +169,50 @@ def disc_annulus_rule(outer: float, inner: float, rings: int, spokes: int) -> Ru
     weights : (n,) ndarray
         Which add up to the area, mm².
     """
-    share, weights = gauss(rings)
-    radius = 0.5 * np.sqrt(inner**2 + share * (outer**2 - inner**2))
+    nodes, weights = gauss(rings)
+    radius = 0.5 * np.sqrt(inner**2 + nodes * (outer**2 - inner**2))
     angle = 2 * math.pi * (np.arange(spokes) + 0.5) / spokes
     points = np.stack([np.outer(radius, np.cos(angle)), np.outer(radius, np.sin(angle))], axis=-1).reshape(-1, 2)
     return points, np.repeat(weights, spokes) / spokes * math.pi / 4 * (outer**2 - inner**2)
 
 
 def polar_rule(target: np.ndarray, count: int) -> Rule:
-    """Rule on the triangle, for functions that grow as 1 / distance from a ``target`` (2,) in it.
+    """Rule on the triangle, for functions that grow as 1 / distance from a target.
 
-    Three triangles from the target to the sides: Gauss' rule along rays, with directions spaced by a hyperbolic sine
-    since the target may lie close to a side, in the plane where the triangle is equilateral. Source: B. M. Johnston, P.
-    R. Johnston, D. Elliott, A sinh transformation for evaluating two-dimensional nearly singular boundary element
-    integrals, International Journal for Numerical Methods in Engineering 69, 2007.
+    The target and each side form a triangle, with Gauss' rule along rays from the target. Directions of the rays are
+    spaced by a hyperbolic sine, as the target may lie close to a side, in the plane where the triangle is equilateral.
+    Source: B. M. Johnston, P. R. Johnston, D. Elliott, A sinh transformation for evaluating two-dimensional nearly
+    singular boundary element integrals, International Journal for Numerical Methods in Engineering 69, 2007.
+
+    Parameters
+    ----------
+    target : (2,) ndarray
+        Coordinates (s, t) in the triangle.
+    count : int
+        Number of points along a ray, and of rays in each of the three triangles.
+
+    Returns
+    -------
+    points : (3 count², 2) ndarray
+        Coordinates (s, t).
+    weights : (3 count²,) ndarray
+        Of which the sum is 1/2.
     """
     equilateral = np.array([[1.0, 0.0], [0.5, math.sqrt(3) / 2]])
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    (along, of_along), (share, of_share) = gauss(count), gauss(count)
+    (along, of_along), (across, of_across) = gauss(count), gauss(count)
     points, weights = [], []
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         side, to_start = (end - start) @ equilateral, (start - target) @ equilateral
         length = np.linalg.norm(side)
         first = to_start @ side / length
         height = math.sqrt(to_start @ to_start - first**2)
+        # Position along the side, from the foot of the target, and its rate by the variable of Gauss' rule.
         low, high = math.asinh(first / height), math.asinh((first + length) / height)
-        place = height * np.sinh(low + share * (high - low))
-        rate = np.sqrt(height**2 + place**2) * (high - low) / length  # of the position along the side
-        rim = start + ((place - first) / length)[:, None] * (end - start)
+        position = height * np.sinh(low + across * (high - low))
+        rate = np.sqrt(height**2 + position**2) * (high - low) / length
+        rim = start + ((position - first) / length)[:, None] * (end - start)
         twice_area = abs((start - target)[0] * (end - target)[1] - (start - target)[1] * (end - target)[0])
         points.append((target + along[:, None, None] * (rim - target)).reshape(-1, 2))
-        weights.append((np.outer(of_along * along, of_share * rate) * twice_area).ravel())
+        weights.append((np.outer(of_along * along, of_across * rate) * twice_area).ravel())
     return np.concatenate(points), np.concatenate(weights)

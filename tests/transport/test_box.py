@@ -21,7 +21,7 @@ def places(points):
 
 def passage(start, end):
     """Of ways between points (N, 3) of the world."""
-    inside, there = (places(BOX.within(points)) for points in (start, end))
+    inside, there = (places(BOX.to_box(points)) for points in (start, end))
     return Passage(BOX, inside, there - inside)
 
 
@@ -32,12 +32,12 @@ def world(points):
 def test_ways_through_the_box_end_there_and_all_others_go_on():
     ends = [((-2, 0, 0), (2, 0, 0)), ((-2, 0, 0.4), (2, 0, 0.4)), ((-2, 0, 0), (-1, 0, 0)), ((0, 2, -2), (0, 2, 2))]
     start, end = (world([pair[k] for pair in ends]) for k in (0, 1))
-    assert np.array(passage(start, end).share) == pytest.approx([0, 1, 1, 1], abs=1e-12)
+    assert np.array(passage(start, end).fraction) == pytest.approx([0, 1, 1, 1], abs=1e-12)
 
 
 def test_half_of_the_light_passes_where_a_way_just_touches_an_edge():
     touching = passage(world([[-1.7, 0.1, -0.75]]), world([[0.3, 0.1, 1.25]]))
-    assert np.array(touching.share) == pytest.approx(0.5, abs=1e-9)
+    assert np.array(touching.fraction) == pytest.approx(0.5, abs=1e-9)
 
 
 def test_derivatives_are_differences():
@@ -45,7 +45,7 @@ def test_derivatives_are_differences():
     start = world(random.uniform(-1, 1, (2000, 3)) * (2, 1.5, 0.4) - (3, 0, 0))
     end = world(random.uniform(-1, 1, (2000, 3)) * (2, 1.5, 0.4) + (3, 0, 0.2))
     here = passage(start, end)
-    share = np.array(here.share)
+    share = np.array(here.fraction)
     partly = (share > 0.02) & (share < 0.98)
     assert 20 < partly.sum() < 1000
     by_end, by_both = (np.array(each).T for each in here.slopes())
@@ -53,7 +53,7 @@ def test_derivatives_are_differences():
     for axis in np.eye(3):
         for moves_start, found in ((0, by_end), (1, by_both)):
             ahead, behind = (
-                np.array(passage(start + moves_start * sign * step * axis, end + sign * step * axis).share)
+                np.array(passage(start + moves_start * sign * step * axis, end + sign * step * axis).fraction)
                 for sign in (1, -1)
             )
             off = (found @ axis - (ahead - behind) / (2 * step))[partly]

@@ -46,7 +46,7 @@ def views(places, at, normal):
         order = np.argsort(face, kind="stable")
         where = pieces.points(rule)[which].reshape(-1, 2)[order]
         weight = np.outer(pieces.areas()[which], weights).ravel()[order]
-        placed = PatchPoints(face[order], where).placed(places)
+        placed = PatchPoints(face[order], where).positions_and_areas(places)
         light = Exchange(start, *placed, np.zeros_like(face), np.arange(len(face))).values()
         total += np.bincount(face[order], weight * light, len(places))
     return total
@@ -68,7 +68,7 @@ def test_faces_and_openings_are_seen_as_the_rectangles_that_they_cover(at):
     faces = faces_of(BOX, OPENINGS)
     cuts = faces.cuts(0.9)
     kind = np.repeat(faces.kind, 2 * cuts.prod(axis=1))
-    found = np.bincount(kind + 1, views(faces.places(cuts), at, normal), 3)
+    found = np.bincount(kind + 1, views(faces.positions(cuts), at, normal), 3)
     x, y, z = BOX.half
     sides = [
         np.array([(-x, -y, -z), (x, -y, -z), (x, -y, z), (-x, -y, z)]),

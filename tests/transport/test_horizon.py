@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
-from mitsuba_taxel.transport.horizon import share_above
+from mitsuba_taxel.transport.horizon import fraction_above
 from mitsuba_taxel.transport.laws.ends import CosineFactor, End
 from mitsuba_taxel.transport.patches import LATTICE
 
@@ -21,12 +21,12 @@ def test_shares_of_triangles_above_a_line():
     heights = heights[(heights.min(axis=1) < 0) & (heights.max(axis=1) > 0)]
     points = rng.dirichlet((1, 1, 1), 40_000)
     counted = (points @ heights.T > 0).mean(axis=0)
-    share, by_corner = share_above(heights)
+    share, by_corner = fraction_above(heights)
     np.testing.assert_allclose(share, counted, atol=5 * 0.5 / 200)
-    assert share_above(np.array([[-1.0, 0.0, 1.0]]))[0] == pytest.approx(0.5)
+    assert fraction_above(np.array([[-1.0, 0.0, 1.0]]))[0] == pytest.approx(0.5)
     for corner in range(3):
         step = 1e-6 * np.eye(3)[corner]
-        change = (share_above(heights + step)[0] - share_above(heights - step)[0]) / 2e-6
+        change = (fraction_above(heights + step)[0] - fraction_above(heights - step)[0]) / 2e-6
         np.testing.assert_allclose(by_corner[:, corner], change, rtol=1e-3, atol=1e-3)
 
 
@@ -80,7 +80,7 @@ def test_a_strip_of_the_wall_beside_a_tilted_roof_is_hidden(tilt, degree):
     moved[: len(roof), :, 2] -= tilt * (roof[:, :, 0] + WIDTH / 2)
     mesh = Mesh(rest, degree)
     starts = mesh.own < len(roof)
-    at, normal = mesh.targets.places(moved)[starts], np.array([-tilt, 0.0, -1.0]) / np.hypot(1, tilt)
+    at, normal = mesh.targets.interpolated(moved)[starts], np.array([-tilt, 0.0, -1.0]) / np.hypot(1, tilt)
     corners = np.array([corner, corner + along, corner + along + across, corner + across])
     expected = np.mean([solid_angle(point, above(corners, point, normal)) / (2 * np.pi) for point in at])
 
@@ -116,15 +116,18 @@ def test_slopes_are_those_of_the_light():
     given = rng.uniform(size=len(mesh.own)), rng.uniform(size=len(mesh.own))
     difference = given[0] @ (cell(step)._exchange - cell(-step)._exchange) @ given[1] / (2 * step)
     here = cell(0.0)
-    at_points = mesh.shares @ given[1]
+    at_points = mesh.interpolation @ given[1]
     slopes = here._slopes(mesh.pairs.weight * given[0][mesh.pairs.target] * at_points[mesh.pairs.point], 1.0)
     by_end, by_normal = np.stack(slopes.by_end, axis=1), mesh.by_target(slopes.by_normal)
-    moving = mesh.pairs.points.places(velocity)[mesh.pairs.point] - mesh.targets.places(velocity)[mesh.pairs.target]
+    moving = (
+        mesh.pairs.points.interpolated(velocity)[mesh.pairs.point]
+        - mesh.targets.interpolated(velocity)[mesh.pairs.target]
+    )
     turning = np.zeros_like(by_normal)
-    ahead, back = (mesh.targets.placed(moved + sign * step * velocity)[1] for sign in (1, -1))
+    ahead, back = (mesh.targets.positions_and_areas(moved + sign * step * velocity)[1] for sign in (1, -1))
     for sign, area in ((1, ahead), (-1, back)):
         turning += sign * area / np.linalg.norm(area, axis=1, keepdims=True) / (2 * step)
-    wider = (mesh.pairs.points.placed(moved + sign * step * velocity)[1] for sign in (1, -1))
+    wider = (mesh.pairs.points.positions_and_areas(moved + sign * step * velocity)[1] for sign in (1, -1))
     facing = np.subtract(*wider) / (2 * step)
     by_area = np.stack(slopes.by_area, axis=1)
     slope = (by_end * moving).sum() + (by_normal * turning).sum() + (by_area * facing[mesh.pairs.point]).sum()

@@ -38,8 +38,8 @@ def test_points_are_those_of_the_patches(places):
     cuts = cut_at_plane(places, POINT, NORMAL)
     at = np.random.default_rng(2).dirichlet((1, 1, 1), len(cuts.parent))[:, 1:]
     on_patch = cuts.corners[:, 0] + np.einsum("ci,cij->cj", at, cuts.corners[:, 1:] - cuts.corners[:, :1])
-    own = PatchPoints(np.arange(len(cuts.parent)), at).places(cuts.of(places))
-    np.testing.assert_allclose(own, PatchPoints(cuts.parent, on_patch).places(places), atol=1e-12)
+    own = PatchPoints(np.arange(len(cuts.parent)), at).interpolated(cuts.of(places))
+    np.testing.assert_allclose(own, PatchPoints(cuts.parent, on_patch).interpolated(places), atol=1e-12)
 
 
 def test_no_triangle_crosses_the_plane(places):

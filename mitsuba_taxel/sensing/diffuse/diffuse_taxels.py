@@ -91,7 +91,7 @@ class PackageFaces:
 
     def cut(self, cuts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Patches (G, 15, 3) for numbers of parts (R, 2), see :meth:`BoxFaces.cuts`, and the share (G,) of each."""
-        return self.faces.places(cuts), np.repeat(self.shares, 2 * cuts.prod(axis=1))
+        return self.faces.positions(cuts), np.repeat(self.shares, 2 * cuts.prod(axis=1))
 
 
 def scattered_shares(wall: mi.BSDF) -> tuple[float, float]:

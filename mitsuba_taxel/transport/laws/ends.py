@@ -11,48 +11,49 @@ import numpy as np
 
 
 class AngularLaw(Protocol):
-    """A function of the cosine of the angle to the normal, for cosines of at least ``cutoff``; 0 below."""
+    """A function of the cosine of the angle to the normal, for cosines of at least ``cutoff``; 0 below it."""
 
     @property
     def cutoff(self) -> float:
-        """Cosine."""
+        """Cosine of the largest angle at which the law is not 0."""
 
     @property
     def spread(self) -> float:
-        """Angle in radians from the normal, outside of which the share :data:`TAIL` of its integral lies at most."""
+        """Angle in radians from the normal; at most the fraction :data:`TAIL` of the integral lies outside of it."""
 
     def width(self, cosine: np.ndarray) -> np.ndarray | float:
-        """Angle in radians over which it varies substantially at these angles."""
+        """Angle in radians over which the law varies substantially at these cosines."""
 
     @property
     def has_kinks(self) -> bool:
-        """Whether its derivative has steps."""
+        """Whether the derivative of the law has steps."""
 
     @property
     def is_peaked(self) -> bool:
-        """Whether it varies much more in some directions than in others."""
+        """Whether the law varies much more in some directions than in others."""
 
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Value and derivative, also slightly below the cutoff."""
+        """Value and derivative by the cosine, also slightly below the cutoff."""
 
     def within(self, cosine: np.ndarray) -> np.ndarray:
-        """Integral over all directions of at least these cosines; 0 along the normal."""
+        """Integral of the law over all directions of at least these cosines; 0 along the normal."""
 
 
 TAIL = 1e-9
+"""Fraction of the integral of a law that may lie outside of its spread."""
 NARROW = 0.5
-"""Angle in radians up to which a law lights a spot of a wall."""
+"""Spread in radians up to which a law is a narrow beam, which lights a spot of a wall."""
 FINE, WIDE = 0.3, 2 / 3
-"""Largest side of pieces of walls below a narrow beam, and in wide light, relative to their distance from the
-phototransistor, times the width of its response: readings are right to 1e-5 then."""
+"""Largest side of a piece of a wall, below a narrow beam and in wide light, relative to its distance from the
+phototransistor times the width of the response: readings are right to 1e-5 then."""
 ROUND, POWER = 1.5, 1.5
-"""Widths of laws: of one that is even within its spread, relative to that; of a power of the cosine, relative to the
-standard deviation of a narrow one."""
+"""Width of a law that is uniform within its spread, relative to the spread; width of a power of the cosine, relative to
+the standard deviation of its angle where that is small."""
 
 
 @dataclass(frozen=True)
 class CosineFactor:
-    """factor * cosine**exponent."""
+    """The law factor * cosine**exponent, for cosines of at least ``cutoff``."""
 
     factor: float
     exponent: float
@@ -89,7 +90,7 @@ def uniform_cone(cosine: float) -> CosineFactor:
     Parameters
     ----------
     cosine : float
-        Of the angle between its axis and its side.
+        Of the angle between the axis and the surface of the cone.
 
     Returns
     -------
@@ -108,11 +109,11 @@ class End:
     points : (L, 3) ndarray
         In mm.
     weights : (L,) ndarray
-        Of an LED, shares of its power; of a phototransistor, areas in mm².
+        Of an LED, fractions of its power; of a phototransistor, areas in mm².
     normal : (3,) ndarray
         Unit normal, in the viewing direction.
     law : AngularLaw
-        Of an LED, share of its power per solid angle; of a phototransistor, response relative to the ideal one.
+        Of an LED, fraction of its power per solid angle; of a phototransistor, response relative to the ideal one.
     """
 
     points: np.ndarray
@@ -129,12 +130,24 @@ class End:
 
     @property
     def fineness(self) -> float:
-        """Largest side of pieces in its light, relative to the distance over which a response varies there."""
+        """Largest side of a piece in the light of an LED, relative to the length over which a response varies there."""
         return FINE if self.law.spread < NARROW else WIDE
 
     def resolved(self, middle: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """(M,) mm over which its law varies at pieces with a middle (M, 3) and a size (M,), infinite beyond its spread
-        and for laws that vary as slowly as the cosine."""
+        """Length over which the law varies on pieces of walls.
+
+        Parameters
+        ----------
+        middle : (M, 3) ndarray
+            Of the pieces, in mm.
+        size : (M,) ndarray
+            Radius around the middle within which a piece lies, in mm.
+
+        Returns
+        -------
+        (M,) ndarray
+            In mm; infinite for pieces beyond the spread, and for laws that vary as slowly as the cosine.
+        """
         width = float(np.min(self.law.width(np.ones(1))))
         if width >= POWER:
             return np.full(len(middle), np.inf)

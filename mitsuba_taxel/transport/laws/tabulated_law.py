@@ -21,7 +21,7 @@ class TabulatedLaw:
     Attributes
     ----------
     cosines, values : (N,) ndarray
-        At the nodes; cosines increase, up to 1. A first value above 0 is the edge of a cone.
+        At the nodes. Cosines increase up to 1; if the first value is above 0, the law ends there with a step.
     """
 
     cosines: np.ndarray
@@ -53,7 +53,7 @@ class TabulatedLaw:
         return math.acos(self.cosines[np.flatnonzero(outside)[-1]])
 
     def width(self, _: np.ndarray) -> float:
-        """As a power of the cosine that falls as steeply has it."""
+        """Width of a power of the cosine that falls as steeply."""
         return min(self._width, ROUND * self.spread)
 
     @cached_property
