@@ -28,6 +28,7 @@ def test_every_folder_with_python_is_installed(monkeypatch):
     assert len(installed) == len(arguments["packages"])
     assert installed == folders
 
+
 def test_shipped_scenes_are_installed():
     from mitsuba_taxel import scenes
 

@@ -31,13 +31,13 @@ def test_the_little_silicone_that_covers_an_end_hides_nothing(cells, covered, hi
     depth = covered * CLEARANCE * (top - LOWER[0, 2])
     upper = np.array([[0.0, 0.0, top + depth], [0.0, 0.0, -1.0]])
     way = (LOWER[None], upper[None]) if upwards else (upper[None], LOWER[None])
-    assert cells.hidden_share(*way, np.ones(1)) == hidden
+    assert cells.occluded_fraction(*way, np.ones(1)) == hidden
 
 
 def test_a_wall_in_between_hides(cells):
     """A way from within the cell to beyond the pad."""
     beyond = np.array([[20.0, 0.0, 0.7], [-1.0, 0.0, 0.0]])
-    assert cells.hidden_share(LOWER[None], beyond[None], np.full(1, 0.25)) == 0.25
+    assert cells.occluded_fraction(LOWER[None], beyond[None], np.full(1, 0.25)) == 0.25
 
 
 def test_without_an_llvm_random_paths_are_needed(cells, monkeypatch):

@@ -122,8 +122,8 @@ class _Linearised:
         reading = np.array([cell.reading for cell in solved])[:, None]
 
         # Light between patches that walls occlude is not followed: its share of a reading is an error, if it is small.
-        hidden_share = {number: self.cells.hidden_share(*cell.flows) for number, cell in by_number.items()}
-        hidden = np.array([hidden_share[number] for number in representative])[:, None]
+        occluded = {number: self.cells.occluded_fraction(*cell.flows) for number, cell in by_number.items()}
+        hidden = np.array([occluded[number] for number in representative])[:, None]
         if hidden.max() > MOST_HIDDEN:
             raise NotFollowed(
                 f"derivatives are not available: {hidden.max():.1%} of a reading comes by ways that walls stand in."
@@ -219,7 +219,7 @@ class _CellRates:
             coarse = self._solved(COARSE)
             gradient = coarse.gradient()
             by_patch = self._by_patch(coarse, gradient)
-            fraction = self._scene.cells.light_share(self._number) * LIGHT_SHARE
+            fraction = self._scene.cells.error_factor(self._number) * LIGHT_SHARE
             errors = [
                 fraction * (values - by_patch.sum(axis=1)),
                 HORIZON_SHARE * self._change_by_wider_horizon(coarse, gradient),
@@ -253,7 +253,7 @@ class _CellRates:
         if error > MOST_OFF * cell.reading:
             raise NotFollowed("derivatives are not available: patches are too coarse for a narrow beam or response.")
         moving = np.array([cell.conservation_slope_error(velocity) for velocity in self._velocities])
-        quadrature = self._scene.cells.quadrature_share(self._number)
+        quadrature = self._scene.cells.quadrature_error(self._number)
         relative = np.hypot(quadrature, error / cell.reading if cell.reading else 0.0)
         return np.hypot(moving, relative * values)
 

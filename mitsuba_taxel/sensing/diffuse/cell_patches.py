@@ -1,7 +1,7 @@
-"""Patches on all that scatters light within a cell: its walls, which move, and its package, which does not.
+"""Patches on the surfaces that scatter light within a cell: its walls, which move, and its package, which does not.
 
-The phototransistor receives nothing from below its plane. There the response of walls has a kink, along which they are
-cut.
+The phototransistor receives nothing from below its plane, where the response to light on the walls has a kink. Patches
+are cut along this plane.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
 ROUNDED = 1e-3
-"""Of packages, relative to a cell's size: they lie where LEDs are, in single precision."""
+"""Grain of the positions of packages, relative to the size of a cell: they follow LEDs, in single precision."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,17 +45,30 @@ class CellPatches:
 
     @property
     def pattern(self) -> np.ndarray:
-        """(F + G, 15, 3) mm, undeformed and roughly, the same for cells that are equal but for their place."""
+        """(F + G, 15, 3) rounded positions in mm, undeformed, the same for cells that differ by a translation only."""
         grain = ROUNDED * np.ptp(self.faces.pattern)
         package = np.round((self.package - self.faces.shift) / grain) * grain
         return self._with_package(self.faces.pattern, package) + 0.0  # no negative zeros
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """(F + G, 15, 3) displacement or its rate, from that of the elements' nodes (N, 3)."""
+        """(F + G, 15, 3) displacement of the patches, or its rate, from that (N, 3) of the nodes of the elements."""
         return self._with_package(self.faces.carried(nodal), np.zeros_like(self.package))
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:
-        """(F + G, 15, 3) mm per mm of a dimension of the pad; see :meth:`WallPatches.moved`."""
+        """Velocities of the patches with a dimension of the pad; see :meth:`WallPatches.moved`.
+
+        Parameters
+        ----------
+        parameter : str
+            Name of the dimension.
+        displacement : (N, 3) ndarray
+            Of the nodes of the elements, in mm.
+
+        Returns
+        -------
+        (F + G, 15, 3) ndarray
+            In mm per mm of the dimension.
+        """
         return self._with_package(self.faces.moved(parameter, displacement), np.zeros_like(self.package))
 
     def _with_package(self, of_faces: np.ndarray, of_package: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Readings of diffuse cells without random numbers, wherever their error is small enough."""
+"""Readings of diffuse cells without random numbers, where their error is small enough."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 FINE, COARSE = 2, 1
-"""Degrees of the solutions on a patch, the coarser one for the error of the finer one."""
+"""Degrees of the polynomials on a patch: of the solution for the reading, and of that for its error."""
 READING_SHARE = 0.1
-"""Standard deviation of a reading, relative to its difference from that of the coarser solution."""
+"""Standard deviation of a reading, relative to its difference from the reading by the coarser solution."""
 MOST_OFF = 0.01
-"""Largest error by the power of LEDs on walls and by what phototransistors accept, as share of a reading, with which
-there are derivatives."""
+"""Largest relative error of a reading, by the power of LEDs on walls and by the light that phototransistors accept,
+with which derivatives are computed."""
 HOPELESS = 0.1
-"""Relative error of the coarser solution by what phototransistors accept above which there is no finer one, which takes
-longer and would have a tenth of that at least."""
+"""Relative error of the coarser solution, by the light that phototransistors accept, above which no finer solution is
+tried: it takes longer, and its error is at least a tenth of that."""
 MOST_HIDDEN = 3e-3
-"""Largest share of a reading on paths that walls stand in, which are followed as if these were not there."""
+"""Largest fraction of a reading on paths that walls occlude. These paths are followed as if nothing occluded them."""
 
 
 class DeterministicLight(NamedTuple):
@@ -39,7 +39,7 @@ class DeterministicLight(NamedTuple):
     Attributes
     ----------
     power, error : (T,) ndarray
-        In W; one standard deviation by patches, quadrature and occluded paths.
+        In W; the error is one standard deviation by patches, quadrature and occluded paths.
     deviation : (T,) ndarray or None
         In W, as in `Readings`; None if no pad is loaded or it was not requested.
     """
@@ -54,12 +54,13 @@ def deterministic_light(
 ) -> DeterministicLight | None:
     """Readings of a scene of diffuse cells, without random numbers.
 
-    The coarser solution gives the error, and the changes of readings with coarser finite elements.
+    The difference from a coarser solution gives the error of the light. The coarser solution also gives the changes of
+    readings with coarser finite elements.
 
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
     mechanics_error : bool
         Whether to read the pad on coarser finite elements as well.
     patch_size : float, optional
@@ -74,56 +75,75 @@ def deterministic_light(
         cells = DiffuseCells(scene, patch_size=patch_size)
     except (NotDiffuse, ComputationError):
         return None
+    # Displacements by the error of the mechanics, small enough for differences of readings.
     state, loaded = cells.pad.state, cells.pad.is_loaded
     deviations = state.deviations if mechanics_error and loaded else None
-    known = () if deviations is None else tuple(state.probed_share * deviations)
-    first = equal_cells(cells, state, [state.displacement], known) if loaded else equal_at_rest(cells)
-    alone = sorted(set(first))
-    if any(_touches(cells, number, known) for number in alone):
-        return None  # what is shut is not followed
-    # Many small matrix products: each would start and wait for its own threads.
+    probes = () if deviations is None else tuple(state.probed_share * deviations)
+    # Of cells that are equal by symmetry only the first is solved; a shut gap between wall and package is not followed.
+    first = equal_cells(cells, state, [state.displacement], probes) if loaded else equal_at_rest(cells)
+    distinct = sorted(set(first))
+    if any(_touches(cells, number, probes) for number in distinct):
+        return None
+    # One thread for each cell: for many small matrix products, BLAS would start and wait for threads of its own.
     with threadpool_limits(1, "blas"):
-        each = side_by_side(lambda number: _found(cells, number, known), alone)
-    found = {number: one for number, one in zip(alone, each, strict=True) if one is not None}
-    if len(found) < len(alone):
+        solutions = side_by_side(lambda number: _solved(cells, number, probes), distinct)
+    solved = {number: cell for number, cell in zip(distinct, solutions, strict=True) if cell is not None}
+    if len(solved) < len(distinct):
         return None
-    hidden = {number: cells.hidden_share(*one.flows) for number, one in found.items()}
-    if max(hidden.values()) > MOST_HIDDEN:
+    occluded = {number: cells.occluded_fraction(*cell.flows) for number, cell in solved.items()}
+    if max(occluded.values()) > MOST_HIDDEN:
         return None
+    # Readings, and errors by light and by mechanics.
     led = np.array([taxel.power for taxel in cells.taxels])
-    power = led * [found[number].reading for number in first]
-    error = np.hypot(led * [found[number].error for number in first], power * [hidden[number] for number in first])
+    power = led * [solved[number].reading for number in first]
+    error = np.hypot(led * [solved[number].error for number in first], power * [occluded[number] for number in first])
     if not (mechanics_error and loaded):
         return DeterministicLight(power, error, None)
     if deviations is None:
         return DeterministicLight(power, error, np.full_like(power, np.nan))
-    changes = np.array([found[number].changes for number in first]).T / state.probed_share
+    changes = np.array([solved[number].changes for number in first]).T / state.probed_share
     return DeterministicLight(power, error, led * combined(changes))
 
 
 def _touches(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> bool:
-    """Whether the walls of a cell touch a package, or would, displaced by the error of the mechanics."""
+    """Whether the walls of a cell touch a package, as they are or displaced by the deviations (N, 3) at the nodes."""
     state, walls = cells.pad.state, cells.patches(number).faces
     if state.bodies is None:
         return False
     width = widest_shut(state.mesh, state.bodies)
     at = walls.rest + walls.carried(state.displacement)
-    places = [at, *(at + walls.carried(part) for part in deviations)]
-    return bool(kept_off(np.concatenate(places).reshape(-1, 3), state.bodies, width)[1].any())
+    positions = np.concatenate([at, *(at + walls.carried(deviation) for deviation in deviations)])
+    return bool(kept_off(positions.reshape(-1, 3), state.bodies, width)[1].any())
 
 
 def reading_error(fine: Cell, coarse: float, cells: DiffuseCells, number: int) -> float:
-    """Standard deviation of a cell's reading by patches and quadrature, in W per W.
+    """Standard deviation of a cell's reading by patches and quadrature.
 
-    It includes what the integrals over the walls add to the power of the LED and to what the phototransistor accepts,
-    or leave out.
+    It includes the errors of the integrals over the walls of the LED's power and of the light that the phototransistor
+    accepts.
+
+    Parameters
+    ----------
+    fine : Cell
+        The solution for the reading.
+    coarse : float
+        Reading by the coarser solution, in W per W.
+    cells : DiffuseCells
+        All cells of the scene.
+    number : int
+        Index of the cell.
+
+    Returns
+    -------
+    float
+        In W per W of the LED.
     """
-    by_patches = cells.light_share(number) * READING_SHARE * (fine.reading - coarse)
-    by_quadrature = cells.quadrature_share(number) * fine.reading
+    by_patches = cells.error_factor(number) * READING_SHARE * (fine.reading - coarse)
+    by_quadrature = cells.quadrature_error(number) * fine.reading
     return float(np.linalg.norm([by_patches, by_quadrature, fine.emission_error, fine.reception_error]))
 
 
-class _Found(NamedTuple):
+class _SolvedCell(NamedTuple):
     """Reading of a cell per W of its LED, its error, its changes with coarser elements, and its light paths."""
 
     reading: float
@@ -132,16 +152,18 @@ class _Found(NamedTuple):
     flows: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def _found(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> _Found | None:
-    """None if the coarser solution shows that the finer one would not resolve what the phototransistor accepts."""
+def _solved(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> _SolvedCell | None:
+    """The light in a cell, also with nodes displaced by deviations (N, 3).
+
+    None if the coarser solution shows that the finer one would not resolve the light that the phototransistor accepts.
+    """
     patches = cells.patches(number)
     at = patches.rest + patches.carried(cells.pad.state.displacement)
     mesh = cells.light_mesh(number, COARSE)
     coarse = cells.solved(number, mesh, at)
-    before = coarse.reading
-    if coarse.reception_error > HOPELESS * before:
+    if coarse.reception_error > HOPELESS * coarse.reading:
         return None
     fine = cells.solved(number, cells.light_mesh(number, FINE), at)
-    changes = [cells.solved(number, mesh, at + patches.carried(part)).reading - before for part in deviations]
-    error = reading_error(fine, before, cells, number)
-    return _Found(fine.reading, error, changes, fine.flows())
+    deviating = [cells.solved(number, mesh, at + patches.carried(deviation)) for deviation in deviations]
+    changes = [cell.reading - coarse.reading for cell in deviating]
+    return _SolvedCell(fine.reading, reading_error(fine, coarse.reading, cells, number), changes, fine.flows())

@@ -1,4 +1,4 @@
-"""LEDs and phototransistors of diffuse cells, with their packages, as ends of light that needs no random numbers."""
+"""LEDs and phototransistors of diffuse cells, with their packages, as ends of light paths without random numbers."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ from mitsuba_taxel.transport.laws.tabulated_law import TabulatedLaw
 from mitsuba_taxel.transport.rules import disc_annulus_rule, rectangle_rule, square_annulus_rule
 
 LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
-"""Points along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
+"""Points along a side of a quarter of the LED, and of the phototransistor: more points change readings by less than
+1e-6."""
 SINGLE = 1e-7
 """Relative rounding error of single precision."""
 STEEPEST = 20.0
-"""Largest spread of a law, relative to its width: the pieces of walls in its light increase with the square."""
+"""Largest spread of a law, relative to its width: the number of pieces of walls in its light grows with the square."""
 KINKED = 4.0
-"""How much larger errors of light are relative to the difference of two solutions if a law has kinks, as polynomials
-follow these more slowly: compared with patches of 0.6 of the size, by tables of five rows."""
+"""Factor of the error of light, relative to the difference of two solutions, if a law has kinks, which polynomials
+follow more slowly. Found by comparison with patches of 0.6 of the size, for tables of five rows."""
 HORIZON, NEARLY_DARK = 1e-4, 1e-3
-"""Cosine, and relative response, at the end of a table that is a step if both are larger."""
+"""A table ends with a step if its last cosine and its last response, relative to the maximum, are both larger."""
 IntoPad = Callable[..., np.ndarray]
-"""Takes points, or directions if ``is_direction``, from the scene to the pad."""
+"""Transforms points, or directions if ``is_direction``, from world coordinates to the frame of the pad."""
 
 
 class NotDiffuse(InputError):
@@ -52,9 +53,9 @@ class Taxel:
     led, phototransistor : End
         In the frame of the pad.
     body : Box or None
-        Their package, in that frame.
+        Their package, in the frame of the pad.
     package : PackageFaces or None
-        Those of its faces that scatter light.
+        The faces of the package that scatter light.
     """
 
     power: float
@@ -64,8 +65,8 @@ class Taxel:
     package: PackageFaces | None
 
     @property
-    def light_share(self) -> float:
-        """Factor of the errors of its light by its laws; see :meth:`DiffuseCells.light_share`."""
+    def error_factor(self) -> float:
+        """Factor of the error of the light by the laws of the taxel; see :meth:`DiffuseCells.error_factor`."""
         return KINKED if self.led.law.has_kinks or self.phototransistor.law.has_kinks else 1.0
 
     @property
@@ -81,59 +82,96 @@ class PackageFaces:
     Attributes
     ----------
     faces : BoxFaces
-        R of them.
-    shares : (R,) ndarray
-        Share of the incident light that each scatters.
+        R rectangles.
+    fractions : (R,) ndarray
+        Fraction of the incident light that each rectangle scatters.
     """
 
     faces: BoxFaces
-    shares: np.ndarray
+    fractions: np.ndarray
 
     def cut(self, cuts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Patches (G, 15, 3) for numbers of parts (R, 2), see :meth:`BoxFaces.cuts`, and the share (G,) of each."""
-        return self.faces.positions(cuts), np.repeat(self.shares, 2 * cuts.prod(axis=1))
+        """Patches on the faces.
+
+        Parameters
+        ----------
+        cuts : (R, 2) ndarray
+            Numbers of parts along both sides of each face; see :meth:`BoxFaces.cuts`.
+
+        Returns
+        -------
+        positions : (G, 15, 3) ndarray
+            Of the patches, in mm.
+        fraction : (G,) ndarray
+            Of the incident light that each patch scatters.
+        """
+        return self.faces.positions(cuts), np.repeat(self.fractions, 2 * cuts.prod(axis=1))
 
 
-def scattered_shares(wall: mi.BSDF) -> tuple[float, float]:
-    """Shares of the light that a wall scatters isotropically and by Lambert's law; it reflects nothing else."""
+def scattered_fractions(wall: mi.BSDF) -> tuple[float, float]:
+    """Fractions of the incident light that a wall scatters isotropically and by Lambert's law.
+
+    Parameters
+    ----------
+    wall : mi.BSDF
+        Of a surface.
+
+    Returns
+    -------
+    isotropic, lambertian : float
+        From 0 to 1; the rest is absorbed.
+
+    Raises
+    ------
+    NotDiffuse
+        if it reflects light in any other way.
+    """
     if not is_wall(wall):
         raise NotDiffuse(f"a surface is a {kind_of(wall)}, not a wall")
     if wall.scattering == "absorbing":
         return 0.0, 0.0
     if wall.reflectance is None:
         raise NotDiffuse("a wall's reflectance is a table")
-    reflectance, scattering, stated = float(wall.reflectance[0]), wall.scattering, wall.specification
+    reflectance, scattering, specification = float(wall.reflectance[0]), wall.scattering, wall.specification
     if reflectance == 0:
         return 0.0, 0.0
-    if scattering == "mixed" and not stated.specular:
-        return reflectance * (stated.isotropic or 0.0), reflectance * (stated.lambertian or 0.0)
+    if scattering == "mixed" and not specification.specular:
+        return reflectance * (specification.isotropic or 0.0), reflectance * (specification.lambertian or 0.0)
     if scattering not in ("isotropic", "lambertian"):
         raise NotDiffuse(f"a wall is a mirror in part: scattering = {scattering!r}")
     return (reflectance, 0.0) if scattering == "isotropic" else (0.0, reflectance)
 
 
 def diffuse_taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int) -> list[Taxel]:
-    """The taxels of a pair, in the frame of a pad.
+    """The taxels of an array of LEDs and phototransistors, in the frame of a pad.
 
     Parameters
     ----------
     pair : TaxelPair
+        The array.
     into_pad : IntoPad
+        From world coordinates to the frame of the pad.
     scale : float
         Of the pad in the scene.
     points : int
         Along a side of each phototransistor.
 
+    Returns
+    -------
+    list[Taxel]
+        In the order of the array.
+
     Raises
     ------
     NotDiffuse
-        with the reason, if one of their laws, or what their package scatters, needs random paths.
+        with the reason, if an angular law, or the scattering of a package, needs random paths.
     """
     if pair.is_below_windows:
         raise NotDiffuse("LED and phototransistor lie below windows, where light is bent")
-    stated = pair.led.specification
-    size, hole = (pair.led.faces.scale * side for side in (stated.size, stated.hole))
-    if stated.shape == "square":
+    # Points and weights on the LED and on the phototransistor, as offsets from their centres.
+    specification = pair.led.specification
+    size, hole = (pair.led.faces.scale * side for side in (specification.size, specification.hole))
+    if specification.shape == "square":
         emitting = square_annulus_rule(size, hole, LED_POINTS, LED_POINTS)
     else:
         emitting = disc_annulus_rule(size, hole, LED_POINTS, 4 * LED_POINTS)
@@ -141,11 +179,11 @@ def diffuse_taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int
     sensitive = rectangle_rule(width, depth, points, points)
     bodies = _bodies(pair, into_pad, scale)
     packages = [_scattering_faces(pair, body) for body in bodies]
-    live = float(pair.led.power[0])  # in single precision, and perhaps changed in the loaded scene
-    power = stated.power if math.isclose(live, stated.power, rel_tol=SINGLE) else live
-    laws = _law_of_led(pair.led), _law_of_phototransistor(pair.sensor)
-    leds = _ends(pair.led.faces, emitting, laws[0], into_pad)
-    sensors = _ends(pair.sensor.faces, sensitive, laws[1], into_pad)
+    # The power may have been changed in the loaded scene, where it is in single precision.
+    loaded = float(pair.led.power[0])
+    power = specification.power if math.isclose(loaded, specification.power, rel_tol=SINGLE) else loaded
+    leds = _ends(pair.led.faces, emitting, _law_of_led(pair.led), into_pad)
+    sensors = _ends(pair.sensor.faces, sensitive, _law_of_phototransistor(pair.sensor), into_pad)
     return [
         Taxel(
             power,
@@ -159,7 +197,7 @@ def diffuse_taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int
 
 
 def _bodies(pair: TaxelPair, into_pad: IntoPad, scale: float) -> list[Box | None]:
-    """Boxes of the packages with the LEDs of a pair at their tops."""
+    """The packages at whose tops the LEDs lie, as boxes in the frame of the pad; None without packages."""
     package, faces = pair.led.get_shape(), pair.led.faces
     centres = np.array(faces.centres, dtype=float).T
     if not is_package(package):
@@ -168,8 +206,8 @@ def _bodies(pair: TaxelPair, into_pad: IntoPad, scale: float) -> list[Box | None
     half = 0.5 * faces.scale * package.body
     side = package.sides["led"]
     inwards = -faces.scale * (side.x * axes[0] + side.y * axes[1]) - half[2] * axes[2]
-    turned = into_pad(axes, is_direction=True)
-    return [Box(into_pad(centre + inwards), turned, half / scale) for centre in centres]
+    axes_in_pad = into_pad(axes, is_direction=True)
+    return [Box(into_pad(centre + inwards), axes_in_pad, half / scale) for centre in centres]
 
 
 def _scattering_faces(pair: TaxelPair, body: Box | None) -> PackageFaces | None:
@@ -178,21 +216,23 @@ def _scattering_faces(pair: TaxelPair, body: Box | None) -> PackageFaces | None:
     walls = walls_by_region(package.bsdf())
     if not (body is not None and pair.coplanar and is_package(package)):
         return None
-    each = [scattered_shares(walls[name]) if name in walls else (0.0, 0.0) for name in (*package.sides, "body")]
-    if any(isotropic for isotropic, _ in each):
+    scattered = [scattered_fractions(walls[name]) if name in walls else (0.0, 0.0) for name in (*package.sides, "body")]
+    if any(isotropic for isotropic, _ in scattered):
         raise NotDiffuse(
             "a package scatters light isotropically, which ends with a step along the horizon of its faces"
         )
-    shares = np.array([lambertian for _, lambertian in each])
+    # The dies are openings in the top of the body; the last fraction is that of the body.
+    fractions = np.array([lambertian for _, lambertian in scattered])
     scale = 2 * body.half[:2] / package.body[:2]
     dies = [np.array([[s.x, s.y], [s.die_width, s.die_length]]) * scale for s in package.sides.values()]
     openings = [(x - a / 2, x + a / 2, y - b / 2, y + b / 2) for (x, y), (a, b) in (die.tolist() for die in dies)]
-    found = faces_of(body, openings)
-    kept = shares[found.kind] > 0
-    return PackageFaces(found.among(kept), shares[found.kind[kept]]) if kept.any() else None
+    faces = faces_of(body, openings)
+    scatters = fractions[faces.kind] > 0
+    return PackageFaces(faces.among(scatters), fractions[faces.kind[scatters]]) if scatters.any() else None
 
 
 def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: AngularLaw, into_pad: IntoPad) -> list[End]:
+    """LEDs or phototransistors with these faces, from points and weights of a rule around each centre."""
     axes = np.stack([np.array(axis, dtype=float).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
     offsets, weights = rule
     around = offsets @ axes[:2]
@@ -202,39 +242,42 @@ def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: AngularLaw,
 
 
 def _law_of_led(led: LedEmitter) -> AngularLaw:
-    stated = led.specification
+    """Fraction of the power of an LED per solid angle."""
+    specification = led.specification
     if led.table is not None:
         return _tabulated(led.table, "the LED's law")
-    if stated.law == "uniform_solid_angle":
-        assert stated.cone_angle is not None  # set with this law
-        return uniform_cone(np.cos(np.radians(stated.cone_angle)))
-    if stated.law == "uniform_polar_angle":
-        assert stated.cone_angle is not None  # set with this law
-        return PolarCone(math.radians(stated.cone_angle))
-    if stated.law == "lambertian":
+    if specification.law == "uniform_solid_angle":
+        assert specification.cone_angle is not None  # set with this law
+        return uniform_cone(np.cos(np.radians(specification.cone_angle)))
+    if specification.law == "uniform_polar_angle":
+        assert specification.cone_angle is not None  # set with this law
+        return PolarCone(math.radians(specification.cone_angle))
+    if specification.law == "lambertian":
         return CosineFactor(1 / np.pi, 1.0)
-    if stated.law == "cosine_power":
-        assert stated.exponent is not None  # this law needs it
-        return CosineFactor((stated.exponent + 1) / (2 * np.pi), stated.exponent)
-    raise NotDiffuse(f"the LED's law is {stated.law}")
+    if specification.law == "cosine_power":
+        assert specification.exponent is not None  # this law needs it
+        return CosineFactor((specification.exponent + 1) / (2 * np.pi), specification.exponent)
+    raise NotDiffuse(f"the LED's law is {specification.law}")
 
 
 def _law_of_phototransistor(sensor: PhototransistorSensor) -> AngularLaw:
-    stated = sensor.specification
+    """Response of a phototransistor, relative to that of an ideal one."""
+    specification = sensor.specification
     if sensor.table is not None:
         cosines, values = sensor.table
         if cosines[0] > HORIZON and values[0] > NEARLY_DARK * values.max():
             raise NotDiffuse("the phototransistor's response ends with a step")
         return _tabulated((cosines, values), "the phototransistor's response")
-    if stated.response == "ideal":
+    if specification.response == "ideal":
         return CosineFactor(1.0, 0.0)
-    if stated.response == "cosine_power":
-        assert stated.exponent is not None  # this response needs it
-        return CosineFactor(1.0, stated.exponent - 1)
-    raise NotDiffuse(f"the phototransistor's response is {stated.response}")
+    if specification.response == "cosine_power":
+        assert specification.exponent is not None  # this response needs it
+        return CosineFactor(1.0, specification.exponent - 1)
+    raise NotDiffuse(f"the phototransistor's response is {specification.response}")
 
 
 def _tabulated(table: tuple[np.ndarray, np.ndarray], what: str) -> AngularLaw:
+    """A law from cosines and values; refused if it is steep relative to its spread."""
     law = TabulatedLaw(*table)
     if law.spread > STEEPEST * law.width(np.ones(1)):
         raise NotDiffuse(f"{what} falls within a small part of its {np.degrees(law.spread):.2g} degrees")
