@@ -152,7 +152,7 @@ class Body:
         used = np.unique(root[~fixed])
         unknown = np.where(fixed, -1, np.searchsorted(used, root)).ravel()
         pressures = len(used) + np.arange(mesh.corner_count)
-        self.mesh, self.law, self.pressed, self.past = mesh, law, pressed, None
+        self.mesh, self.law, self.pressed, self.stress_update = mesh, law, pressed, None
         self.numbering = Numbering(
             np.concatenate([unknown, pressures]),
             np.ones(len(unknown) + len(pressures)),
@@ -165,7 +165,7 @@ class Body:
 
     def step(self, displacement, pressure, load=0.0, pressing=0.0):
         """One step of Newton's method: the new state, and the largest out-of-balance force or volume before."""
-        state = self.assembly.evaluate(displacement, pressure, past=self.past)
+        state = self.assembly.evaluate(displacement, pressure, stress_update=self.stress_update)
         residual, entries = state.residual - self._summed(load), state.entries
         if pressing:
             places = (self.mesh.points + displacement)[self.pressed]

@@ -174,7 +174,7 @@ def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False
     """Force and changes of one state, with ``points`` light paths for each taxel and randomisation."""
     readings = measure(scene, points=points, mechanics_error=with_errors)
     state = deformed_pads(scene.load())[0].state
-    force = -indentation_of(state)[1].pushed.sum(axis=0)[2]
+    force = -indentation_of(state)[1].nodal_forces.sum(axis=0)[2]
     force_error = state.force_error if with_errors else np.nan
     changes = readings.replicates / at_rest.replicates.mean(axis=0) - at_rest.replicates / at_rest.power
     light = standard_error(changes)

@@ -92,7 +92,7 @@ def rms_apart(displacement: np.ndarray, reference: np.ndarray) -> float:
 def under_same_forces(state: State) -> np.ndarray:
     """Displacement (N, 3) in mm under the contact forces of a state, by the element that CalculiX uses."""
     assert isinstance(state.material, NeoHookean)
-    element, pushed = DisplacementForm(state.mesh, state.material), indentation_of(state)[1].pushed
+    element, pushed = DisplacementForm(state.mesh, state.material), indentation_of(state)[1].nodal_forces
     displacement, steps = np.zeros_like(pushed), math.ceil(abs(state.value[2]) / INCREMENT)
     for step in range(1, steps + 1):
         displacement = element.equilibrium(displacement, step / steps * pushed)

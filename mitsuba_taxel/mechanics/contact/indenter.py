@@ -1,4 +1,4 @@
-"""Rigid indenters: what kind, how large, where and in which direction."""
+"""A rigid indenter: its kind, dimensions, position and orientation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STEEPEST = 80.0
 
 
 _SHAPE = ("shape",)
-"""Kinds say themselves which parameters they use."""
+"""Each kind states which parameters it uses."""
 
 
 @dataclass(frozen=True)
@@ -41,26 +41,26 @@ class Indenter(Kinded):
     radius: float | None = number(
         REQUIRED,
         "mm",
-        "Radius of the ball, of the rod.",
+        "Radius of the ball, the rod or the punch.",
         above=0,
         common=(0.02, 500),
         when=_SHAPE,
         name="indenter_radius",
     )
     at: Sequence[float] = (0.0, 0.0)
-    """Where the tip is, x and y in mm."""
+    """Position of the tip, x and y in mm."""
     angle: float | None = number(
         0.0,
         "degrees",
-        "About z, from x to the axis of a cylinder, or to that of the file, and to where what is tilted leans.",
+        "Rotation about z, from x to y: of the axis of a cylinder, of a file, and of the direction of the tilt.",
         when=_SHAPE,
         name="indenter_angle",
     )
     tilt: float | None = number(
         0.0,
         "degrees",
-        "By which the body leans from upright, about the middle of the end of a punch, or x = y = 0 of a file at its "
-        "lowest height; its lowest point is the tip then. A plate starts where it touches the pad.",
+        "Angle by which the body leans from upright, about the centre of the end of a punch, or x = y = 0 of a file at "
+        "its lowest height; the tip is then its lowest point. A plate starts where it touches the pad.",
         minimum=-STEEPEST,
         maximum=STEEPEST,
         when=_SHAPE,
@@ -79,8 +79,8 @@ class Indenter(Kinded):
     friction: float = number(0.0, "", "Coefficient of Coulomb's friction.", minimum=0, common=(0, 2))
     file: str | None = text(
         REQUIRED,
-        "A closed surface as STL, PLY or OBJ, in mm. Its lowest point is as high as a tip, and its place x = y = 0 is "
-        "where the indenter is placed; edges are rounded by a fiftieth of its longest side.",
+        "A closed surface as STL, PLY or OBJ, in mm. Its lowest point is the tip, and its x = y = 0 is at the position "
+        "of the indenter; edges are rounded by a fiftieth of its longest side.",
         "the name of a file",
         when=_SHAPE,
         name="indenter_file",
@@ -96,13 +96,13 @@ class Indenter(Kinded):
     file_up: str | None = choice(
         AS_DRAWN,
         DIRECTIONS,
-        "Direction in the file that points up. With one, the middle of the box around the body is where the indenter "
-        "is placed.",
+        "Direction in the file that points up. If it is given, the centre of the box around the body is at the "
+        "position of the indenter.",
         when=_SHAPE,
         name="indenter_file_up",
     )
     digest: str = field(default="", init=False, repr=False)
-    """Of the content of a file and of the code of a kind of one's own, as cached states depend on them."""
+    """Digest of the content of a file, and of the code of a user's own kind: cached states depend on both."""
 
     def __post_init__(self) -> None:
         if self.file is not None:

@@ -1,4 +1,4 @@
-"""What a kind of rigid indenter answers."""
+"""Base class of the kinds of rigid indenters."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def gap(self, points: np.ndarray) -> Gap:
-        """Distances of points from the body, turned and tilted.
+        """Distances of points from the rotated body.
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def highest(self, points: np.ndarray) -> int:
-        """Which point of a pad determines where the body starts.
+        """The point of a pad that determines the start position of the body.
 
         Parameters
         ----------
@@ -150,12 +150,12 @@ class IndenterShape(Kind, family="indenter"):
         return int(points[:, 2].argmax())
 
     def start(self, highest: np.ndarray) -> np.ndarray:
-        """Where the tip starts.
+        """Start position of the tip.
 
         Parameters
         ----------
         highest : (3,) ndarray
-            The point that :meth:`highest` finds, mm.
+            The point of :meth:`highest`, mm.
 
         Returns
         -------
@@ -198,7 +198,7 @@ class IndenterShape(Kind, family="indenter"):
 
     @abstractmethod
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances of points from where the pressure changes most.
+        """Distances of points from the location where the pressure changes most.
 
         Parameters
         ----------
@@ -219,7 +219,7 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances of points from where the pressure under the body, turned and tilted, changes most.
+        """Distances of points from the location where the pressure under the rotated body changes most.
 
         Parameters
         ----------
@@ -243,7 +243,7 @@ class IndenterShape(Kind, family="indenter"):
     @property
     @abstractmethod
     def thickness(self) -> float:
-        """Where the body is thinnest; infinite if it goes on upwards."""
+        """Smallest thickness in mm; infinite if the body extends upwards without limit."""
 
     @property
     @abstractmethod
@@ -268,7 +268,7 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def surface(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """As :meth:`own_surface`, of the body turned and tilted.
+        """A closed surface of triangles of the rotated body near its tip, for drawings.
 
         Parameters
         ----------
@@ -287,13 +287,13 @@ class IndenterShape(Kind, family="indenter"):
 
     @cached_property
     def turn(self) -> np.ndarray:
-        """(3, 3) matrix that turns the body: it leans by its tilt, and then turns about z."""
+        """(3, 3) rotation of the body: first by its tilt about y, then by its angle about z."""
         angles = [self.indenter.angle or 0.0, self.indenter.tilt or 0.0]
         return Rotation.from_euler("ZY", angles, degrees=True).as_matrix()
 
     @property
     def lift(self) -> float:
-        """Height by which the lowest point of the tilted body would be too low."""
+        """Height in mm by which the tilted body is raised, so that its lowest point is the tip."""
         return 0.0
 
     @property
@@ -302,22 +302,22 @@ class IndenterShape(Kind, family="indenter"):
         return self.turn[:, 2]
 
     def _in_own_frame(self, points: np.ndarray) -> np.ndarray:
-        """Points (n, 3) as seen from the body."""
+        """Points (n, 3) in the body's own frame."""
         return (points - [0.0, 0.0, self.lift]) @ self.turn
 
     def _keeps_axis(self, mirror: Mirror) -> bool:
-        """Whether a mirror leaves the direction of the body's axis as it is."""
+        """Whether a mirror leaves the direction of the body's axis unchanged."""
         up = np.round(self.up, 12)
         return bool(np.array_equal(mirror.image(up), up))
 
     def _keeps_tip(self, mirror: Mirror) -> bool:
-        """Whether a mirror leaves the position of the tip as it is."""
+        """Whether a mirror leaves the position of the tip unchanged."""
         tip = np.array([*self.indenter.at, 0.0])
         return bool(np.array_equal(mirror.image(tip), tip))
 
 
 class RoundBody(IndenterShape):
-    """A body of one radius, a ball or a rod: what both have in common.
+    """A body of one radius: common base of a ball and a rod.
 
     Attributes
     ----------
@@ -336,9 +336,9 @@ class RoundBody(IndenterShape):
 
     def own_gap(self, points: np.ndarray) -> Gap:
         radius, projected = self.indenter.radius, points @ self.across
-        from_middle = projected - [0.0, 0.0, radius]
-        distance = np.maximum(np.linalg.norm(from_middle, axis=1), TINY)
-        normal = from_middle / distance[:, None]
+        from_centre = projected - [0.0, 0.0, radius]
+        distance = np.maximum(np.linalg.norm(from_centre, axis=1), TINY)
+        normal = from_centre / distance[:, None]
         curvature = (self.across - normal[:, :, None] * normal[:, None, :]) / distance[:, None, None]
         # avoids cancellation of two radii far larger than the gap
         size = ((projected**2).sum(axis=1) - 2 * radius * points[:, 2]) / (distance + radius)
@@ -362,15 +362,27 @@ class RoundBody(IndenterShape):
 
 
 ALONG = 33
-"""Points along the outline of what is round, as it is drawn."""
+"""Points along the outline of a round body in drawings."""
 
 
 def round_outline(radius: float, reach: float) -> np.ndarray:
-    """(n, 2) mm, distance from the axis and height of a circle that stands on its lowest point, up to its top or as far
-    as within ``reach``."""
+    """Half the outline of a circle that stands on its lowest point.
+
+    Parameters
+    ----------
+    radius : float
+        Of the circle, mm.
+    reach : float
+        Largest distance from the axis, and largest height, mm.
+
+    Returns
+    -------
+    (n, 2) ndarray
+        Distance from the axis and height of each point, mm, from the lowest point upwards.
+    """
     if 2 * radius <= reach:
-        furthest = math.pi
+        largest_angle = math.pi
     else:
-        furthest = math.acos(1 - reach / radius) if radius < reach else math.asin(reach / radius)
-    turn = np.linspace(0, furthest, ALONG)
-    return radius * np.stack([np.sin(turn), 1 - np.cos(turn)], axis=1)
+        largest_angle = math.acos(1 - reach / radius) if radius < reach else math.asin(reach / radius)
+    angles = np.linspace(0, largest_angle, ALONG)
+    return radius * np.stack([np.sin(angles), 1 - np.cos(angles)], axis=1)

@@ -1,10 +1,10 @@
 """Whether elements are small enough for the contact with an indenter.
 
-The gap to a body is not negative on average around each node. Between nodes the body may be inside the pad, and one
-that is smaller than an element is not felt at all. Two figures tell: the depth of the body inside the deformed pad,
-relative to that in the undeformed one, and the size of the faces under it, relative to half the width of the contact.
-Against much smaller elements, forces of balls on a block are right to 8 % within both limits; beyond, all of the force
-may be missing.
+Contact prevents penetration on average around each node only. Between nodes the body may be inside the pad, and a body
+that is smaller than an element is not felt at all. Two figures measure this: the depth of the body inside the deformed
+pad, relative to that in the undeformed pad, and the size of the faces under it, relative to half the width of the
+contact. Within both limits, forces of balls on a block agree with those on much smaller elements to 8 %; beyond, all of
+the force may be missing.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape
 from mitsuba_taxel.pads.regions import REGIONS
 
 DEEPEST, DEEPEST_AT_EDGES = 0.25, 0.6
-"""Largest depth of a body inside the deformed pad, relative to that in the undeformed one, and of one with a flat end:
-at its edge the pad rises steeply between nodes, which hardly changes the force."""
-LARGEST, WANTED = 2.0, 1.5
-"""Largest face under a body, relative to half the width of the contact, and where elements can still be made smaller:
-between the two, forces of balls whose tip is between nodes are up to 25 % too small."""
+"""Largest depth of a body inside the deformed pad, relative to that in the undeformed pad; and the same for a body with
+a flat end: at its edge the pad rises steeply between nodes, which hardly changes the force."""
+LARGEST, LARGEST_IF_REFINABLE = 2.0, 1.5
+"""Largest face under a body, relative to half the width of the contact, and the same while elements can still be made
+smaller: between the two, forces of balls whose tip is between nodes are up to 25 % too small."""
 SPACING = 0.25
-"""Distance of the points that are tested, relative to half the width of the contact."""
+"""Distance between tested points, relative to half the width of the contact."""
 BENT = 1.2
-"""Largest ratio of lengths on curved faces and between their corners."""
-MOST_CUTS, MOST_NEAR = 12, 4096
-"""Cuts of a face into four, one within the other, and pieces that are cut at once."""
+"""Largest ratio of a length on a curved face to the distance between its corners."""
+MOST_CUTS, MOST_PIECES = 12, 4096
+"""Levels of cuts of a face into four, and number of pieces that are cut at each level."""
 
 _QUARTERS = np.array(
     [
@@ -54,9 +54,10 @@ class Resolution(NamedTuple):
     Attributes
     ----------
     depth : float
-        Of the body inside the deformed pad, relative to that in the undeformed one.
+        Depth of the body inside the deformed pad, relative to that in the undeformed pad.
     size : float
-        Of the largest face under a round body, the root of twice its area, relative to half the width of the contact.
+        Size of the largest face under a round body, the root of twice its area, relative to half the width of the
+        contact.
     deepest : float
         Largest allowed ``depth``.
     """
@@ -76,47 +77,62 @@ def resolution(mesh: VolumeMesh, indenter: Indenter, displacement: np.ndarray, m
 
     Parameters
     ----------
+    mesh : VolumeMesh
+        Undeformed mesh.
+    indenter : Indenter
+        The rigid body.
     displacement : (N, 3) ndarray
         Of the nodes, in mm.
     moved : (3,) ndarray
-        In mm, how far the body is from where it starts.
+        Displacement of the body from its start, in mm.
+
+    Returns
+    -------
+    Resolution
+        Depth and size.
     """
     body = indenter.body
     if moved[2] >= 0 or body.unbounded:
         return Resolution()
     length = body.pressure_length(-float(moved[2]))
     faces = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]
-    places = mesh.points - body.start(mesh.points[body.highest(mesh.points)]) - moved
-    undeformed, under = _inside(body, places[faces], SPACING * length)
-    if not len(under):
+    points = mesh.points - body.start(mesh.points[body.highest(mesh.points)]) - moved
+    undeformed, touched_faces = _inside(body, points[faces], SPACING * length)
+    if not len(touched_faces):
         return Resolution()
-    deformed, _ = _inside(body, (places + displacement)[faces], SPACING * length)
-    a, b, c = (places[faces[under, k]] for k in range(3))
+    deformed, _ = _inside(body, (points + displacement)[faces], SPACING * length)
+    a, b, c = (points[faces[touched_faces, k]] for k in range(3))
     size = float(np.sqrt(np.linalg.norm(np.cross(b - a, c - a), axis=1)).max())
     if not body.contact_grows:
         return Resolution(deformed / undeformed, deepest=DEEPEST_AT_EDGES)
     return Resolution(deformed / undeformed, size / length)
 
 
-def _inside(body: IndenterShape, nodes: np.ndarray, spacing: float) -> tuple[float, np.ndarray]:
+def _inside(body: IndenterShape, face_nodes: np.ndarray, spacing: float) -> tuple[float, np.ndarray]:
     """Largest depth in mm of points of faces inside a body, and the numbers of the faces that have such points.
 
-    Faces, of ``nodes`` (B, 6, 3) relative to the tip, are cut into four as long as they may enter the body and are
-    larger than the ``spacing`` in mm; of many, those that are nearest to it or deepest inside.
+    Faces have nodes (B, 6, 3) in mm, relative to the tip. They are cut into four as long as they may enter the body and
+    are larger than the ``spacing`` in mm. If there are too many, only those nearest to the body, or deepest inside,
+    are.
     """
-    deepest, touched = 0.0, np.zeros(len(nodes), dtype=bool)
-    face, corners = np.arange(len(nodes)), np.broadcast_to(np.eye(3), (len(nodes), 3, 3))
+    deepest, touched = 0.0, np.zeros(len(face_nodes), dtype=bool)
+    face, corners = np.arange(len(face_nodes)), np.broadcast_to(np.eye(3), (len(face_nodes), 3, 3))
     for _ in range(MOST_CUTS):
-        places = np.einsum("tka,tai->tki", shape_functions(corners.reshape(-1, 3)).reshape(-1, 3, 6), nodes[face])
-        gap = body.gap(places.reshape(-1, 3)).size.reshape(-1, 3).min(axis=1)
+        positions = np.einsum(
+            "tka,tai->tki", shape_functions(corners.reshape(-1, 3)).reshape(-1, 3, 6), face_nodes[face]
+        )
+        gap = body.gap(positions.reshape(-1, 3)).size.reshape(-1, 3).min(axis=1)
         deepest = max(deepest, -float(gap.min(initial=0.0)))
         touched[face[gap < 0]] = True
-        size = BENT * np.linalg.norm(places - np.roll(places, 1, axis=1), axis=2).max(axis=1)
-        near = np.flatnonzero((gap < size) & (size > spacing))
-        if not len(near):
+        size = BENT * np.linalg.norm(positions - np.roll(positions, 1, axis=1), axis=2).max(axis=1)
+        candidates = np.flatnonzero((gap < size) & (size > spacing))
+        if not len(candidates):
             break
-        near = near[np.argsort(gap[near], kind="stable")[:MOST_NEAR]]
-        face, corners = face[near].repeat(4), np.einsum("qck,tkj->tqcj", _QUARTERS, corners[near]).reshape(-1, 3, 3)
+        candidates = candidates[np.argsort(gap[candidates], kind="stable")[:MOST_PIECES]]
+        face, corners = (
+            face[candidates].repeat(4),
+            np.einsum("qck,tkj->tqcj", _QUARTERS, corners[candidates]).reshape(-1, 3, 3),
+        )
     return deepest, np.flatnonzero(touched)
 
 
@@ -128,20 +144,37 @@ def refuse_unresolved(
     mesh_size: float,
     largest: float = LARGEST,
 ) -> None:
-    """Raise :class:`Unresolved` if elements, of ``mesh_size`` mm, are too large for the contact with a body.
+    """Refuse elements that are too large for the contact with a body.
 
-    Faces may have ``largest`` times half the width of the contact.
-    Before a state is solved, without its ``displacement``, their size alone is judged.
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Undeformed mesh.
+    indenter : Indenter
+        The rigid body.
+    displacement : (N, 3) ndarray or None
+        Of the nodes, in mm; None before the state is solved, where the size of the faces alone is judged.
+    moved : (3,) ndarray
+        Displacement of the body from its start, in mm.
+    mesh_size : float
+        Of the elements in mm, for the message.
+    largest : float
+        Allowed size of faces, relative to half the width of the contact.
+
+    Raises
+    ------
+    Unresolved
+        if elements are too large.
     """
-    found = resolution(mesh, indenter, np.zeros_like(mesh.points) if displacement is None else displacement, moved)
-    if found.size > largest:
-        why = f"their faces are {found.size:.2g} times half the width of its contact"
-    elif displacement is not None and found.depth > found.deepest:
-        why = f"it is inside the pad by {found.depth:.0%} of that"
+    result = resolution(mesh, indenter, np.zeros_like(mesh.points) if displacement is None else displacement, moved)
+    if result.size > largest:
+        reason = f"their faces are {result.size:.2g} times half the width of its contact"
+    elif displacement is not None and result.depth > result.deepest:
+        reason = f"it is inside the pad by {result.depth:.0%} of that depth"
     else:
         return
     x, y = np.array(indenter.at) + moved[:2]
     raise Unresolved(
-        f"the finite elements are too large for an indenter {-moved[2]:.3g} mm deep at ({x:.4g}, {y:.4g}) mm: {why}. "
-        f"A mesh_size of {0.5 * mesh_size:.2g} mm, or a deeper or larger indenter is needed."
+        f"the finite elements are too large for an indenter {-moved[2]:.3g} mm deep at ({x:.4g}, {y:.4g}) mm: "
+        f"{reason}. A mesh_size of {0.5 * mesh_size:.2g} mm, or a deeper or larger indenter is needed."
     )

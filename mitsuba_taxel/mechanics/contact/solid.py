@@ -20,16 +20,16 @@ from mitsuba_taxel.pads.pad_file import MOST_BYTES, SURFACE_FORMATS
 
 
 class Solid(NamedTuple):
-    """A closed surface, its lowest point at z = 0.
+    """A closed surface, whose lowest point is at z = 0.
 
     Attributes
     ----------
     vertices : (V, 3) ndarray
         In mm.
     triangles : (T, 3) ndarray
-        Counter-clockwise seen from outside.
+        Rows of their vertices, counter-clockwise seen from outside.
     distance : SolidDistance
-        From it.
+        Signed distance from the surface.
     """
 
     vertices: np.ndarray
@@ -38,11 +38,11 @@ class Solid(NamedTuple):
 
 
 def content_of(file: str) -> bytes:
-    """What a file holds; raises `InputError` if that cannot be read."""
+    """The bytes of a file of triangles; raises `InputError` if it has another format, is too large or unreadable."""
     path = Path(file)
     if path.suffix.lower() not in SURFACE_FORMATS:
-        known = ", ".join(SURFACE_FORMATS)
-        raise InputError(f"indenter_file = {file} is not allowed: a file that ends in one of {known} is needed.")
+        allowed = ", ".join(SURFACE_FORMATS)
+        raise InputError(f"indenter_file = {file} is not allowed: a file that ends in one of {allowed} is needed.")
     try:
         if path.stat().st_size > MOST_BYTES:
             raise InputError(f"indenter_file = {file} is not allowed: at most {MOST_BYTES // 2**20} MB can be read.")
@@ -53,9 +53,28 @@ def content_of(file: str) -> bytes:
 
 @kept(4)
 def solid_in(file: str, digest: str, tilt: float, placement: Placement) -> Solid:
-    """The body in a file that holds what it held when its ``digest`` was taken, tilted by degrees; raises `InputError`.
+    """The body that a file contains.
 
-    It turns about y, at x = 0 and the lowest height.
+    Parameters
+    ----------
+    file : str
+        Path of a file of triangles.
+    digest : str
+        SHA-256 of the content that the file had when it was opened.
+    tilt : float
+        In degrees, about the axis along y at x = 0 and the lowest height.
+    placement : Placement
+        Unit and direction of the file.
+
+    Returns
+    -------
+    Solid
+        The tilted body, in mm.
+
+    Raises
+    ------
+    InputError
+        if the file cannot be read, has changed, or holds no closed surface.
     """
     content = content_of(file)
     if hashlib.sha256(content).hexdigest() != digest:

@@ -1,7 +1,7 @@
 """Signed distance from a closed surface of triangles, as a cubic spline over a grid: smooth enough for Newton's method.
 
-A spline through exact distances follows a finely tessellated surface to a fraction of what its triangles are off, and
-rounds edges by about the grid's spacing.
+The spline interpolates exact distances at the nodes of the grid. From a finely tessellated surface it deviates by a
+fraction of the error of the triangles, and it rounds edges by about the spacing of the grid.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.surfaces.triangles import area_normals, closest_on_triangles, unit
 
 CELLS = 48
-"""Of the grid along its longest side."""
+"""Cells of the grid along its longest side."""
 MARGIN, RIM = 6, 3
-"""Cells beyond the surface, and those of them at the rim, where the spline is off."""
+"""Cells beyond the surface, and how many of these at the rim are not used, because the spline is inaccurate there."""
 NEAR = 3.0
-"""Distance in cells up to which it is exact; further away, where nothing presses, it is about that."""
+"""Distance in cells up to which it is exact; beyond, where nothing presses, it is approximate."""
 CANDIDATES = 8
-"""Samples near a place, of whose triangles the nearest is taken."""
-APART = 0.5
-"""Size in cells of what has one sample for the distances that are far: thin triangles have very many."""
+"""Samples near a point whose triangles are compared for the nearest."""
+SAMPLE_SPACING = 0.5
+"""Size in cells of boxes that have one sample each for large distances: thin triangles have very many samples."""
 ALIKE = 1e-9
 """Difference in distance, in cells, of triangles that share the nearest point."""
-PLACES_AT_ONCE = 20_000
+POINTS_AT_ONCE = 20_000
 
 _CUBIC = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) / 6
 """Coefficients of 1, t, t², t³ of the four cubic B-splines that are not 0 between two nodes."""
@@ -33,13 +33,13 @@ _DERIVATIVES = [
     *((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)),
     *((2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0), (0, 1, 1), (1, 0, 1)),
 ]
-"""How often by x, y and z."""
+"""Orders of the derivatives of the spline by x, y and z."""
 
 
 class SolidDistance:
     """Distances from a closed surface, negative inside.
 
-    Of a surface that is higher than wide, only the lower part is known, as high as wide.
+    A surface that is higher than wide is known up to a height equal to its width.
 
     Parameters
     ----------
@@ -58,41 +58,43 @@ class SolidDistance:
         self._first = low - MARGIN * self.spacing
         self._counts = np.ceil((high - self._first) / self.spacing).astype(int) + 1 + MARGIN
 
-    def at(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Distances (n,) in mm of places (n, 3), with their first (n, 3) and second (n, 3, 3) derivatives."""
+    def at(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Distances (n,) in mm of points (n, 3), with their first (n, 3) and second (n, 3, 3) derivatives."""
         low, high = (self._first + self.spacing * (end + RIM * sign) for end, sign in ((0, 1), (self._counts - 1, -1)))
-        within = np.clip(places, low, high)
-        size, slope, bend = self._spline(within)
-        beyond = places - within
-        further = np.linalg.norm(beyond, axis=1)
+        clamped = np.clip(points, low, high)
+        size, slope, curvature = self._spline(clamped)
+        beyond = points - clamped
+        distance_beyond = np.linalg.norm(beyond, axis=1)
         slope = np.where(beyond == 0, slope, 0.0) + unit(beyond)
-        return size + further, slope, np.where(further[:, None, None] > 0, 0.0, bend)
+        return size + distance_beyond, slope, np.where(distance_beyond[:, None, None] > 0, 0.0, curvature)
 
     def footprint(self, height: float) -> np.ndarray:
-        """(n, 2) nodes of the grid in x and y at which the body is at a height in mm above its lowest point."""
+        """(n, 2) mm, nodes of the grid in x and y that are inside the body at a height in mm above its lowest point."""
         x, y = (self._first[k] + self.spacing * np.arange(self._counts[k]) for k in (0, 1))
-        places = np.stack(np.meshgrid(x, y, [height], indexing="ij"), axis=-1).reshape(-1, 3)
-        return places[self.at(places)[0] <= 0, :2]
+        points = np.stack(np.meshgrid(x, y, [height], indexing="ij"), axis=-1).reshape(-1, 3)
+        return points[self.at(points)[0] <= 0, :2]
 
-    def _spline(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        along = (places - self._first) / self.spacing
-        cell = np.floor(along).astype(int)
-        t = along - cell
+    def _spline(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        scaled = (points - self._first) / self.spacing
+        cell = np.floor(scaled).astype(int)
+        t = scaled - cell
         powers = np.stack([np.ones_like(t), t, t**2, t**3], axis=-1)
         slopes = np.stack([np.zeros_like(t), np.ones_like(t), 2 * t, 3 * t**2], axis=-1) / self.spacing
-        bends = np.stack([np.zeros_like(t), np.zeros_like(t), np.full_like(t, 2.0), 6 * t], axis=-1) / self.spacing**2
-        weights = [terms @ _CUBIC.T for terms in (powers, slopes, bends)]  # (n, 3 axes, 4) each
+        curvatures = (
+            np.stack([np.zeros_like(t), np.zeros_like(t), np.full_like(t, 2.0), 6 * t], axis=-1) / self.spacing**2
+        )
+        weights = [terms @ _CUBIC.T for terms in (powers, slopes, curvatures)]  # (n, 3 axes, 4) each
         x, y, z = (cell[:, k, None] + np.arange(-1, 3) for k in range(3))
-        around = self._coefficients[x[:, :, None, None], y[:, None, :, None], z[:, None, None, :]]
-        along_z = [np.einsum("nijk,nk->nij", around, weights[order][:, 2]) for order in range(3)]
+        coefficients = self._coefficients[x[:, :, None, None], y[:, None, :, None], z[:, None, None, :]]
+        along_z = [np.einsum("nijk,nk->nij", coefficients, weights[order][:, 2]) for order in range(3)]
         along_yz = {
             (j, k): np.einsum("nij,nj->ni", along_z[k], weights[j][:, 1]) for j in range(3) for k in range(3 - j)
         }
         size, dx, dy, dz, xx, yy, zz, xy, yz, xz = (
             np.einsum("ni,ni->n", along_yz[j, k], weights[i][:, 0]) for i, j, k in _DERIVATIVES
         )
-        bend = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
-        return size, np.stack([dx, dy, dz], axis=1), bend
+        curvature = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
+        return size, np.stack([dx, dy, dz], axis=1), curvature
 
     @cached_property
     def _coefficients(self) -> np.ndarray:
@@ -100,65 +102,69 @@ class SolidDistance:
 
         axes = [self._first[k] + self.spacing * np.arange(self._counts[k]) for k in range(3)]
         nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        size, inside = self._of_places(nodes)
-        part, count = ndimage.label((size > self.spacing).reshape(self._counts))
-        # What is far from the surface may be nearest to an edge: all that hangs together is on one side.
-        mostly = np.append(False, ndimage.mean(inside.reshape(self._counts), part, np.arange(1, count + 1)) > 0.5)
-        inside = np.where(part.ravel() > 0, mostly[part.ravel()], inside)
+        size, inside = self._unsigned(nodes)
+        component, count = ndimage.label((size > self.spacing).reshape(self._counts))
+        # Far from the surface, the nearest triangle may be wrong at an edge: a connected region is on one side, and a
+        # majority decides.
+        mostly_inside = np.append(
+            False, ndimage.mean(inside.reshape(self._counts), component, np.arange(1, count + 1)) > 0.5
+        )
+        inside = np.where(component.ravel() > 0, mostly_inside[component.ravel()], inside)
         distance = np.where(inside, -size, size).reshape(self._counts)
         return ndimage.spline_filter(distance, order=3, mode="mirror")
 
-    def _of_places(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distances without a sign, and whether places (n, 3) are inside as the nearest triangle has it."""
+    def _unsigned(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances (n,) of points (n, 3) without a sign, and whether they are inside according to the nearest
+        triangle."""
         samples, owner = _samples(self._corners, self.spacing, self._first[2] + self._counts[2] * self.spacing)
-        few = _one_of_each(np.floor((samples - self._first) / (APART * self.spacing)).astype(int))
-        tree, coarse_tree = PointTree(samples), PointTree(samples[few])
-        size, inside = np.empty(len(places)), np.empty(len(places), dtype=bool)
-        for start in range(0, len(places), PLACES_AT_ONCE):
-            some = places[start : start + PLACES_AT_ONCE]
-            near = np.isfinite(tree.query(some, within=NEAR * self.spacing)[0])
-            for which, candidates in (
-                (~near, owner[few[coarse_tree.query(some[~near])[1]], None]),
-                (near, owner[tree.query(some[near], k=np.arange(1, 1 + min(CANDIDATES, len(samples))))[1]]),
+        boxes = np.floor((samples - self._first) / (SAMPLE_SPACING * self.spacing)).astype(int)
+        sparse_samples = np.unique(boxes, axis=0, return_index=True)[1]
+        tree, coarse_tree = PointTree(samples), PointTree(samples[sparse_samples])
+        size, inside = np.empty(len(points)), np.empty(len(points), dtype=bool)
+        for start in range(0, len(points), POINTS_AT_ONCE):
+            batch = points[start : start + POINTS_AT_ONCE]
+            is_near = np.isfinite(tree.query(batch, within=NEAR * self.spacing)[0])
+            for selected, candidates in (
+                (~is_near, owner[sparse_samples[coarse_tree.query(batch[~is_near])[1]], None]),
+                (is_near, owner[tree.query(batch[is_near], k=np.arange(1, 1 + min(CANDIDATES, len(samples))))[1]]),
             ):
-                numbers = start + np.flatnonzero(which)
-                size[numbers], inside[numbers] = self._nearest(some[which], candidates)
+                rows = start + np.flatnonzero(selected)
+                size[rows], inside[rows] = self._nearest(batch[selected], candidates)
         return size, inside
 
-    def _nearest(self, places: np.ndarray, candidates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of candidates (n, k): distances (n,), and whether the places are behind the triangle that they face most."""
+    def _nearest(self, points: np.ndarray, candidates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances (n,) of points (n, 3) from the nearest of their candidate triangles (n, k), and whether they are
+        behind it. Of triangles that share the nearest point, the one that faces the point most decides."""
         shape = candidates.shape
-        spread = np.repeat(places, shape[1], axis=0)
-        way = spread - closest_on_triangles(spread, self._corners[candidates.ravel()])
-        distance = np.linalg.norm(way, axis=1).reshape(shape)
-        facing = np.einsum("ij,ij->i", unit(way), self._outwards[candidates.ravel()]).reshape(shape)
+        repeated = np.repeat(points, shape[1], axis=0)
+        offset = repeated - closest_on_triangles(repeated, self._corners[candidates.ravel()])
+        distance = np.linalg.norm(offset, axis=1).reshape(shape)
+        facing = np.einsum("ij,ij->i", unit(offset), self._outwards[candidates.ravel()]).reshape(shape)
         nearest = distance.min(axis=1)
-        among = distance <= nearest[:, None] + ALIKE * self.spacing
-        chosen = np.argmax(np.where(among, np.abs(facing), -1.0), axis=1)
+        shares_nearest = distance <= nearest[:, None] + ALIKE * self.spacing
+        chosen = np.argmax(np.where(shares_nearest, np.abs(facing), -1.0), axis=1)
         return nearest, np.take_along_axis(facing, chosen[:, None], axis=1)[:, 0] < 0
 
 
-def _one_of_each(cells: np.ndarray) -> np.ndarray:
-    """Of points with the cells (n, 3) that they are in, the number of one in each cell."""
-    return np.unique(cells, axis=0, return_index=True)[1]
-
-
 def _samples(corners: np.ndarray, spacing: float, top: float) -> tuple[np.ndarray, np.ndarray]:
-    """Centres (n, 3) of pieces of triangles (T, 3, 3) of at most twice the spacing in size, and whose they are (n,)."""
-    owner, found = np.flatnonzero(corners[:, :, 2].min(axis=1) < top), []
-    pieces = corners[owner]
+    """Centres (n, 3) of pieces of triangles (T, 3, 3), of at most twice the spacing in size, and their triangles (n,).
+
+    Longest edges are halved until pieces are small enough; pieces above ``top`` are left out.
+    """
+    triangle, batches = np.flatnonzero(corners[:, :, 2].min(axis=1) < top), []
+    pieces = corners[triangle]
     while len(pieces):
         sides = np.linalg.norm(np.roll(pieces, -1, axis=1) - pieces, axis=2)
         small = sides.max(axis=1) <= 2 * spacing
-        found.append((pieces[small].mean(axis=1), owner[small]))
+        batches.append((pieces[small].mean(axis=1), triangle[small]))
         large = ~small & (pieces[:, :, 2].min(axis=1) < top)
         first = (sides[large].argmax(axis=1)[:, None] + np.arange(3)) % 3
-        turned, whose = np.take_along_axis(pieces[large], first[:, :, None], axis=1), owner[large]
-        middle = turned[:, :2].mean(axis=1)
+        rotated, halved_triangle = np.take_along_axis(pieces[large], first[:, :, None], axis=1), triangle[large]
+        middle = rotated[:, :2].mean(axis=1)
         halves = [
-            np.stack([turned[:, 0], middle, turned[:, 2]], axis=1),
-            np.stack([middle, turned[:, 1], turned[:, 2]], axis=1),
+            np.stack([rotated[:, 0], middle, rotated[:, 2]], axis=1),
+            np.stack([middle, rotated[:, 1], rotated[:, 2]], axis=1),
         ]
-        pieces, owner = np.concatenate(halves), np.concatenate([whose, whose])
-    samples, owners = zip(*found, strict=True)
-    return np.concatenate(samples), np.concatenate(owners)
+        pieces, triangle = np.concatenate(halves), np.concatenate([halved_triangle, halved_triangle])
+    samples, triangles = zip(*batches, strict=True)
+    return np.concatenate(samples), np.concatenate(triangles)

@@ -16,15 +16,15 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
     """Downward force of the indenter on the whole pad in N."""
     body = pad.model.indentation
-    pressing = body.pressing(pad.numbering.split(node.unknowns)[0], segment.value(node.s))
-    return -pad.part.copies * float(pressing.force[2])
+    contact_state = body.contact_state(pad.numbering.split(node.unknowns)[0], segment.value(node.s))
+    return -pad.part.copies * float(contact_state.force[2])
 
 
 def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
     """Derivative of that force by the depth in N/mm."""
     body = pad.model.indentation
-    pressing = body.pressing(pad.numbering.split(node.unknowns)[0], segment.value(node.s))
-    rate = body.force_rate(pressing, _DOWN, pad.numbering.split(node.tangent)[0])
+    contact_state = body.contact_state(pad.numbering.split(node.unknowns)[0], segment.value(node.s))
+    rate = body.force_rate(contact_state, _DOWN, pad.numbering.split(node.tangent)[0])
     return -pad.part.copies * float(rate[2])
 
 

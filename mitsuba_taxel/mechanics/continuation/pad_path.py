@@ -227,10 +227,10 @@ class PadPath(PathProblem):
             segment, s = self.segments.to(value)[-1]
             direction = segment.direction
             curve, distance, pad = self.segments.part_to(segment, s)
-            pushed = self.solved.beside(segment, s, pad)
-            if pushed:
+            nodal_forces = self.solved.beside(segment, s, pad)
+            if nodal_forces:
                 try:
-                    rate = self.solved.rate_beside(segment, s, pad, pushed.unknowns)
+                    rate = self.solved.rate_beside(segment, s, pad, nodal_forces.unknowns)
                 except Rejected:
                     return None
             elif pad.solves_between and isinstance(curve, LoadSegment):
@@ -262,7 +262,7 @@ class PadPath(PathProblem):
             return glued_force(self.mesh, self.material, displacement, pressure)
         if self.load.moved_indenter is not None:
             body = Indentation(self.mesh, self.load.moved_indenter, self.material.youngs_modulus)
-            return body.pressing(displacement, value).force
+            return body.contact_state(displacement, value).force
         linear = where_linear(self.mesh, self.load, share)
         return glued_force(self.mesh, self.material, displacement, pressure, region="top", linear=linear)
 
@@ -319,9 +319,9 @@ class PadPath(PathProblem):
         for segment, s in self.segments.to(value):
             # Small tangential forces: by the tangent of the normal one, if that leads there.
             pad = self.segments.pad_for(segment.origin, segment.direction)
-            pushed = self.solved.beside(segment, s, pad)
-            if pushed and not (obstacles and obstacles.touch(pad.split(pushed.unknowns)[0])):
-                return *pad.split(pushed.unknowns), replace(pushed, seconds=seconds + pushed.seconds)
+            nodal_forces = self.solved.beside(segment, s, pad)
+            if nodal_forces and not (obstacles and obstacles.touch(pad.split(nodal_forces.unknowns)[0])):
+                return *pad.split(nodal_forces.unknowns), replace(nodal_forces, seconds=seconds + nodal_forces.seconds)
 
             # Follow the segment, unless it is known as far.
             touch = obstacles.first if obstacles else nothing

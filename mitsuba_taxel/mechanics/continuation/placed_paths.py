@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.contact.resolution import LARGEST, WANTED, Unresolved
+from mitsuba_taxel.mechanics.contact.resolution import LARGEST, LARGEST_IF_REFINABLE, Unresolved
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.local_mesh import CLOSE, SMALL_DEPTH, swept_legs
@@ -77,7 +77,7 @@ def solved_on(
     refinements = MOST_FINER if finer else 0
     while True:
         try:
-            largest = WANTED if refinements else LARGEST
+            largest = LARGEST_IF_REFINABLE if refinements else LARGEST
             path.refuse_unresolved(there, None, largest)
             state = path.state(there, obstacles)
             path.refuse_unresolved(there, state.displacement, largest)

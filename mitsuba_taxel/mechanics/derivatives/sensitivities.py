@@ -20,7 +20,7 @@ from mitsuba_taxel.base.arguments import array_of, refusal, require
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
+from mitsuba_taxel.mechanics.contact.indentation import ContactState, Indentation
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.derivatives.material_rates import material_rate
 from mitsuba_taxel.mechanics.elements.element_rates import StrainedElements
@@ -390,13 +390,13 @@ class PressedState(LinearisedState):
         if not self._pad.load.has_position:
             return np.zeros_like(self.displacement)
         rate = super().by_value(shift)
-        return self._under_force(rate, float(self._body.force_rate(self._pressing, shift, np.zeros_like(rate))[2]))
+        return self._under_force(rate, float(self._body.force_rate(self._contact_state, shift, np.zeros_like(rate))[2]))
 
     def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
         """As of a `LinearisedState`; the value has a derivative along z alone, others are NaN."""
         gradient = array_of("gradient", gradient, self.displacement.shape)
         by_force = float(np.vdot(gradient, self._by_height)) / self._stiffness
-        at_depth = super().pull_back(gradient - by_force * self._body.force_gradient(self._pressing), shapes)
+        at_depth = super().pull_back(gradient - by_force * self._body.force_gradient(self._contact_state), shapes)
         material = {name: along - by_force * self._gain_by_material(name) for name, along in at_depth.material.items()}
         shape = {
             name: along - by_force * self._gain_by_shape(np.asarray((shapes or {})[name], dtype=float))
@@ -407,14 +407,14 @@ class PressedState(LinearisedState):
     def _under_force(self, rate: np.ndarray, gain: float) -> np.ndarray:
         """A rate of the displacement at a constant depth, corrected for what the force gains, ``gain`` of it at a
         constant displacement."""
-        gain += float(self._body.force_rate(self._pressing, np.zeros(3), rate)[2])
+        gain += float(self._body.force_rate(self._contact_state, np.zeros(3), rate)[2])
         return rate - gain / self._stiffness * self._by_height
 
     def _gain_by_material(self, name: str) -> float:
         """N per unit of a parameter, by the stiffness of contact."""
         material = self._pad.material
         modulus = material_rate(lambda other: np.array(other.youngs_modulus), material, name)
-        return float(modulus) / material.youngs_modulus * float(self._pressing.force[2])
+        return float(modulus) / material.youngs_modulus * float(self._contact_state.force[2])
 
     def _gain_by_shape(self, velocity: np.ndarray) -> float:
         return float(self._body.shape_rate(self.displacement, self._value, velocity).sum(axis=0)[2])
@@ -425,8 +425,8 @@ class PressedState(LinearisedState):
         return Indentation(self._pad.whole, self._pad.load.moved_indenter, self._pad.material.youngs_modulus)
 
     @cached_property
-    def _pressing(self) -> Pressing:
-        return self._body.pressing(self.displacement, self._value)
+    def _contact_state(self) -> ContactState:
+        return self._body.contact_state(self.displacement, self._value)
 
     @cached_property
     def _by_height(self) -> np.ndarray:
@@ -436,7 +436,7 @@ class PressedState(LinearisedState):
     @cached_property
     def _stiffness(self) -> float:
         """N/mm."""
-        return float(self._body.force_rate(self._pressing, np.array([0.0, 0.0, 1.0]), self._by_height)[2])
+        return float(self._body.force_rate(self._contact_state, np.array([0.0, 0.0, 1.0]), self._by_height)[2])
 
 
 def mirrors_of_state(state: State) -> tuple[Mirror, ...]:

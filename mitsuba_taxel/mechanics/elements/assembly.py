@@ -14,7 +14,7 @@ from mitsuba_taxel.base.caches import Recent
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.elements import Elements
-from mitsuba_taxel.mechanics.elements.past import Past
+from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
 from mitsuba_taxel.mechanics.elements.sparsity import Sparsity, equal_pairs
 from mitsuba_taxel.mechanics.materials.laws import Material
 
@@ -78,7 +78,11 @@ class Assembly:
         return self._kept(_SPARSITIES, (nodes, corners, np.array(count)), lambda: Sparsity(nodes, corners, count))
 
     def evaluate(
-        self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True, past: Past | None = None
+        self,
+        displacement: np.ndarray,
+        pressure: np.ndarray,
+        with_tangent: bool = True,
+        stress_update: StressUpdate | None = None,
     ) -> InternalForces:
         """Internal forces and tangent at a state, without load.
 
@@ -88,10 +92,10 @@ class Assembly:
             In mm.
         pressure : (corners,) ndarray
             In MPa, positive in tension.
-        past : Past, optional
+        stress_update : StressUpdate, optional
             History of a viscoelastic solid.
         """
-        state = self.elements.evaluate(displacement, pressure, with_tangent, past)
+        state = self.elements.evaluate(displacement, pressure, with_tangent, stress_update)
         if not state.min_jacobian > 0:
             return InternalForces(np.full(self.unknowns, np.nan), None, state.min_jacobian)
         entries = None

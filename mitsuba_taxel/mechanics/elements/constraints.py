@@ -95,7 +95,7 @@ class Numbering:
 
 
 def number_unknowns(
-    mesh: VolumeMesh, held: np.ndarray, walls: Mapping[Mirror, int] = _NO_WALLS, plate: np.ndarray | None = None
+    mesh: VolumeMesh, fixed: np.ndarray, walls: Mapping[Mirror, int] = _NO_WALLS, plate: np.ndarray | None = None
 ) -> Numbering:
     """Number the unknowns of a mesh.
 
@@ -103,7 +103,7 @@ def number_unknowns(
     ----------
     mesh : VolumeMesh
         Of the undeformed pad.
-    held : (N,) ndarray
+    fixed : (N,) ndarray
         Whether each node is fixed.
     walls : Mapping[Mirror, int]
         Planes of symmetry that bound the mesh, with 1 for symmetric states, -1 for antisymmetric ones, and 0 for any
@@ -117,24 +117,24 @@ def number_unknowns(
         Of displacements, then pressures.
     """
     nodes, corners = len(mesh.points), mesh.corner_count
-    body = _Dofs(np.append(held, False), corners)  # the plate is an additional node
+    body = _Dofs(np.append(fixed, False), corners)  # the plate is an additional node
     for mirror in MIRRORS:  # diagonal ones last: they tie what the others may fix
         if mirror not in walls:
             continue
         on_plane = np.append(mirror.side(mesh.points) == 0, True)
         body.reflect(np.flatnonzero(on_plane), mirror, walls[mirror])
     if plate is not None:
-        body.root[plate], body.sign[plate], body.held[plate] = body.root[nodes], body.sign[nodes], body.held[nodes]
+        body.root[plate], body.sign[plate], body.fixed[plate] = body.root[nodes], body.sign[nodes], body.fixed[nodes]
     return body.numbering(with_plate=plate is not None)
 
 
 class _Dofs:
     """Per node and component: whether it is fixed, and the degree of freedom that it is tied to."""
 
-    def __init__(self, held: np.ndarray, corners: int) -> None:
-        self.root = np.arange(3 * len(held)).reshape(-1, 3)
-        self.sign = np.ones((len(held), 3))
-        self.held = np.repeat(held[:, None], 3, axis=1)
+    def __init__(self, fixed: np.ndarray, corners: int) -> None:
+        self.root = np.arange(3 * len(fixed)).reshape(-1, 3)
+        self.sign = np.ones((len(fixed), 3))
+        self.fixed = np.repeat(fixed[:, None], 3, axis=1)
         self.no_pressure = np.zeros(corners, dtype=bool)
 
     def reflect(self, nodes: np.ndarray, mirror: Mirror, sign: int) -> None:
@@ -148,22 +148,22 @@ class _Dofs:
             tie = sign * diagonal  # u_y = tie * u_x
             tied = self.root[nodes, 1] == self.root[nodes, 0]
             clash = nodes[tied & (self.sign[nodes, 1] != tie)]
-            self.held[clash, :2] = True
+            self.fixed[clash, :2] = True
             self.root[nodes, 1], self.sign[nodes, 1] = self.root[nodes, 0], tie
-            either = self.held[nodes, 0] | self.held[nodes, 1]
-            self.held[nodes, 0] = self.held[nodes, 1] = either
+            either = self.fixed[nodes, 0] | self.fixed[nodes, 1]
+            self.fixed[nodes, 0] = self.fixed[nodes, 1] = either
         else:
             normal = 0 if mirror.normal[0] else 1
-            self.held[nodes, normal if sign > 0 else 1 - normal] = True
+            self.fixed[nodes, normal if sign > 0 else 1 - normal] = True
         if sign < 0:
-            self.held[nodes, 2] = True
+            self.fixed[nodes, 2] = True
 
     def numbering(self, with_plate: bool) -> Numbering:
         used = np.zeros(self.root.size, dtype=bool)
-        followed = self.root[: None if with_plate else -1][~self.held[: None if with_plate else -1]]
+        followed = self.root[: None if with_plate else -1][~self.fixed[: None if with_plate else -1]]
         used[followed] = True
         number = np.where(used, np.cumsum(used) - 1, -1)
-        unknown = np.where(self.held, -1, number[self.root])
+        unknown = np.where(self.fixed, -1, number[self.root])
         displacements, pressures = int(used.sum()), int((~self.no_pressure).sum())
         pressure = np.where(self.no_pressure, -1, displacements + np.cumsum(~self.no_pressure) - 1)
         return Numbering(

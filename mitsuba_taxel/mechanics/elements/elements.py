@@ -25,7 +25,7 @@ from mitsuba_taxel.mechanics.materials.moduli import PAIRS
 from mitsuba_taxel.mechanics.materials.symmetric import components, tensors
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics.elements.past import Past
+    from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
 
 Result = TypeVar("Result")
 
@@ -127,11 +127,15 @@ class Elements:
         self._by_node = np.swapaxes(self.gradients, 1, 2).reshape(count, 10, -1)
 
     def evaluate(
-        self, displacement: np.ndarray, pressure: np.ndarray, with_matrices: bool, past: Past | None = None
+        self,
+        displacement: np.ndarray,
+        pressure: np.ndarray,
+        with_matrices: bool,
+        stress_update: StressUpdate | None = None,
     ) -> ElementState:
         """Elements at displacement (N, 3) and pressure (corners,); without matrices if one is inverted.
 
-        The stress includes that of the ``past``.
+        The stress includes that of the ``stress_update``.
         """
         count = len(self.nodes)
         forces, volumes, least = np.empty((count, 10, 3)), np.empty((count, 4)), np.empty(count)
@@ -153,13 +157,13 @@ class Elements:
                 return
             state = gradient, determinant, cofactor / determinant[..., None, None]
             stress, kept = self.material.stress(*state), None
-            if past is not None:
-                kept = tensors(past.stress[here])
-                stress = past.share * stress + gradient @ kept
+            if stress_update is not None:
+                kept = tensors(stress_update.offset[here])
+                stress = stress_update.factor * stress + gradient @ kept
             stress = stress + p[..., None, None] * cofactor
             excess = determinant - 1 - self.material.compressibility * p
             if small is not None:
-                share = 1.0 if past is None else past.share
+                share = 1.0 if stress_update is None else stress_update.factor
                 stress[small.at] += share * small.stress(self.material.shear_modulus)
                 excess[small.at] += small.growth
             forces[here] = self.on_nodes(here, stress)
@@ -170,7 +174,7 @@ class Elements:
             if small is not None:  # whose forces do not turn with the solid
                 turning = np.where(small.at, 0.0, p)
                 kept = None if kept is None else np.where(small.at[..., None, None], 0.0, kept)
-            matrices.blocks[here] = self._stiffness(here, state, turning, past, kept)
+            matrices.blocks[here] = self._stiffness(here, state, turning, stress_update, kept)
             normal = _columns(weight, cofactor).reshape(len(p), -1, 3, 1, 3) * _PRESSURE_SHAPES[:, None, :, None]
             mixed = (by_node @ normal.reshape(len(p), -1, 12)).reshape(len(p), 10, 4, 3)
             matrices.mixed[here] = np.swapaxes(mixed, 1, 2).reshape(len(p), 4, 30)
@@ -189,14 +193,19 @@ class Elements:
         return np.where(at[..., None, None], np.eye(3), gradient), SmallStrain(at, gradient[at] - np.eye(3))
 
     def _stiffness(
-        self, here: slice, state: Points, pressure: np.ndarray, past: Past | None, kept: np.ndarray | None
+        self,
+        here: slice,
+        state: Points,
+        pressure: np.ndarray,
+        stress_update: StressUpdate | None,
+        kept: np.ndarray | None,
     ) -> np.ndarray:
         """Blocks of some elements: the derivative of F S by F at constant S is that of a prestressed solid."""
         weight, gradients = self.weight[here], self.gradients[here]
-        if past is None or kept is None:
+        if stress_update is None or kept is None:
             return self.material.moduli(*state, pressure).stiffness(weight, gradients)
-        moduli = self.material.moduli(*state, pressure / past.share).with_inner(kept / past.share)
-        return past.share * moduli.stiffness(weight, gradients)
+        moduli = self.material.moduli(*state, pressure / stress_update.factor).with_inner(kept / stress_update.factor)
+        return stress_update.factor * moduli.stiffness(weight, gradients)
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
         """(m, q, 6) MPa, second Piola-Kirchhoff stress of the material at a displacement (N, 3); where the law is

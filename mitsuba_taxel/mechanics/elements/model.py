@@ -11,12 +11,12 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
+from mitsuba_taxel.mechanics.contact.indentation import ContactState, Indentation
 from mitsuba_taxel.mechanics.elements.assembly import Assembly, InternalForces
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
-from mitsuba_taxel.mechanics.elements.held import Held
+from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
+from mitsuba_taxel.mechanics.elements.load_constraints import LoadConstraints
 from mitsuba_taxel.mechanics.elements.loads import Load
-from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, pressure_stiffness, wet_faces
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
 from mitsuba_taxel.mechanics.materials.laws import Material
@@ -37,7 +37,7 @@ class Configuration:
         Of the derivative of the residual, for `Assembly.matrix`; None if not requested, or an element is inverted.
     min_jacobian : float
         Smallest volume ratio J at any quadrature point.
-    pressing : Pressing or None
+    pressing : ContactState or None
         State of contact with an indenter, if that is the load.
     """
 
@@ -45,7 +45,7 @@ class Configuration:
     load: np.ndarray
     entries: np.ndarray | None
     min_jacobian: float
-    pressing: Pressing | None = None
+    contact_state: ContactState | None = None
 
 
 class Model:
@@ -55,7 +55,7 @@ class Model:
     ----------
     signs : Mapping[Mirror, int]
         At the walls of the part, 1 for symmetric states, -1 for antisymmetric ones, 0 for any without pressure there.
-    held_plate : bool
+    fixed_plate : bool
         Whether a bonded plate is fixed, rather than an additional unknown.
     like : Model, optional
         Another model of the same part, material and load, whose elements it shares.
@@ -69,19 +69,19 @@ class Model:
         material: Material,
         load: Load,
         signs: Mapping[Mirror, int],
-        held_plate: bool = False,
+        fixed_plate: bool = False,
         like: Model | None = None,
         linear: np.ndarray | None = None,
     ) -> None:
         self.part, self.mesh, self.load, self.linear = part, part.mesh, load, linear
-        held = np.zeros(len(self.mesh.points), dtype=bool)
-        held[self._faces("bottom")] = True
+        fixed = np.zeros(len(self.mesh.points), dtype=bool)
+        fixed[self._faces("bottom")] = True
         plate = None
         if load.bonded_plate:
             top = np.unique(self._faces("top"))
-            held[top] |= held_plate
-            plate = None if held_plate else top
-        self.numbering = number_unknowns(self.mesh, held, signs, plate)
+            fixed[top] |= fixed_plate
+            plate = None if fixed_plate else top
+        self.numbering = number_unknowns(self.mesh, fixed, signs, plate)
         shared, of_part = like.assembly if like else None, None if linear is None else linear[part.elements]
         self.assembly: Assembly = Assembly(self.mesh, material, self.numbering, shared, of_part)
 
@@ -91,46 +91,46 @@ class Model:
         pressure: np.ndarray,
         value: np.ndarray,
         with_tangent: bool = True,
-        past: Past | None = None,
+        stress_update: StressUpdate | None = None,
         pushed_by: tuple[np.ndarray, np.ndarray | None] | tuple[()] = (),
     ) -> Configuration:
         """The part with displacement (n, 3) and pressure (corners,) under a load of the whole pad's ``value``.
 
         An indenter acts by the pressures and tractions ``pushed_by`` if given, else by those of the gaps. In the
-        tangent they are constant: the contact constraints are in :meth:`held`.
+        tangent they are constant: the contact constraints are in :meth:`constraints`.
         """
-        inside = self.assembly.evaluate(displacement, pressure, with_tangent, past)
+        inside = self.assembly.evaluate(displacement, pressure, with_tangent, stress_update)
         if inside.entries is not None and self.load.follows_surface:
             places = (self.mesh.points + displacement)[self._wet_faces]
             stiffness = -value[0] * pressure_stiffness(places)
             self.assembly.sparsity.add_blocks(inside.entries, self._wet_faces, stiffness)
         if self.load.moved_indenter is not None:
-            return self._indented(inside, self.indentation.pressing(displacement, value, *pushed_by))
+            return self._indented(inside, self.indentation.contact_state(displacement, value, *pushed_by))
         load = self.load_vector(displacement, value)
         return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian)
 
-    def _indented(self, inside: InternalForces, pressing: Pressing) -> Configuration:
-        if inside.entries is not None and pressing.pressure.any():
-            self.assembly.sparsity.add_blocks(inside.entries, *self.indentation.stiffness(pressing))
-        load = self.numbering.summed(pressing.pushed)
-        return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian, pressing)
+    def _indented(self, inside: InternalForces, contact_state: ContactState) -> Configuration:
+        if inside.entries is not None and contact_state.pressure.any():
+            self.assembly.sparsity.add_blocks(inside.entries, *self.indentation.stiffness(contact_state))
+        load = self.numbering.summed(contact_state.nodal_forces)
+        return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian, contact_state)
 
-    def held(self, displacement: np.ndarray, value: np.ndarray) -> Held:
+    def constraints(self, displacement: np.ndarray, value: np.ndarray) -> LoadConstraints:
         """Constraints of the load: the plate's displacement, or the gaps of contact with an indenter."""
         if self.load.moved_indenter is not None:
-            pressing = self.indentation.pressing(displacement, value)
-            pressed = self.pressed(pressing)
-            return Held(self.over_unknowns(pressing.rate[pressed]), self.indentation.slack[pressed])
+            contact_state = self.indentation.contact_state(displacement, value)
+            pressed = self.pressed(contact_state)
+            return LoadConstraints(self.over_unknowns(contact_state.rate[pressed]), self.indentation.slack[pressed])
         driven = self.load.moves_plate and self.numbering.plate is not None
         moved = self.numbering.plate_unknowns if driven else np.zeros(0, int)
         rows = sparse.csr_array(
             (np.ones(len(moved)), (np.arange(len(moved)), moved)), shape=(len(moved), self.assembly.unknowns)
         )
-        return Held(rows, np.zeros(len(moved)))
+        return LoadConstraints(rows, np.zeros(len(moved)))
 
-    def pressed(self, pressing: Pressing) -> np.ndarray:
+    def pressed(self, contact_state: ContactState) -> np.ndarray:
         """Numbers of the positive pressures among those of :attr:`may_press`."""
-        return np.flatnonzero((pressing.pressure > 0) & self.may_press)
+        return np.flatnonzero((contact_state.pressure > 0) & self.may_press)
 
     @cached_property
     def may_press(self) -> np.ndarray:
@@ -171,8 +171,8 @@ class Model:
         """Derivative of the forces of the load over the unknowns by its value along ``direction``."""
         if self.load.moved_indenter is not None:
             assert value is not None
-            pressing = self.indentation.pressing(displacement, value)
-            return self.numbering.summed(self.indentation.rate(pressing, direction, self.pressed(pressing)))
+            contact_state = self.indentation.contact_state(displacement, value)
+            return self.numbering.summed(self.indentation.rate(contact_state, direction, self.pressed(contact_state)))
         return self.load_vector(displacement, direction)
 
     def pushed_as(self, material: Material, displacement: np.ndarray, value: np.ndarray) -> np.ndarray | float:
@@ -180,8 +180,8 @@ class Model:
         if self.load.moved_indenter is None:
             return 0.0
         own = self.assembly.elements.material
-        pushed = self.numbering.summed(self.indentation.pressing(displacement, value).pushed)
-        return material.youngs_modulus / own.youngs_modulus * pushed
+        nodal_forces = self.numbering.summed(self.indentation.contact_state(displacement, value).nodal_forces)
+        return material.youngs_modulus / own.youngs_modulus * nodal_forces
 
     def _faces(self, region: str) -> np.ndarray:
         return self.mesh.faces[self.mesh.face_region == REGIONS[region]]

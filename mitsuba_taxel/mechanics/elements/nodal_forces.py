@@ -7,7 +7,7 @@ import numpy as np
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
-from mitsuba_taxel.mechanics.elements.past import Past
+from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
 from mitsuba_taxel.mechanics.elements.symmetry import part_between
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.pads.regions import REGIONS
@@ -28,9 +28,9 @@ def internal_forces(
     """
     nodes = len(mesh.points)
     nothing_held = number_unknowns(mesh, np.zeros(nodes, dtype=bool))
-    past = None if overstress is None else Past(1.0, overstress, part_between(mesh, {}, ()))
+    stress_update = None if overstress is None else StressUpdate(1.0, overstress, part_between(mesh, {}, ()))
     assembly = Assembly(mesh, material, nothing_held, linear=linear)
-    inside = assembly.evaluate(displacement, pressure, with_tangent=False, past=past)
+    inside = assembly.evaluate(displacement, pressure, with_tangent=False, stress_update=stress_update)
     return inside.residual[: 3 * nodes].reshape(-1, 3)
 
 

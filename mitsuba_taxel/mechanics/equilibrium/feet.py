@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.barriers.rim_corners import rim_corners
+from mitsuba_taxel.mechanics.contact.barriers.singular_edges import rim_corners
 from mitsuba_taxel.mechanics.elements.elements import Elements, SmallStrain, quadrature_places
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material

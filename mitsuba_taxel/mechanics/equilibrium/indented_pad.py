@@ -14,11 +14,10 @@ from typing import ClassVar
 import numpy as np
 import scipy.sparse as sparse
 
-from mitsuba_taxel.mechanics.contact.complementarity import pressures
-from mitsuba_taxel.mechanics.contact.friction import Friction, Rubbed
-from mitsuba_taxel.mechanics.contact.indentation import Pressing
-from mitsuba_taxel.mechanics.contact.rubbing import tractions
-from mitsuba_taxel.mechanics.elements.held import answers
+from mitsuba_taxel.mechanics.contact.friction import Friction, FrictionState
+from mitsuba_taxel.mechanics.contact.indentation import ContactState
+from mitsuba_taxel.mechanics.contact.linear_contact import pressures, tractions
+from mitsuba_taxel.mechanics.elements.load_constraints import responses
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
@@ -47,24 +46,30 @@ class IndentedPad(LoadedPad):
         body = self.model.indentation
         return Friction(body, self.part.mesh.points, self.part.group) if body.indenter.friction else None
 
-    def rubbed_at(self, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY) -> Rubbed | None:
+    def friction_state_at(
+        self, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
+    ) -> FrictionState | None:
         """Friction after an equilibrium that followed on a ``history``."""
         if self.friction is None:
             return None
         displacement = self.numbering.split(unknowns)[0]
-        pressing = self.model.indentation.pressing(displacement, value)
-        return Rubbed(
-            self.friction.place(displacement, value), self._own_traction(displacement, value, pressing, history)
+        contact_state = self.model.indentation.contact_state(displacement, value)
+        return FrictionState(
+            self.friction.slip_position(displacement, value),
+            self._own_traction(displacement, value, contact_state, history),
         )
 
     def _own_traction(
-        self, displacement: np.ndarray, value: np.ndarray, pressing: Pressing, history: History
+        self, displacement: np.ndarray, value: np.ndarray, contact_state: ContactState, history: History
     ) -> np.ndarray:
         """(m, 3) MPa, tractions due to slip at the contact ``pressing``; raises without friction."""
         assert self.friction is not None
-        tangents, slip_position = self.friction.tangents(pressing), self.friction.place(displacement, value)
+        tangents, slip_position = (
+            self.friction.tangents(contact_state),
+            self.friction.slip_position(displacement, value),
+        )
         return self.friction.traction(
-            tangents, slip_position, history.rubbed or self.friction.at_rest(), pressing.pressure
+            tangents, slip_position, history.friction_state or self.friction.at_rest(), contact_state.pressure
         )
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
@@ -83,7 +88,7 @@ class IndentedPad(LoadedPad):
             return super().is_stable(linearised, unknowns, value, history)
         except Rejected as unstable:
             factor = self._with_straight_pushes(unknowns, value, history)
-            constraints = self.model.held(self.numbering.split(unknowns)[0], value)
+            constraints = self.model.constraints(self.numbering.split(unknowns)[0], value)
             if factor.negative_pivots == self.numbering.pressures + constraints.negative(factor):
                 raise Rejected(
                     "it slips off the indenter, which is sharper there than the elements: a rounder one is needed"
@@ -140,7 +145,7 @@ class IndentedPad(LoadedPad):
             if change is None:
                 linearised = contact = None  # frees its memory for the next one
                 contact = _LinearContact(
-                    self, self._with_straight_pushes(unknowns, value, history), _pressing_of(state)
+                    self, self._with_straight_pushes(unknowns, value, history), _contact_state_of(state)
                 )
                 change = contact.step(state, forces, slip)
             if change is None:
@@ -174,7 +179,7 @@ class IndentedPad(LoadedPad):
 
     def _contact(self, factor: Factorisation, state: Configuration) -> _LinearContact:
         """The pad linearised at a state, by a factor of its tangent."""
-        return _LinearContact(self, factor, _pressing_of(state), factor.negative_pivots - self.numbering.pressures)
+        return _LinearContact(self, factor, _contact_state_of(state), factor.negative_pivots - self.numbering.pressures)
 
     def _with_straight_pushes(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
         """Factor of the tangent at a state under pressures whose directions do not follow the indenter's normals.
@@ -182,7 +187,7 @@ class IndentedPad(LoadedPad):
         Those that do push the pad off a sharply rounded body, so that the linear pad may be unstable although the pad
         is not. Without, it is stable where the pad alone is, and steps are shorter.
         """
-        inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.past)
+        inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.stress_update)
         assert inside.entries is not None  # no element is inverted
         return self._linearised(inside.entries, unknowns, value).factor
 
@@ -193,35 +198,39 @@ class IndentedPad(LoadedPad):
         displacement, pressure = self.numbering.split(unknowns)
         traction = None
         if self.friction is not None:
-            tangents = self.friction.tangents(self.model.indentation.pressing(displacement, value))
+            tangents = self.friction.tangents(self.model.indentation.contact_state(displacement, value))
             traction = np.einsum("mki,mk->mi", tangents, forces[:, 1:])
-        return self.model.evaluate(displacement, pressure, value, with_tangent, history.past, (forces[:, 0], traction))
+        return self.model.evaluate(
+            displacement, pressure, value, with_tangent, history.stress_update, (forces[:, 0], traction)
+        )
 
     def _slip(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, history: History) -> np.ndarray:
         """(m, 2) mm³ along the tangents."""
         if self.friction is None:
             return np.zeros((len(self.model.indentation.node), 0))
-        slip_position = self.friction.place(self.numbering.split(unknowns)[0], value)
-        before = history.rubbed or self.friction.at_rest()
-        return self.friction.slip(self.friction.tangents(_pressing_of(state)), slip_position, before)
+        slip_position = self.friction.slip_position(self.numbering.split(unknowns)[0], value)
+        before = history.friction_state or self.friction.at_rest()
+        return self.friction.slip(self.friction.tangents(_contact_state_of(state)), slip_position, before)
 
     def _settled(
         self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, history: History
     ) -> Configuration:
         """The same displacement with the pressures of its gaps and the tractions of its slip."""
-        pressing, body = _pressing_of(state), self.model.indentation
-        own = pressing._replace(pressure=np.maximum(-pressing.gap, 0.0) / body.slack)
+        contact_state, body = _contact_state_of(state), self.model.indentation
+        own = contact_state._replace(pressure=np.maximum(-contact_state.gap, 0.0) / body.slack)
         if self.friction is not None:
             traction = self._own_traction(self.numbering.split(unknowns)[0], value, own, history)
-            own = own._replace(dragged=body.carried.T @ traction)
-        load = self.numbering.summed(own.pushed)
-        return replace(state, residual=state.residual + state.load - load, load=load, entries=None, pressing=own)
+            own = own._replace(friction_forces=body.carried.T @ traction)
+        load = self.numbering.summed(own.nodal_forces)
+        return replace(state, residual=state.residual + state.load - load, load=load, entries=None, contact_state=own)
 
     def _out_of_touch(self, state: Configuration) -> float:
         """Largest gap at a node in contact, or depth at one that is not, relative to the pad's height."""
-        pressing, body = _pressing_of(state), self.model.indentation
+        contact_state, body = _contact_state_of(state), self.model.indentation
         gap = np.where(
-            pressing.pressure > 0, pressing.gap + body.slack * pressing.pressure, np.minimum(pressing.gap, 0)
+            contact_state.pressure > 0,
+            contact_state.gap + body.slack * contact_state.pressure,
+            np.minimum(contact_state.gap, 0),
         )
         return float(np.abs(gap / body.area)[self.model.may_press].max(initial=0.0)) / self.height
 
@@ -230,10 +239,10 @@ class IndentedPad(LoadedPad):
         body = self.model.indentation
         forces = np.zeros((len(body.node), 3))
         state = self._pushed(unknowns, value, forces, False, history)
-        pressing = _pressing_of(state)
-        likely = np.flatnonzero((pressing.gap < LIKELY * self.step * body.area) & self.model.may_press)
+        contact_state = _contact_state_of(state)
+        likely = np.flatnonzero((contact_state.gap < LIKELY * self.step * body.area) & self.model.may_press)
         if state.min_jacobian > 0 and state.residual.any():
-            rows = self.model.over_unknowns(pressing.rate[likely])
+            rows = self.model.over_unknowns(contact_state.rate[likely])
             products = (rows @ rows.T).toarray()
             forces[likely, 0] = np.linalg.lstsq(products, rows @ state.residual, rcond=None)[0]
         return np.maximum(forces, 0.0)
@@ -251,22 +260,22 @@ class _LinearContact:
     ----------
     factor : Factorisation
         Of the tangent at constant pressures.
-    pressing : Pressing
+    pressing : ContactState
         State of contact.
     surplus : int
         Number of negative eigenvalues of the tangent which pressures have to remove, as if nothing stuck.
     """
 
-    def __init__(self, pad: IndentedPad, factor: Factorisation, pressing: Pressing, surplus: int = 0) -> None:
+    def __init__(self, pad: IndentedPad, factor: Factorisation, contact_state: ContactState, surplus: int = 0) -> None:
         self._factor, self._may, self._friction, self._surplus = factor, pad.model.may_press, pad.friction, surplus
-        rows = [pressing.rate]
+        rows = [contact_state.rate]
         if pad.friction is not None:
-            rows.append(pad.friction.rows(pad.friction.tangents(pressing)))
+            rows.append(pad.friction.rows(pad.friction.tangents(contact_state)))
         self._rows = pad.model.over_unknowns(sparse.csr_array(sparse.vstack(rows)))
         self._count, self._ways = len(self._may), self._rows.shape[0] // len(self._may)
         self._slack = np.tile(pad.model.indentation.slack, self._ways)
         self._known = np.zeros(0, dtype=np.int64)
-        self._answers = np.zeros((len(self._slack), 0))
+        self._responses = np.zeros((len(self._slack), 0))
 
     def step(
         self, state: Configuration, pushed_by: np.ndarray, slip: np.ndarray
@@ -280,7 +289,7 @@ class _LinearContact:
         # Gaps and slip that the free pad would have.
         before = pushed_by[:, : self._ways].T.ravel()
         free = -self._factor.solve_roughly(state.residual)
-        offset = np.concatenate([_pressing_of(state).gap, slip.T.ravel()]) + self._rows @ free
+        offset = np.concatenate([_contact_state_of(state).gap, slip.T.ravel()]) + self._rows @ free
         count, force_change = self._count, np.zeros(len(before))
 
         # Solve for the candidates, add the nodes that then are inside the body, and so on.
@@ -288,20 +297,20 @@ class _LinearContact:
         while candidates.any():
             self._learn(np.flatnonzero(candidates))
             rows = (self._known + count * np.arange(self._ways)[:, None]).ravel()
-            matrix = self._answers[rows] + np.diag(self._slack[rows])
-            solved = self._settled(matrix, offset[rows] - self._answers[rows] @ before[rows], before[rows])
+            matrix = self._responses[rows] + np.diag(self._slack[rows])
+            solved = self._settled(matrix, offset[rows] - self._responses[rows] @ before[rows], before[rows])
             if solved is None:
                 return None
             force_change[rows] = solved - before[rows]
-            candidates = self._may & (offset[:count] + self._answers[:count] @ force_change[rows] < 0)
+            candidates = self._may & (offset[:count] + self._responses[:count] @ force_change[rows] < 0)
             candidates[self._known] = False
 
         # Pressures must hold the pad where its tangent alone is unstable.
         if self._surplus and not self._is_stable(before[:count] + force_change[:count] > 0):
             return None
-        pushed = np.zeros_like(pushed_by)
-        pushed[:, : self._ways] = force_change.reshape(self._ways, count).T
-        return free + self._factor.solve_roughly(self._rows.T @ force_change), pushed
+        force_changes = np.zeros_like(pushed_by)
+        force_changes[:, : self._ways] = force_change.reshape(self._ways, count).T
+        return free + self._factor.solve_roughly(self._rows.T @ force_change), force_changes
 
     def _settled(self, matrix: np.ndarray, offset: np.ndarray, before: np.ndarray) -> np.ndarray | None:
         """Pressures, followed by tractions."""
@@ -310,22 +319,22 @@ class _LinearContact:
         return tractions(matrix, offset, self._friction.coefficient, before)
 
     def _is_stable(self, pressed: np.ndarray) -> bool:
-        """Whether the linear pad is, held at the nodes that are ``pressed`` (m,) (E. V. Haynsworth, 1968)."""
+        """Whether the linear pad is, constraints at the nodes that are ``pressed`` (m,) (E. V. Haynsworth, 1968)."""
         at = np.flatnonzero(pressed[self._known])
         nodes = self._known[at]
-        flexibility = self._answers[np.ix_(nodes, at)] + np.diag(self._slack[nodes])
+        flexibility = self._responses[np.ix_(nodes, at)] + np.diag(self._slack[nodes])
         return int(np.count_nonzero(np.linalg.eigvalsh(flexibility) < 0)) == self._surplus
 
     def _learn(self, nodes: np.ndarray) -> None:
         """Compute the response of all nodes to pressures and tractions at these."""
         new = np.setdiff1d(nodes, self._known)
         rows = (new + self._count * np.arange(self._ways)[:, None]).ravel()
-        learnt = answers(self._factor, self._rows, self._rows[rows]).reshape(len(self._slack), self._ways, -1)
-        responses = self._answers.reshape(len(self._slack), self._ways, -1)
-        self._answers = np.concatenate([responses, learnt], axis=2).reshape(len(self._slack), -1)
+        new_responses = responses(self._factor, self._rows, self._rows[rows]).reshape(len(self._slack), self._ways, -1)
+        previous = self._responses.reshape(len(self._slack), self._ways, -1)
+        self._responses = np.concatenate([previous, new_responses], axis=2).reshape(len(self._slack), -1)
         self._known = np.concatenate([self._known, new])
 
 
-def _pressing_of(state: Configuration) -> Pressing:
-    assert state.pressing is not None  # the load is an indenter
-    return state.pressing
+def _contact_state_of(state: Configuration) -> ContactState:
+    assert state.contact_state is not None  # the load is an indenter
+    return state.contact_state

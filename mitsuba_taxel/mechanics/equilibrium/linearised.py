@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse as sparse
 
-from mitsuba_taxel.mechanics.elements.held import Held
+from mitsuba_taxel.mechanics.elements.load_constraints import LoadConstraints
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, symmetric_product
 
 REFINED = 1e-9
@@ -36,7 +36,7 @@ class Linearised:
         Lower triangle of the tangent.
     factored : Callable[[sparse.csc_matrix], Factorisation]
         Factorises such a triangle.
-    held : Held
+    constraints : LoadConstraints
         Constraints of the load.
     displacements : int
         Number of displacements among the unknowns; they come first.
@@ -47,18 +47,18 @@ class Linearised:
         entries: np.ndarray,
         lower: sparse.csc_matrix,
         factored: Callable[[sparse.csc_matrix], Factorisation],
-        held: Held,
+        constraints: LoadConstraints,
         displacements: int,
         near: Linearised | None = None,
     ) -> None:
-        self.entries, self._lower, self._factored, self.held = entries, lower, factored, held
+        self.entries, self._lower, self._factored, self.constraints = entries, lower, factored, constraints
         self._displacements, self._own = slice(displacements), near is None
         self.factor: Factorisation = near.factor if near else factored(lower)
 
     @cached_property
     def _flexibility(self) -> np.ndarray:
         """(k, k) response of the constrained sums to the constraint forces."""
-        return self.held.flexibility(self.factor)
+        return self.constraints.flexibility(self.factor)
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
         """As :meth:`correction`, to the accuracy of the factor, for use in an iteration."""
@@ -67,27 +67,27 @@ class Linearised:
     def _answer(self, residual: np.ndarray, gap: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         """The same, and the constraint forces."""
         free = self.factor.solve_roughly(residual)
-        if not len(self.held.slack):
+        if not len(self.constraints.slack):
             return free, np.zeros(0)
-        short = -(self.held.rows @ free) if gap is None else gap - self.held.rows @ free
-        holding = np.linalg.solve(self._flexibility, short)
-        return free + self.factor.solve_roughly(self.held.rows.T @ holding), holding
+        short = -(self.constraints.rows @ free) if gap is None else gap - self.constraints.rows @ free
+        multipliers = np.linalg.solve(self._flexibility, short)
+        return free + self.factor.solve_roughly(self.constraints.rows.T @ multipliers), multipliers
 
     def correction(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
         """The change of the unknowns for a ``residual``, with constrained sums changing by ``gap``, by nothing if
         None."""
-        rows, slack, last = self.held.rows, self.held.slack, math.inf
+        rows, slack, last = self.constraints.rows, self.constraints.slack, math.inf
         gap = np.zeros(len(slack)) if gap is None else gap
-        solution, holding = self._answer(residual, gap)
+        solution, multipliers = self._answer(residual, gap)
         for _ in range(MOST_REFINEMENTS):
-            remainder = residual + rows.T @ holding - symmetric_product(self._lower, solution)
-            change, more = self._answer(remainder, gap - rows @ solution - slack * holding)
+            remainder = residual + rows.T @ multipliers - symmetric_product(self._lower, solution)
+            change, more = self._answer(remainder, gap - rows @ solution - slack * multipliers)
             size = float(np.abs(change[self._displacements]).max())
             if not size < last and not self._own:
                 self.factor, self._own = self._factored(self._lower), True
                 self.__dict__.pop("_flexibility", None)
                 return self.correction(residual, gap)
-            solution, holding, last = solution + change, holding + more, SLOW_REFINEMENT * size
+            solution, multipliers, last = solution + change, multipliers + more, SLOW_REFINEMENT * size
             if size <= REFINED * np.abs(solution[self._displacements]).max():
                 break
         return solution

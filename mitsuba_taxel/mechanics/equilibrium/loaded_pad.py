@@ -14,9 +14,8 @@ import scipy.sparse as sparse
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
-from mitsuba_taxel.mechanics.contact.barriers.rim_corners import has_right_angled_top
 from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
-from mitsuba_taxel.mechanics.contact.barriers.singular_edges import judged_nodes
+from mitsuba_taxel.mechanics.contact.barriers.singular_edges import has_right_angled_top, judged_nodes
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.model import Configuration, Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, Solver, make_solver
@@ -187,7 +186,7 @@ class LoadedPad:
             Of the tangent there, :attr:`Linearised.entries`.
         """
         try:
-            refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value, history.past))
+            refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value, history.stress_update))
         except RuntimeError as failure:
             raise singular(failure) from failure
 
@@ -379,7 +378,7 @@ class LoadedPad:
         """Error of equilibrium; raises Rejected if the iteration should not continue."""
         if not state.min_jacobian > 0:
             raise Rejected(f"an element would be inverted (J = {state.min_jacobian:.2g})")
-        if not first and history.past is None:
+        if not first and history.stress_update is None:
             self._refuse_beyond_corners(value)
         error = self._error(state, unknowns, value)
         if not error < 1e6 * max(first or error, 1.0):
@@ -435,7 +434,7 @@ class LoadedPad:
     def _evaluate(
         self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True, history: History = NO_HISTORY
     ) -> Configuration:
-        return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, history.past)
+        return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, history.stress_update)
 
     def _free_residual(self, state: Configuration) -> np.ndarray:
         """Out-of-balance forces without the reaction of a moved plate, which is irrelevant and large."""
@@ -485,7 +484,7 @@ class LoadedPad:
     ) -> Linearised:
         """The linearised pad with given entries at a state, with the factor of a state ``near`` by if given."""
         lower = self.model.assembly.matrix(entries)
-        constraints = self.model.held(self.numbering.split(unknowns)[0], value)
+        constraints = self.model.constraints(self.numbering.split(unknowns)[0], value)
         return Linearised(entries, lower, self._factored, constraints, self.numbering.displacements, near)
 
     def _factored(self, lower: sparse.csc_matrix, solver: Solver | None = None) -> Factorisation:

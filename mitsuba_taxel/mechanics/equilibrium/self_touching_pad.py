@@ -65,7 +65,7 @@ class SelfTouchingPad(LoadedPad):
         return type(self)(*arguments, bodies=self._bodies, share=0.5 * self._share).equilibrium(unknowns, value)
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        fraction = self.contacts.free_share(self.split(known)[0], self.split(guess)[0])
+        fraction = self.contacts.free_fraction(self.split(known)[0], self.split(guess)[0])
         return guess if fraction == 1 else known + fraction * (guess - known)
 
     def refuse_unstable(
@@ -76,11 +76,11 @@ class SelfTouchingPad(LoadedPad):
             super().refuse_unstable(unknowns, entries, value, history)
         elif self.mirrors:
             whole_pad = self._of_whole
-            past = history.past and history.past.on(whole_pad.part, self.whole)
+            stress_update = history.stress_update and history.stress_update.on(whole_pad.part, self.whole)
             alike = whole_pad.gather(displacement, pressure)
-            tangent = whole_pad._evaluate(alike, value, history=History(past)).entries
+            tangent = whole_pad._evaluate(alike, value, history=History(stress_update)).entries
             assert tangent is not None  # no element is inverted
-            whole_pad.is_stable(whole_pad._linearised(tangent, alike, value), alike, value, History(past))
+            whole_pad.is_stable(whole_pad._linearised(tangent, alike, value), alike, value, History(stress_update))
 
     @cached_property
     def _of_whole(self) -> SelfTouchingPad:
@@ -213,7 +213,7 @@ class SelfTouchingPad(LoadedPad):
         analysed = self._analysed  # once, as another thread may replace it
         if analysed is None or analysed[0] != pattern:  # other pairs: it has to be analysed again
             self._analysed = analysed = pattern, make_solver(self._solver_name)
-        constraints = self.model.held(self.numbering.split(unknowns)[0], value)
+        constraints = self.model.constraints(self.numbering.split(unknowns)[0], value)
         factor = partial(self._factored, solver=analysed[1])
         return Linearised(entries, lower, factor, constraints, self.numbering.displacements, near)
 
@@ -234,7 +234,7 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
 
     def _with_straight_pushes(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
         """As of an :class:`IndentedPad`; forces that turn about corners of walls do not make it unstable either."""
-        inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.past)
+        inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.stress_update)
         assert inside.entries is not None  # no element is inverted
         return self._linearised(inside.entries, unknowns, value, steady=True).factor
 
@@ -251,7 +251,7 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
         these."""
         step, force_step = change
         displacement, guess = self.split(unknowns)[0], self.split(unknowns + step)[0]
-        length, least = self.contacts.free_share(displacement, guess), math.inf
+        length, least = self.contacts.free_fraction(displacement, guess), math.inf
         best: tuple[float, Configuration] | None = None
         for _ in range(MOST_HALVINGS):
             trial = unknowns + length * step

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.contact.friction import Rubbed
+from mitsuba_taxel.mechanics.contact.friction import FrictionState
+from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
 from mitsuba_taxel.mechanics.elements.model import Configuration
-from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
 
 
@@ -18,18 +18,18 @@ class History:
 
     Attributes
     ----------
-    past : Past or None
+    stress_update : StressUpdate or None
         Composition of the stress of a viscoelastic pad; None if it is elastic.
-    rubbed : Rubbed or None
+    friction_state : FrictionState or None
         Friction of an indenter at the end of the step before; None where nothing has touched the pad.
     """
 
-    past: Past | None = None
-    rubbed: Rubbed | None = None
+    stress_update: StressUpdate | None = None
+    friction_state: FrictionState | None = None
 
 
 NO_HISTORY = History()
-"""Of an elastic pad that nothing has rubbed."""
+"""Of an elastic pad that nothing has friction_state."""
 
 UNSTABLE = "the equilibrium is unstable"
 

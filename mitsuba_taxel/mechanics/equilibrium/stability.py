@@ -21,9 +21,9 @@ import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import TET_FACES, VolumeMesh
-from mitsuba_taxel.mechanics.elements.held import Held
+from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
+from mitsuba_taxel.mechanics.elements.load_constraints import LoadConstraints
 from mitsuba_taxel.mechanics.elements.model import Model
-from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.pressure import pressure_stiffness
 from mitsuba_taxel.mechanics.elements.solvers import Solver, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import CUT, SymmetricPart, cut_blocks, part_between, unsymmetric_blocks
@@ -70,7 +70,7 @@ class Stability:
         displacement: np.ndarray,
         pressure: np.ndarray,
         value: np.ndarray,
-        past: Past | None = None,
+        stress_update: StressUpdate | None = None,
     ) -> int:
         """Number of negative eigenvalues beyond those of the pressures, in the first block that has some; 0 if the pad
         is stable.
@@ -83,7 +83,7 @@ class Stability:
             mm and (corners,) MPa of the whole pad, which has the symmetry of the part.
         value : ndarray
             Of the load.
-        past : Past, optional
+        stress_update : StressUpdate, optional
             History of the part, if it is viscoelastic.
 
         Raises
@@ -96,7 +96,7 @@ class Stability:
                 return 0
             self._pieces_tell = False  # nor under larger loads
             del self.pieces
-        surpluses = self._of_blocks(entries, displacement, pressure, value, past)
+        surpluses = self._of_blocks(entries, displacement, pressure, value, stress_update)
         return next((surplus for surplus in surpluses if surplus), 0)
 
     def _of_blocks(
@@ -105,7 +105,7 @@ class Stability:
         displacement: np.ndarray,
         pressure: np.ndarray,
         value: np.ndarray,
-        past: Past | None,
+        stress_update: StressUpdate | None,
     ) -> Iterator[int]:
         for block in self._blocks:
             symmetric_part = block.model.part
@@ -113,10 +113,10 @@ class Stability:
             of_block: np.ndarray | None = entries
             if symmetric_part is not self._model.part:
                 of_block = block.model.evaluate(
-                    *on_part, value, past=past and past.on(symmetric_part, self._whole)
+                    *on_part, value, stress_update=stress_update and stress_update.on(symmetric_part, self._whole)
                 ).entries
             assert of_block is not None  # guaranteed in equilibrium
-            yield block.surplus(of_block, block.model.held(on_part[0], value))
+            yield block.surplus(of_block, block.model.constraints(on_part[0], value))
 
     @cached_property
     def pieces(self) -> _Pieces:
@@ -165,19 +165,19 @@ class _Block:
     model: Model
     solver: Solver
 
-    def surplus(self, entries: np.ndarray, held: Held | None = None) -> int:
+    def surplus(self, entries: np.ndarray, constraints: LoadConstraints | None = None) -> int:
         """Number of negative eigenvalues of the tangent beyond those of the pressures, with the constraints
-        ``held``."""
+        ``constraints``."""
         factor = self.solver.factor(self.model.assembly.matrix(entries))
         surplus = factor.negative_pivots - self.model.numbering.pressures
-        return surplus - held.negative(factor) if surplus and held else surplus
+        return surplus - constraints.negative(factor) if surplus and constraints else surplus
 
 
 def _block(model: Model, part: SymmetricPart, signs: Mapping[Mirror, int], solver: str | None) -> _Block:
     """The block with ``signs`` at the walls of a part of the pad of ``model``; a moved plate is fixed."""
-    held_plate, material = model.load.moves_plate, model.assembly.elements.material
+    fixed_plate, material = model.load.moves_plate, model.assembly.elements.material
     like = model if part is model.part else None
-    of_block = Model(part, material, model.load, signs, held_plate, like, model.linear)
+    of_block = Model(part, material, model.load, signs, fixed_plate, like, model.linear)
     return _Block(of_block, make_solver(solver))
 
 

@@ -20,7 +20,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
-from mitsuba_taxel.mechanics.elements.held import Held
+from mitsuba_taxel.mechanics.elements.load_constraints import LoadConstraints
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver, sum_of_triangles
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart, part_between
@@ -122,7 +122,7 @@ class TangentBlock:
         Rejected
             if the state is unstable.
         """
-        constraints, stable = self.model.held(displacement, value), self.model.numbering.pressures
+        constraints, stable = self.model.constraints(displacement, value), self.model.numbering.pressures
         linearised = self.tangent(entries, displacement, value, contacts)
         if linearised.negative != stable:
             steady = contacts and self._linearised(
@@ -137,7 +137,7 @@ class TangentBlock:
     ) -> Linearised:
         """As :meth:`factored`, of a state that need not be stable."""
         lower = self._lower(entries, displacement, contacts)
-        return self._linearised(entries, lower, self.model.held(displacement, value))
+        return self._linearised(entries, lower, self.model.constraints(displacement, value))
 
     def _lower(
         self, entries: np.ndarray, displacement: np.ndarray, contacts: Contacts | None, steady: bool = False
@@ -155,8 +155,8 @@ class TangentBlock:
         self._solver = make_solver()  # other pairs: it has to be analysed again
         return sum_of_triangles(lower, sparse.tril(moves.T @ stiffness @ moves / symmetric_part.copies))
 
-    def _linearised(self, entries: np.ndarray, lower: sparse.csc_matrix, held: Held) -> Linearised:
-        return Linearised(entries, lower, self._factor, held, self.model.numbering.displacements)
+    def _linearised(self, entries: np.ndarray, lower: sparse.csc_matrix, constraints: LoadConstraints) -> Linearised:
+        return Linearised(entries, lower, self._factor, constraints, self.model.numbering.displacements)
 
     def _factor(self, lower: sparse.csc_matrix) -> Factorisation:
         try:

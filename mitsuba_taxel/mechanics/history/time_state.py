@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.mechanics import cache
-from mitsuba_taxel.mechanics.elements.past import Relaxing
+from mitsuba_taxel.mechanics.elements.internal_variables import InternalVariables
 from mitsuba_taxel.mechanics.materials.creep import Measures
 
 ON_ITS_WAY = 1e-9
@@ -76,7 +76,7 @@ class MidStep:
     remainder : (N, 3) ndarray
         mm, what it would then add to the displacements a quarter of the way from an end, where that is more.
     cubic_stress : (m, q, 6) ndarray
-        MPa, third power of the stress, of :meth:`Relaxing.missed_on`.
+        MPa, third power of the stress, of :meth:`InternalVariables.parabolic_step_error`.
     """
 
     start_velocity: np.ndarray
@@ -130,7 +130,7 @@ class TimeState:
     time: float
     shape: Shape
     load: LoadState
-    variables: Relaxing
+    variables: InternalVariables
     traction: np.ndarray
     control: StepControl
     figures: Figures
@@ -152,7 +152,7 @@ class TimeState:
             time=values["time"],
             shape=Shape(**values["shape"]),
             load=LoadState(**values["load"]),
-            variables=Relaxing(**values["variables"]),
+            variables=InternalVariables(**values["variables"]),
             traction=values["traction"],
             control=StepControl(**values["control"]),
             figures=Figures(**values["figures"]),

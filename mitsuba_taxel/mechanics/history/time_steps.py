@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact
-from mitsuba_taxel.mechanics.contact.friction import Rubbed
+from mitsuba_taxel.mechanics.contact.friction import FrictionState
+from mitsuba_taxel.mechanics.elements.internal_variables import InternalVariables
 from mitsuba_taxel.mechanics.elements.loads import Load
-from mitsuba_taxel.mechanics.elements.past import Relaxing
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
@@ -98,13 +98,13 @@ class StepState:
     Attributes
     ----------
     solution : Solution
-    variables : Relaxing
+    variables : InternalVariables
         Internal variables of the part.
     velocity : (unknowns,) ndarray or None
         Rate of the unknowns per s; None if unknown, or where the load jumps.
     unchecked : float
         Largest displacement in mm since displacements without the symmetry of the load were last checked.
-    rubbed : Rubbed or None
+    friction_state : FrictionState or None
         Friction.
     load_memory : ndarray or None
         Of the load, of :class:`CreepResponse`.
@@ -118,10 +118,10 @@ class StepState:
 
     fraction: float
     solution: Solution
-    variables: Relaxing
+    variables: InternalVariables
     velocity: np.ndarray | None
     unchecked: float
-    rubbed: Rubbed | None = None
+    friction_state: FrictionState | None = None
     load_memory: np.ndarray | None = None
     error: StepError | None = None
     mid_step: PartMidStep | None = None
@@ -212,7 +212,7 @@ class RowSteps:
             raise ended(f"cannot be loaded further ({rejection})") from rejection
 
         # A first step whose rate is not known is half of the way, so that a second one tells its error.
-        length = 0.5 if self._duration and here.variables.slope is None else 1.0
+        length = 0.5 if self._duration and here.variables.rate is None else 1.0
         while here.fraction < 1:
             # Solve; without an equilibrium, in a shorter step.
             length = min(length, self._longest, 1 - here.fraction)
@@ -239,7 +239,7 @@ class RowSteps:
                 raise ended(f"touches {contact.what} near ({location}) mm, which is outside the model", contact)
 
             # The length of the next step.
-            first = here.variables.slope is None and self._duration
+            first = here.variables.rate is None and self._duration
             before, here = (here if first else None), after
             if not first:
                 length *= min(max(self._length_factor(error, after), LEAST_CUT), MOST_GROWTH)
@@ -301,8 +301,8 @@ class RowSteps:
             assert here.load_memory is not None
             measures = self._response.measures(here.load_memory, self._load[1] / self._duration, time)
         growth = measures.main if measures else None
-        past = here.variables.past(self._material, time, pad.part, growth) if remembers else None
-        history = History(past, here.rubbed)
+        stress_update = here.variables.stress_update(self._material, time, pad.part, growth) if remembers else None
+        history = History(stress_update, here.friction_state)
 
         # Predict by the velocity, and solve.
         guess = here.unknowns
@@ -325,20 +325,22 @@ class RowSteps:
         if remembers:
             stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(solution.unknowns)[0])
             variables = variables.after(self._material, time, stress, growth)
-        rubbed = pad.rubbed_at(solution.unknowns, value, history) if isinstance(pad, IndentedPad) else None
+        friction_state = (
+            pad.friction_state_at(solution.unknowns, value, history) if isinstance(pad, IndentedPad) else None
+        )
         memory = None
         if self._leaps:
             assert here.load_memory is not None
             memory = self._response.after(here.load_memory, (fraction - here.fraction) * self._load[1], time)
         velocity = (solution.unknowns - here.unknowns) / time if time and not self._leaps else None
-        after = StepState(fraction, solution, variables, velocity, unchecked, rubbed, memory)
+        after = StepState(fraction, solution, variables, velocity, unchecked, friction_state, memory)
         if measures is None:
             return after
 
         # The velocity at the end, by the tangent there, and the middle of the step, where states may be asked for.
         rate = self._load[1] / self._duration
-        ageing = here.variables.ageing(self._material, measures.main, variables.stress)
-        after = self._with_velocity(after, pad.rate_in_time(self._near, solution.unknowns, rate, value, ageing))
+        stress_rate = here.variables.rate_by_duration(self._material, measures.main, variables.stress)
+        after = self._with_velocity(after, pad.rate_in_time(self._near, solution.unknowns, rate, value, stress_rate))
         return replace(after, mid_step=self._mid_step(here, after, measures))
 
     def _with_start_velocity(self, here: StepState) -> StepState:
@@ -346,17 +348,17 @@ class RowSteps:
         if not (self._leaps and self._duration and here.velocity is None):
             return here
         pad, variables, (value, change) = self._pad, here.variables, self._load
-        history = History(variables.past(self._material, 0.0, pad.part))
+        history = History(variables.stress_update(self._material, 0.0, pad.part))
         self._near = pad.tangent_at(here.unknowns, value, None, history)
-        fading = -variables.fading(self._material)
-        velocity = pad.rate_in_time(self._near, here.unknowns, change / self._duration, value, fading)
+        stress_rate = -variables.relaxation_rate(self._material)
+        velocity = pad.rate_in_time(self._near, here.unknowns, change / self._duration, value, stress_rate)
         return self._with_velocity(here, velocity)
 
     def _with_velocity(self, state: StepState, velocity: np.ndarray) -> StepState:
         """A state that has a ``velocity``, and so a rate of its stress."""
         displacement, moving = (self._pad.numbering.split(field)[0] for field in (state.unknowns, velocity))
-        slope = self._pad.model.assembly.elements.isochoric_rate(displacement, moving)
-        return replace(state, velocity=velocity, variables=replace(state.variables, slope=slope))
+        stress_rate = self._pad.model.assembly.elements.isochoric_rate(displacement, moving)
+        return replace(state, velocity=velocity, variables=replace(state.variables, rate=stress_rate))
 
     def _mid_step(self, here: StepState, after: StepState, measures: Measures) -> PartMidStep:
         """The middle of a step; raises Rejected if there is none."""
@@ -367,9 +369,9 @@ class RowSteps:
 
         def correction(time: float, unknowns: np.ndarray) -> np.ndarray:
             """What Newton's method would subtract from unknowns within the step, at a time in s since its start."""
-            past = here.variables.past(self._material, time, pad.part, growth.until(time))
+            stress_update = here.variables.stress_update(self._material, time, pad.part, growth.until(time))
             value = self._load[0] + (here.fraction + time / self._duration) * self._load[1]
-            step = pad.correction(tangent, unknowns, value, History(past))
+            step = pad.correction(tangent, unknowns, value, History(stress_update))
             if step is None:
                 raise Rejected("an element would be inverted on the way")
             return step
@@ -389,7 +391,7 @@ class RowSteps:
         stress = pad.model.assembly.elements.isochoric_stress(
             pad.numbering.split(cubics.at(middle) - mid_correction)[0]
         )
-        cubic = 8 * (here.variables.middle(after.variables.stress, growth) - stress)
+        cubic = 8 * (here.variables.mid_stress(after.variables.stress, growth) - stress)
         return PartMidStep(growth, here.velocity, mid_correction, remainder, error, cubic)
 
     def _error_estimate(self, before: StepState | None, here: StepState, after: StepState) -> tuple[float, StepState]:
@@ -404,16 +406,16 @@ class RowSteps:
 
         # Steps that are linear in time: by the second derivative over this step and the one before.
         if not self._leaps:
-            if variables.slope is None or here.variables.slope is None:
+            if variables.rate is None or here.variables.rate is None:
                 return 0.0, after
-            bend = variables.bend(here.variables)
-            missed = variables.missed(self._material, bend)
-            error = pad.size_of(missed.sum(axis=0))
+            curvature = variables.curvature(here.variables)
+            step_error = variables.linear_step_error(self._material, curvature)
+            error = pad.size_of(step_error.sum(axis=0))
             if before is not None:
-                earlier = here.variables.missed(self._material, bend)
-                error = max(error, pad.size_of(earlier.sum(axis=0)))
-                missed = missed + self._material.over(variables.step).decay[:, None, None, None] * earlier
-            return error / self.stress_scale, replace(after, variables=variables.off_by(missed))
+                previous = here.variables.linear_step_error(self._material, curvature)
+                error = max(error, pad.size_of(previous.sum(axis=0)))
+                step_error = step_error + self._material.over(variables.step).decay[:, None, None, None] * previous
+            return error / self.stress_scale, replace(after, variables=variables.with_error(step_error))
 
         # Else by the third power of the stress, which the middle of the step tells.
         assert self._near is not None
@@ -422,17 +424,17 @@ class RowSteps:
         uncertainty *= math.exp(-variables.step * float(self._response.rates.min()))
         if after.mid_step is not None:
             growth = after.mid_step.growth
-            missed = variables.missed_on(self._material, growth, after.mid_step.cubic_stress)
-            own = pad.response(self._near, after.unknowns, missed.sum(axis=0))
-            error = pad.size_of(missed.sum(axis=0)) / self.stress_scale
+            step_error = variables.parabolic_step_error(self._material, growth, after.mid_step.cubic_stress)
+            own = pad.response(self._near, after.unknowns, step_error.sum(axis=0))
+            error = pad.size_of(step_error.sum(axis=0)) / self.stress_scale
             uncertainty += float(np.abs(own[: pad.numbering.displacements]).max())
-            variables = variables.off_by(missed)
+            variables = variables.with_error(step_error)
 
         # Errors of the terms displace the pad, and what that does to the stress of the law, terms follow.
         deviation = pad.response(self._near, after.unknowns, variables.error.sum(axis=0))
         displacement, displaced = (pad.numbering.split(field)[0] for field in (after.unknowns, deviation))
         stress_error = pad.model.assembly.elements.isochoric_rate(displacement, displaced)
-        variables = variables.followed(self._material, stress_error, growth)
+        variables = variables.with_law_error(self._material, stress_error, growth)
         return error, replace(after, variables=variables, error=StepError(deviation, uncertainty))
 
     def deviation(self, end: StepState) -> np.ndarray:

@@ -24,13 +24,13 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact, ContactTest
-from mitsuba_taxel.mechanics.contact.friction import Rubbed
+from mitsuba_taxel.mechanics.contact.friction import FrictionState
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.continuation.load_path_ends import refuse_at_rest
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.state import NO_ERROR, State, StateComparison, ViscoelasticMemory
+from mitsuba_taxel.mechanics.elements.internal_variables import InternalVariables, StressUpdate, expand_stress
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
-from mitsuba_taxel.mechanics.elements.past import Past, Relaxing, spread
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.equilibrium.feet import said_of, where_linear
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
@@ -156,20 +156,20 @@ class TimedPath:
         t, growth = float(measure.at(elapsed)), measure.until(elapsed)
 
         # Internal variables follow the stress of the law, which is a parabola to there; its third power is their error.
-        variables = start.variables.spread(self._pad_for(rows[: count - 1]).part, self._path.mesh, pad.part)
+        variables = start.variables.on(pad.part, self._path.mesh, self._pad_for(rows[: count - 1]).part)
         start_velocity, velocity = (
             field[: end.shape.displacement.size].reshape(-1, 3)
             for field in (end.mid_step.start_velocity, shape.velocity)
         )
-        slope = pad.isochoric_rate(start.shape.displacement, start_velocity)
-        stress_error = (1 - t) * variables.off + t * end.variables.off
+        stress_rate = pad.isochoric_rate(start.shape.displacement, start_velocity)
+        stress_error = (1 - t) * variables.law_error + t * end.variables.law_error
         stress = pad.isochoric_stress(shape.displacement)
-        variables = replace(variables, slope=slope).after(self._material, elapsed, stress, growth)
-        missed = variables.missed_on(self._material, growth, t**3 * end.mid_step.cubic_stress)
-        variables = variables.off_by(missed).followed(self._material, stress_error, growth)
+        variables = replace(variables, rate=stress_rate).after(self._material, elapsed, stress, growth)
+        step_error = variables.parabolic_step_error(self._material, growth, t**3 * end.mid_step.cubic_stress)
+        variables = variables.with_error(step_error).with_law_error(self._material, stress_error, growth)
 
         # How far the interpolated state is from balance.
-        history = History(Past(1.0, variables.overstress(self._material), pad.part))
+        history = History(StressUpdate(1.0, variables.overstress(self._material), pad.part))
         unknowns, checked = pad.gather(shape.displacement, shape.pressure), end.figures.stability_checked
         try:
             solution = pad.figures_at(unknowns, np.array(value), 0, checked, history)
@@ -183,7 +183,7 @@ class TimedPath:
             time=time,
             shape=shape,
             load=LoadState(np.array(value), end.load.rate, memory),
-            variables=replace(variables, slope=pad.isochoric_rate(shape.displacement, velocity)),
+            variables=replace(variables, rate=pad.isochoric_rate(shape.displacement, velocity)),
             figures=Figures(
                 min_jacobian=solution.min_jacobian,
                 residual=solution.residual,
@@ -301,15 +301,15 @@ class TimedPath:
         # velocity is known, and the rate of its stress.
         variables, velocity = before.variables, None
         if self._material.prony:
-            variables = variables.spread(earlier.part, self._path.mesh, pad.part)
+            variables = variables.on(pad.part, self._path.mesh, earlier.part)
         if np.allclose(rate, before.load.rate, rtol=1e-9, atol=0):
             moving, pressing = np.split(before.shape.velocity, [before.shape.displacement.size])
             velocity = pad.gather(moving.reshape(-1, 3), pressing)
         else:
-            variables = replace(variables, slope=None)
-        rubbed, judged = None, self._path.judged
+            variables = replace(variables, rate=None)
+        friction_state, judged = None, self._path.judged
         if isinstance(pad, IndentedPad) and pad.friction:
-            rubbed, judged = self._rubbed(pad, before, start_value), False
+            friction_state, judged = self._friction_state(pad, before, start_value), False
         unknowns = pad.gather(before.shape.displacement, before.shape.pressure)
         start = StepState(
             fraction=0.0,
@@ -317,7 +317,7 @@ class TimedPath:
             variables=variables,
             velocity=velocity,
             unchecked=before.control.unchecked,
-            rubbed=rubbed,
+            friction_state=friction_state,
             load_memory=before.load.memory,
             error=StepError(np.zeros(pad.unknowns), before.figures.uncertainty),
         )
@@ -372,7 +372,7 @@ class TimedPath:
             time=0.0,
             shape=Shape(nowhere, pressure, self._stacked(pad, None), nowhere),
             load=LoadState(np.zeros(components), np.full(components, np.nan), self._response.at_rest(components)),
-            variables=Relaxing.at_rest(self._material, *points),
+            variables=InternalVariables.at_rest(self._material, *points),
             traction=np.zeros((0, 3)),
             control=StepControl(next_length=0.0, stress_scale=0.0, unchecked=0.0),
             figures=Figures(
@@ -386,19 +386,19 @@ class TimedPath:
             ),
         )
 
-    def _rubbed(self, pad: IndentedPad, before: TimeState, moved: np.ndarray) -> Rubbed:
+    def _friction_state(self, pad: IndentedPad, before: TimeState, moved: np.ndarray) -> FrictionState:
         """History of friction at the end of a row, on another part of the pad."""
         assert pad.friction is not None
         nodes, count = pad.part.nodes, len(self._path.mesh.points)
         on_part = before.traction[np.concatenate([nodes, count + nodes])] if len(before.traction) else before.traction
-        slip_position = pad.friction.place(before.shape.displacement[nodes], moved)
-        return Rubbed(slip_position, pad.model.indentation.at_nodes(on_part))
+        slip_position = pad.friction.slip_position(before.shape.displacement[nodes], moved)
+        return FrictionState(slip_position, pad.model.indentation.at_nodes(on_part))
 
     def _traction(self, pad: LoadedPad, end: StepState) -> np.ndarray:
         """Traction of :class:`TimeState`, from that of the solved part."""
-        if end.rubbed is None:
+        if end.friction_state is None:
             return np.zeros((0, 3))
-        top, outside = np.split(pad.model.indentation.nodal(end.rubbed.traction), 2)
+        top, outside = np.split(pad.model.indentation.nodal(end.friction_state.traction), 2)
         none = np.zeros(pad.part.mesh.corner_count)
         return np.concatenate([pad.part.expand(field, none)[0] for field in (top, outside)])
 
@@ -518,13 +518,13 @@ class TimedPath:
     def _overstress(self, rows: LoadHistory, at: TimeState | None = None) -> np.ndarray:
         """(m, q, 6) MPa, of :class:`ViscoelasticMemory`."""
         at = self.reached(rows) if at is None else at
-        return spread(at.variables.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
+        return expand_stress(at.variables.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
 
     def _board_force(self, rows: LoadHistory, at: TimeState) -> np.ndarray:
         self_contact = self._path.load.self_contact  # where the board may hold the pad beside the glue, too
         if self_contact and self._moving.indenter is not None:
             body = Indentation(self._path.mesh, self._moving.indenter, self._path.material.youngs_modulus)
-            return -body.pressing(at.shape.displacement, at.load.value, traction=body.at_nodes(at.traction)).force
+            return -body.contact_state(at.shape.displacement, at.load.value, traction=body.at_nodes(at.traction)).force
         overstress, path = self._overstress(rows, at) if self._material.prony else None, self._path
         solved = path.mesh, path.material, at.shape.displacement, at.shape.pressure, overstress
         if not self_contact:

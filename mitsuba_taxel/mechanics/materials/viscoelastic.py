@@ -37,14 +37,15 @@ Terms = tuple[tuple[float, float], ...]
 
 
 class Weights(NamedTuple):
-    """Effect of a step on each term (k,): ``decay`` of Q, ``ramp`` of a linear change of S, ``bend`` of its curvature.
+    """Effect of a step on each term (k,): ``decay`` of Q, ``ramp`` of a linear change of S, ``curvature`` of its
+    curvature.
 
-    ``bend`` times h² S'' is the error of a linear change where S has that second derivative.
+    ``curvature`` times h² S'' is the error of a linear change where S has that second derivative.
     """
 
     decay: np.ndarray
     ramp: np.ndarray
-    bend: np.ndarray
+    curvature: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -125,7 +125,7 @@ def _applied_forces(state: State, places: np.ndarray, internal: np.ndarray) -> n
         share = load.nodal(mesh)
         return share[:, None] / share.sum() * state.value
     if load.indenter is not None:
-        return indentation_of(state)[1].pushed
+        return indentation_of(state)[1].nodal_forces
     forces = np.zeros_like(places)
     if load.follows_surface:
         wet = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]

@@ -1,19 +1,26 @@
-"""What an indenter presses with, over the surface of a deformed pad."""
+"""Pressure of an indenter over the surface of a deformed pad.
+
+The contact pressures of the solution scatter from node to node. Patch recovery smooths them: the value at a node is
+that of the parabola that fits best around it, on the faces that share a node with its own (O. C. Zienkiewicz and J. Z.
+Zhu, Int. J. Numer. Methods Eng. 33, 1992).
+"""
 
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sparse
 
-from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
-from mitsuba_taxel.mechanics.contact.smooth_pressure import smooth_pressure
+from mitsuba_taxel.mechanics.contact.indentation import ContactState, Indentation
 from mitsuba_taxel.mechanics.continuation.state import State
+
+TINY = np.finfo(float).tiny
 
 
 def contact_pressure(state: State) -> np.ndarray:
     """Pressure of an indenter on each node of a deformed pad.
 
-    A smooth field with the integral of the pressures that hold the indenter, which scatter from node to node. It is
-    linear between the nodes of faces that are cut into four; where top and outside meet, it is the larger one.
+    A smooth field with the same integral as the contact pressures of the solution. It is linear between the nodes of
+    faces that are cut into four; where top and outside meet, it is the larger one.
 
     Parameters
     ----------
@@ -25,15 +32,15 @@ def contact_pressure(state: State) -> np.ndarray:
     (N,) ndarray
         In MPa, 0 where nothing touches the node.
     """
-    found = np.zeros(len(state.mesh.points))
+    pressure = np.zeros(len(state.mesh.points))
     if state.load.indenter is not None:
-        body, pressing = indentation_of(state)
-        np.maximum.at(found, body.node, smooth_pressure(body, pressing.pressure))
-    return found
+        body, contact_state = indentation_of(state)
+        np.maximum.at(pressure, body.node, smooth_pressure(body, contact_state.pressure))
+    return pressure
 
 
-def indentation_of(state: State) -> tuple[Indentation, Pressing]:
-    """The indenter of a state, and how it presses.
+def indentation_of(state: State) -> tuple[Indentation, ContactState]:
+    """The indenter of a state, and its contact with the pad.
 
     Parameters
     ----------
@@ -44,9 +51,45 @@ def indentation_of(state: State) -> tuple[Indentation, Pressing]:
     -------
     body : Indentation
         The indenter above the mesh.
-    pressing : Pressing
+    contact_state : ContactState
         Gaps, pressures and tractions.
     """
     assert state.load.indenter is not None and state.indenter_moved is not None
     body = Indentation(state.mesh, state.load.indenter, state.material.youngs_modulus)
-    return body, body.pressing(state.displacement, state.indenter_moved, traction=body.at_nodes(state.traction))
+    return body, body.contact_state(state.displacement, state.indenter_moved, traction=body.at_nodes(state.traction))
+
+
+def smooth_pressure(body: Indentation, pressure: np.ndarray) -> np.ndarray:
+    """Contact pressures by patch recovery.
+
+    Parameters
+    ----------
+    body : Indentation
+        The indenter above the mesh.
+    pressure : (m,) ndarray
+        MPa, at the nodes of the body.
+
+    Returns
+    -------
+    (m,) ndarray
+        MPa, not negative, 0 where ``pressure`` is, and with the same integral over the undeformed faces.
+    """
+    # Two nodes are neighbours if they are on the same face, or on two faces that share a node.
+    faces, nodes = np.repeat(np.arange(len(body.faces)), 6), body.numbers.ravel()
+    of_faces = sparse.coo_array((np.ones(len(nodes)), (faces, nodes)), shape=(len(body.faces), len(body.node))).tocsr()
+    same_face = of_faces.T @ of_faces
+    active = np.flatnonzero(pressure > 0)
+    neighbours = sparse.csr_array(same_face @ same_face)[active][:, active]
+
+    # Fit a parabola around each node, along the two axes over which its neighbours spread most.
+    smoothed = np.zeros(len(pressure))
+    for node, start, end in zip(active, neighbours.indptr[:-1], neighbours.indptr[1:], strict=True):
+        patch = active[neighbours.indices[start:end]]
+        offsets = body.points[patch] - body.points[node]
+        axes = np.linalg.svd(offsets - offsets.mean(axis=0))[2][:2]
+        x, y = axes @ offsets.T / max(np.abs(offsets).max(), TINY)
+        terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+        weight = np.sqrt(body.area[patch])
+        value = np.linalg.lstsq(terms * weight[:, None], weight * pressure[patch], rcond=None)[0][0]
+        smoothed[node] = max(value, 0.0)
+    return smoothed * (body.area @ pressure / max(body.area @ smoothed, TINY))

@@ -81,7 +81,7 @@ def test_steps_end_before_a_body(block):
     mesh = block((2.0, 2.0, 1.0), (2, 2, 1))
     barrier = BodyBarrier(mesh, 4.16, walls(block, (0.0, 0.0, 0.0), (2.0, 2.0, 1.0)))
     at_rest = np.zeros_like(mesh.points)
-    assert barrier.free_share(at_rest, at_rest + (0, 0, 0.1)) == 1  # along the walls
+    assert barrier.free_fraction(at_rest, at_rest + (0, 0, 0.1)) == 1  # along the walls
     wider = 5 * GAP * (mesh.points - (1, 1, 0)) * (1, 1, 0)
-    share = barrier.free_share(at_rest, wider)
+    share = barrier.free_fraction(at_rest, wider)
     assert 0.9 * 0.95 / 5 < share < 0.9 / 5 and 0 < barrier.gap(share * wider)

@@ -19,10 +19,10 @@ from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, M
 from mitsuba_taxel.geometry.refinement import refined
 from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
-from mitsuba_taxel.mechanics.contact.smooth_pressure import smooth_pressure
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.equilibrium.solution import NO_HISTORY, History, Rejected
+from mitsuba_taxel.mechanics.results.contact_pressure import smooth_pressure
 
 LAW = NeoHookean(1.0, 0.49)
 MODULUS = 1 / (1 - 0.49**2)
@@ -62,7 +62,7 @@ class Pressed:
         self.tangent = self.pad.rate(linearised, self.unknowns, np.array([0.0, 0.0, -1.0]), value)
         displacement = self.pad.numbering.split(self.unknowns)[0]
         body = self.pad.model.indentation
-        self.pressing = body.pressing(displacement, value)
+        self.pressing = body.contact_state(displacement, value)
         self.places = (self.pad.part.mesh.points + displacement)[body.node]
         return self
 
@@ -210,7 +210,7 @@ def test_a_tilted_punch_is_turned_back_as_its_closed_form_says(half_space):
     block = Pressed(half_space(edged(0.5, 0.7)), body, mirrors=(ACROSS_Y,)).to(0.02 + body.body.lift)
     displacement = block.pad.numbering.split(block.unknowns)[0]
     places = block.pad.part.mesh.points + displacement - [0, 0, HEIGHT - 0.02]
-    moment = 2 * np.cross(places, block.pressing.pushed)[:, 1].sum()
+    moment = 2 * np.cross(places, block.pressing.nodal_forces)[:, 1].sum()
     expected = 4 / 3 * MODULUS * contact**3 * np.radians(tilt)
     assert [block.force, moment] == pytest.approx([force, expected], rel=3e-2)  # 1 % on elements of 0.7 times the size
     assert moment / block.force == pytest.approx(expected / force, rel=3e-3)
@@ -259,7 +259,7 @@ def test_a_plate_slides_under_its_own_bound(block):
     for value in ((0.1, 0, -0.02), (0.3, 0, -0.02)):
         force = dragged.drag(*value)
     assert -force[0] == pytest.approx(friction * force[2], rel=1e-5)  # its sides bulge a little, across the way
-    size = np.linalg.norm(dragged.history.rubbed.traction, axis=1)
+    size = np.linalg.norm(dragged.history.friction_state.traction, axis=1)
     np.testing.assert_allclose(size, friction * dragged.pressing.pressure, rtol=1e-6)
     back = dragged.drag(-0.3, 0, -0.02)
     np.testing.assert_allclose(back * [-1, 1, 1], force, atol=2e-2 * pressed)
@@ -274,10 +274,10 @@ class Rubbed(Pressed):
         """(3,) force on the body from the whole block, after a step to a pose."""
         value, near = np.array(value), getattr(self, "near", None)
         solution, self.near = self.pad.solve_after(self.unknowns, value, near, self.history)
-        rubbed = self.pad.rubbed_at(solution.unknowns, value, self.history)
-        self.unknowns, self.history = solution.unknowns, History(rubbed=rubbed)
+        rubbed = self.pad.friction_state_at(solution.unknowns, value, self.history)
+        self.unknowns, self.history = solution.unknowns, History(friction_state=rubbed)
         displacement, body = self.pad.numbering.split(self.unknowns)[0], self.pad.model.indentation
-        self.pressing = body.pressing(displacement, value, traction=rubbed.traction)
+        self.pressing = body.contact_state(displacement, value, traction=rubbed.traction)
         return -self.pad.part.copies * self.pressing.force
 
 

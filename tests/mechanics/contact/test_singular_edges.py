@@ -1,8 +1,9 @@
-"""The strip beside singular edges, in which a pad may fold."""
+"""The strip beside singular edges, in which a pad may fold, and corners of the rims of a pad."""
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,13 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.bezier_patches import first_touch
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES
 from mitsuba_taxel.mechanics import NeoHookean, load_path
-from mitsuba_taxel.mechanics.contact.barriers.singular_edges import STRIP, beyond_strip, judged_nodes
+from mitsuba_taxel.mechanics.contact.barriers.singular_edges import (
+    STRIP,
+    beyond_strip,
+    has_right_angled_top,
+    judged_nodes,
+    rim_corners,
+)
 from mitsuba_taxel.pads import REGIONS, Pad
 from mitsuba_taxel.pads.parametric.meshing import mesh_pad
 
@@ -66,3 +73,27 @@ def test_the_first_touch_does_not_depend_on_the_mesh():
             load_path(Pad(rows=1, columns=1), NeoHookean(), [(9, 0, 0)], mesh_size=mesh_size)
         ends.append(float(re.search(r"force = \(([\d.]+), 0, 0\)", str(caught.value))[1]))
     assert ends == pytest.approx([3.27, 3.27], rel=0.04)
+
+
+@pytest.fixture(scope="module")
+def box():
+    return Pad(rows=1, columns=2).mesh(2.5)
+
+
+@pytest.mark.parametrize("region", ["bottom", "top"])
+def test_the_rim_of_a_box_has_four_corners(box, region):
+    x, y, height = box.points.max(axis=0)
+    found = box.points[rim_corners(box, region, 85.0)]
+    at = height if region == "top" else 0.0
+    np.testing.assert_allclose(np.unique(found, axis=0), [(i * x, j * y, at) for i in (-1, 1) for j in (-1, 1)])
+    assert not len(rim_corners(box, region, 95.0))
+
+
+def test_a_top_whose_sides_lean_or_meet_in_a_blunt_angle_has_none_that_is_right_angled(box):
+    assert has_right_angled_top(box)
+    x, y, z = box.points.T
+    leaning = np.stack([x * (1 - 0.2 * z / z.max()), y * (1 - 0.2 * z / z.max()), z], axis=1)
+    sheared = np.stack([x + 0.5 * y, y, z], axis=1)  # two corners of 63 and two of 117 degrees
+    moved = [replace(box, points=points) for points in (leaning, sheared)]
+    assert [has_right_angled_top(one) for one in moved] == [False, True]
+    assert len(rim_corners(moved[1], "top", 85.0)) == 2

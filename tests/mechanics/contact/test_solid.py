@@ -113,7 +113,7 @@ def _force(mesh, law, body, depth):
     for part in (0.5, 1.0):
         solution, _ = pad.solve(unknowns, np.array([0, 0, -part * depth]))
         unknowns = solution.unknowns
-    pressing = pad.model.indentation.pressing(pad.numbering.split(unknowns)[0], np.array([0, 0, -depth]))
+    pressing = pad.model.indentation.contact_state(pad.numbering.split(unknowns)[0], np.array([0, 0, -depth]))
     return -pad.part.copies * pressing.force[2]
 
 

@@ -177,7 +177,7 @@ def test_work_is_stored_or_rubbed_away(few_elements_under_bodies):
         gradient = elements.gradient(slice(None), state.displacement) + np.eye(3)
         pressure = elements.pressures(slice(None), state.pressure)
         density = LAW.energy(gradient) + LAW.compressibility / 2 * pressure**2
-        sunk = body.pressing(state.displacement, state.value)
+        sunk = body.contact_state(state.displacement, state.value)
         return (elements.weight * density).sum() + 0.5 * (body.slack * sunk.pressure**2).sum()
 
     work = lost = 0.0

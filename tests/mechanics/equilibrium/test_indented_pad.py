@@ -79,7 +79,7 @@ def test_what_the_body_does_is_stored_in_the_pad():
         pressure = elements.pressures(here, state.pressure)
         density = LAW.energy(gradient) + LAW.compressibility / 2 * pressure**2
         body = Indentation(mesh, BALL.indenter, LAW.youngs_modulus)
-        sunk = body.pressing(state.displacement, state.value)
+        sunk = body.contact_state(state.displacement, state.value)
         return (elements.weight * density).sum() + 0.5 * (body.slack * sunk.pressure**2).sum()
 
     depths = 0.4 + 5e-4 * np.array([-1, 0, 1])
@@ -95,7 +95,7 @@ def test_points_between_nodes_are_inside_by_less_on_smaller_elements():
     def inside(size):
         (state,) = load_path(PAD, LAW, [(0, 0, -0.3)], load=BALL, mesh_size=size)
         body = Indentation(state.mesh, BALL.indenter, LAW.youngs_modulus)
-        here = body.pressing(state.displacement, state.value)
+        here = body.contact_state(state.displacement, state.value)
         pressed = here.pressure[body.numbers] > 0
         assert (-here.gap / body.area).max() < 4e-4 * 0.3
         for faces in (pressed.all(axis=1), pressed.any(axis=1)):  # without and with those at the border of the contact
@@ -232,7 +232,7 @@ def test_derivatives_under_a_force_are_those_of_differences(few_elements_under_b
         unknowns = pad.gather(state.displacement, state.pressure)
         for _ in range(3):
             unknowns = pad.equilibrium(unknowns, moved)
-            pressing = pad.model.indentation.pressing(pad.split(unknowns)[0], moved)
+            pressing = pad.model.indentation.contact_state(pad.split(unknowns)[0], moved)
             moved = moved - [0, 0, (pressing.force[2] - value[2]) / tangent._stiffness]
         return pad.split(unknowns)[0]
 
@@ -262,7 +262,7 @@ def test_forces_change_with_the_shape_as_differences_say():
     def pushed(step):
         mesh = replace(state.mesh, points=state.mesh.points + step * velocity)
         other = Indentation(mesh, BALL.indenter, LAW.youngs_modulus)
-        return other.pressing(state.displacement, state.value).pushed
+        return other.contact_state(state.displacement, state.value).nodal_forces
 
     step = 1e-9
     np.testing.assert_allclose((pushed(step) - pushed(-step)) / (2 * step), rate, atol=1e-4 * np.abs(rate).max())

@@ -53,7 +53,7 @@ def test_a_path_goes_on_under_an_indenter(few_elements_under_bodies):
     body = Indentation(state.mesh, BALL, LAW.youngs_modulus)
 
     def energy(at):
-        return stored(at) + (body.slack * body.pressing(at.displacement, at.value).pressure ** 2).sum() / 2
+        return stored(at) + (body.slack * body.contact_state(at.displacement, at.value).pressure ** 2).sum() / 2
 
     expected = -2 * step * reactions.applied_force[2] + done
     assert done < -1e-4 * expected and energy(more) - energy(less) == pytest.approx(expected, rel=2e-5)

@@ -18,7 +18,7 @@ def test_weights_are_integrals_over_a_step(step):
     bend = quad(lambda s: np.expm1(-step * s) * (0.5 - s), 0, 1, epsabs=1e-30)[0]
     assert weights.decay == pytest.approx(np.exp(-step), rel=1e-14)
     assert weights.ramp == pytest.approx(ramp, rel=1e-12)
-    assert weights.bend == pytest.approx(bend, rel=1e-7, abs=1e-12)
+    assert weights.curvature == pytest.approx(bend, rel=1e-7, abs=1e-12)
 
 
 def test_weights_at_the_extremes_are_finite_and_right():
@@ -26,8 +26,8 @@ def test_weights_at_the_extremes_are_finite_and_right():
     for step in (0.0, 1e-9, 1.0, 1e9, 1e300):
         assert np.all(np.isfinite(material.over(step)))
     at_once, long = material.over(0.0), material.over(1e300)
-    np.testing.assert_array_equal([at_once.decay, at_once.ramp, at_once.bend], [[1] * 3, [1] * 3, [0] * 3])
-    assert not long.decay.any() and np.all(long.ramp < 1e-29) and np.all(long.bend < 1e-29)
+    np.testing.assert_array_equal([at_once.decay, at_once.ramp, at_once.curvature], [[1] * 3, [1] * 3, [0] * 3])
+    assert not long.decay.any() and np.all(long.ramp < 1e-29) and np.all(long.curvature < 1e-29)
     np.testing.assert_array_equal(material.relaxation(np.array([0.0, 1e300])), [1, 1 - material.shares.sum()])
 
 

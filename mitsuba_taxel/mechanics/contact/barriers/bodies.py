@@ -1,4 +1,4 @@
-"""Rigid bodies that stand in the way of a pad, such as packages."""
+"""Rigid bodies that a pad may touch, such as packages."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.point_tree import PointTree
 
 CONVEX, COINCIDENT = 1e-5, 1e-6
-"""Tolerances for a body as large as its hull, relative to that, and for points in a plane, relative to the largest
-coordinate: the corners of a scene are in single precision."""
+"""Tolerances of the volume of a convex body, relative to its hull, and of points in a plane, relative to the largest
+coordinate: corners in a scene are in single precision."""
 
 
 def body_of_each(triangles: np.ndarray) -> np.ndarray:
@@ -40,7 +40,7 @@ def body_of_each(triangles: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class RigidBodies:
-    """Closed surfaces that do not move, of which two with the same triangles are equal.
+    """Closed surfaces that do not move; two objects with the same triangles are equal.
 
     Attributes
     ----------
@@ -57,18 +57,20 @@ class RigidBodies:
 
     @cached_property
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points (P, 3) in mm and triangles (T, 3): those given or, of a convex body, triangles that have the
-        symmetries of the body."""
+        """Points (P, 3) in mm and triangles (T, 3).
+
+        The faces of a convex body are divided anew, so that the triangles have the symmetries of the body.
+        """
         points, triangles, count = [], [], 0
-        for part in self._parts:
-            points.append(part.points)
-            triangles.append(count + part.triangles)
-            count += len(part.points)
+        for body in self._parts:
+            points.append(body.points)
+            triangles.append(count + body.triangles)
+            count += len(body.points)
         return np.concatenate(points), np.concatenate(triangles)
 
     def kept_by(self, mirror: Mirror) -> bool:
-        """Whether a mirror certainly maps the bodies onto themselves: only convex ones are compared."""
-        if not all(part.is_convex for part in self._parts):
+        """Whether a mirror certainly maps the bodies onto themselves; False if a body is not convex."""
+        if not all(body.is_convex for body in self._parts):
             return False
         points, _ = self.surface
         distance, _ = PointTree(points).query(mirror.image(points))
@@ -101,12 +103,12 @@ def _part(triangles: np.ndarray, tolerance: float) -> _Part:
 
 
 def _fans(hull: ConvexHull, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points and triangles between the centre and each side of the plane faces of a convex body."""
+    """Points and triangles of a convex body: each plane face is divided from its centre."""
     in_plane = hull.points @ hull.equations[:, :3].T + hull.equations[:, 3] > -tolerance
     faces = np.unique(in_plane, axis=1).T
     size, common = faces.sum(axis=1), faces.astype(int) @ faces.T.astype(int)
-    faces = faces[~((common == size[:, None]) & (size > size[:, None])).any(axis=1)]  # others are slivers along an edge
-    corner = faces.sum(axis=0) >= 3  # of fewer planes are points within a face or a side
+    faces = faces[~((common == size[:, None]) & (size > size[:, None])).any(axis=1)]  # without slivers along an edge
+    corner = faces.sum(axis=0) >= 3  # points in fewer planes are inside a face or an edge
     number = np.cumsum(corner) - 1
     points, triangles, middle = [hull.points[corner]], [], hull.points[corner].mean(axis=0)
     for count, face in enumerate(faces, start=int(corner.sum())):

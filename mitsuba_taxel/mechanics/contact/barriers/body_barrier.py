@@ -26,25 +26,26 @@ CUTS = 6
 
 
 class BodyBarrier:
-    """The repulsion of the surface of a pad, except its glued bottom, from rigid bodies.
+    """Repulsion of the surface of a pad, except its glued bottom, from rigid bodies.
 
-    Faces are cut as for the light, into so small triangles that curved faces are within the reach of them. Pairs of
-    points, edges and triangles of the pad are left to the pad's own barrier.
+    Faces are cut as for light transport, into triangles so small that curved faces deviate from them by less than the
+    reach. Contact of the pad with itself is the task of :class:`Barrier`.
 
     Parameters
     ----------
     mesh : VolumeMesh
         Of the whole undeformed pad, which touches no body.
     modulus : float
-        MPa, as of the pad's own barrier.
+        MPa, as of :class:`Barrier`.
     bodies : RigidBodies
-    share : float
-        Of the usual reach.
+        The bodies.
+    fraction : float
+        Reach of the repulsion, relative to the usual one.
 
     Attributes
     ----------
     reach : float
-        In mm, distance from which on bodies repel the pad.
+        In mm, largest distance at which bodies repel the pad.
 
     Raises
     ------
@@ -52,100 +53,112 @@ class BodyBarrier:
         without `ipctk`.
     """
 
-    def __init__(self, mesh: VolumeMesh, modulus: float, bodies: RigidBodies, share: float = 1.0) -> None:
+    def __init__(self, mesh: VolumeMesh, modulus: float, bodies: RigidBodies, fraction: float = 1.0) -> None:
         self._ipc = ipc = ipctk_of_one_thread()
         cut = cut_faces(mesh, CUTS)
-        kept = cut.triangles[mesh.face_region[cut.faces] != REGIONS["bottom"]]
-        used, number = np.unique(kept, return_inverse=True)
-        point = cut.of_vertex[used]
-        entries = cut.weights[point].ravel(), (np.arange(len(used)).repeat(6), cut.nodes[point].ravel())
-        self._over = sparse.csr_array(entries, shape=(len(used), len(mesh.points)))
+        wall_triangles = cut.triangles[mesh.face_region[cut.faces] != REGIONS["bottom"]]
+        used_vertices, number = np.unique(wall_triangles, return_inverse=True)
+        point = cut.of_vertex[used_vertices]
+        entries = cut.weights[point].ravel(), (np.arange(len(used_vertices)).repeat(6), cut.nodes[point].ravel())
+        self._interpolation = sparse.csr_array(entries, shape=(len(used_vertices), len(mesh.points)))
         self._points = mesh.points
         self._corners, of_bodies = bodies.surface
 
-        self._own = _Parts(number.reshape(-1, 3), 0, 0, 0)
-        counts = len(used), len(self._own.sides), len(self._own.triangles)
-        others = _Parts(of_bodies, *counts)
-        self._fixed = {kind: _Fixed.of(*boxes) for kind, boxes in others.boxes(self._corners, self._corners).items()}
-        places = self._places(np.zeros_like(mesh.points))
+        self._pad_facets = _Facets(number.reshape(-1, 3), 0, 0, 0)
+        counts = len(used_vertices), len(self._pad_facets.sides), len(self._pad_facets.triangles)
+        fixed = _Facets(of_bodies, *counts)
+        self._fixed = {kind: _Fixed.of(*boxes) for kind, boxes in fixed.boxes(self._corners, self._corners).items()}
+        positions = self._places(np.zeros_like(mesh.points))
         sides, triangles = (
-            np.concatenate([getattr(self._own, part), len(used) + getattr(others, part)])
-            for part in ("sides", "triangles")
+            np.concatenate([getattr(self._pad_facets, field), len(used_vertices) + getattr(fixed, field)])
+            for field in ("sides", "triangles")
         )
-        self._mesh = ipc.CollisionMesh(places, np.asfortranarray(sides), np.asfortranarray(triangles))
+        self._mesh = ipc.CollisionMesh(positions, np.asfortranarray(sides), np.asfortranarray(triangles))
         self._last: tuple[np.ndarray, Any] = np.empty(0), None
-        self.reach = REACH / REACH_AT_REST * float(np.ptp(mesh.points[:, 2]))  # how far is looked
-        self.reach = share * REACH_AT_REST * self.gap(np.zeros_like(mesh.points))
-        self._last = np.empty(0), None  # that was within another reach
+        self.reach = REACH / REACH_AT_REST * float(np.ptp(mesh.points[:, 2]))  # for the search in gap()
+        self.reach = fraction * REACH_AT_REST * self.gap(np.zeros_like(mesh.points))
+        self._last = np.empty(0), None  # of another reach
         self._potential = ipc.BarrierPotential(self.reach, modulus, True)
         self._ccd = additive_ccd(ipc)
 
     def gap(self, displacement: np.ndarray) -> float:
-        """Smallest distance in mm of the pad from a body, if below the reach, which else it is."""
-        places, near = self._near(displacement)
-        return float(np.sqrt(near.compute_minimum_distance(self._mesh, places))) if len(near) else self.reach
+        """Smallest distance in mm of the pad from a body, at most the reach."""
+        positions, collisions = self._near(displacement)
+        return (
+            float(np.sqrt(collisions.compute_minimum_distance(self._mesh, positions)))
+            if len(collisions)
+            else self.reach
+        )
 
     def forces(self, displacement: np.ndarray) -> np.ndarray:
         """(N, 3) nodal forces in N of the bodies on the pad."""
-        places, near = self._near(displacement)
-        if not len(near):
+        positions, collisions = self._near(displacement)
+        if not len(collisions):
             return np.zeros_like(displacement)
-        gradient = self._potential.gradient(near, self._mesh, places).reshape(-1, 3)
-        return self._over.T @ -gradient[: self._over.shape[0]]
+        gradient = self._potential.gradient(collisions, self._mesh, positions).reshape(-1, 3)
+        return self._interpolation.T @ -gradient[: self._interpolation.shape[0]]
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
-        """(3 N, 3 N) derivative of the forces by the displacement, with the opposite sign; as of the pad's own
-        barrier."""
-        (places, near), count = self._near(displacement), 3 * self._over.shape[0]
-        if not len(near):
+        """(3 N, 3 N) N/mm, negative derivative of the forces by the displacement, as of :class:`Barrier`."""
+        (positions, collisions), count = self._near(displacement), 3 * self._interpolation.shape[0]
+        if not len(collisions):
             return sparse.csr_array((displacement.size, displacement.size))
         projection = self._ipc.PSDProjectionMethod.CLAMP if steady else self._ipc.PSDProjectionMethod.NONE
-        found = sparse.coo_array(self._potential.hessian(near, self._mesh, places, projection))
-        own = (found.row < count) & (found.col < count)
-        used, number = np.unique(np.stack([found.row[own], found.col[own]]), return_inverse=True)
-        of_points = sparse.csr_array((found.data[own], tuple(number.reshape(2, -1))), shape=(len(used), len(used)))
-        components = 3 * np.arange(len(used)) + used % 3
-        over = sparse.kron(self._over[used // 3], np.eye(3), format="csr")[components]
-        return sparse.csr_array(over.T @ of_points @ over)
+        hessian = sparse.coo_array(self._potential.hessian(collisions, self._mesh, positions, projection))
+        of_pad = (hessian.row < count) & (hessian.col < count)
+        degrees, number = np.unique(np.stack([hessian.row[of_pad], hessian.col[of_pad]]), return_inverse=True)
+        point_stiffness = sparse.csr_array(
+            (hessian.data[of_pad], tuple(number.reshape(2, -1))), shape=(len(degrees), len(degrees))
+        )
+        components = 3 * np.arange(len(degrees)) + degrees % 3
+        interpolation = sparse.kron(self._interpolation[degrees // 3], np.eye(3), format="csr")[components]
+        return sparse.csr_array(interpolation.T @ point_stiffness @ interpolation)
 
-    def free_share(self, before: np.ndarray, after: np.ndarray) -> float:
-        """Share, at most 1, of the way from one displacement (N, 3) to another that meets nothing, with a margin."""
+    def free_fraction(self, before: np.ndarray, after: np.ndarray) -> float:
+        """Fraction, at most 1, of the step from one displacement (N, 3) to another that is free of collisions, with a
+        margin."""
         start, end = self._places(before), self._places(after)
         pairs = self._pairs(np.minimum(start, end), np.maximum(start, end), 0.0)
         if not len(pairs):
             return 1.0
-        share = float(pairs.compute_collision_free_stepsize(self._mesh, start, end, 0.0, self._ccd))
-        return share if share >= 1 else APPROACH * share
+        fraction = float(pairs.compute_collision_free_stepsize(self._mesh, start, end, 0.0, self._ccd))
+        return fraction if fraction >= 1 else APPROACH * fraction
 
     def _places(self, displacement: np.ndarray) -> np.ndarray:
-        return np.asfortranarray(np.concatenate([self._over @ (self._points + displacement), self._corners]))
+        return np.asfortranarray(np.concatenate([self._interpolation @ (self._points + displacement), self._corners]))
 
     def _near(self, displacement: np.ndarray) -> tuple[np.ndarray, Any]:
-        """Places of pad and bodies, and the pairs of points, edges and triangles within the reach; kept of the last."""
-        places, last = self._places(displacement), self._last
-        if not np.array_equal(places, last[0]):
-            near = self._ipc.NormalCollisions()
-            near.use_area_weighting = True
-            near.build(self._pairs(places, places, self.reach), self._mesh, places, self.reach)
-            last = self._last = places, near
+        """Positions of pad and bodies, and the pairs of points, edges and triangles within the reach; the last are
+        cached."""
+        positions, last = self._places(displacement), self._last
+        if not np.array_equal(positions, last[0]):
+            collisions = self._ipc.NormalCollisions()
+            collisions.use_area_weighting = True
+            collisions.build(self._pairs(positions, positions, self.reach), self._mesh, positions, self.reach)
+            last = self._last = positions, collisions
         return last
 
     def _pairs(self, low: np.ndarray, high: np.ndarray, margin: float) -> Any:
-        """Pairs of a part of the pad and one of a body whose boxes overlap, for points within ``low`` and ``high``."""
-        count = self._over.shape[0]
-        own = self._own.boxes(low[:count] - margin, high[:count] + margin)
-        found, ipc = self._ipc.Candidates(), self._ipc
-        found.fv_candidates = [
-            *_listed(ipc.FaceVertexCandidate, own["triangles"], self._fixed["points"]),
-            *_listed(lambda point, face: ipc.FaceVertexCandidate(face, point), own["points"], self._fixed["triangles"]),
+        """Candidate pairs of a point, edge or triangle of the pad and one of a body, whose boxes overlap.
+
+        Boxes have a ``margin`` in mm around the lowest and highest positions of the points (P, 3).
+        """
+        count = self._interpolation.shape[0]
+        boxes = self._pad_facets.boxes(low[:count] - margin, high[:count] + margin)
+        candidates, ipc = self._ipc.Candidates(), self._ipc
+        candidates.fv_candidates = [
+            *_overlapping(ipc.FaceVertexCandidate, boxes["triangles"], self._fixed["points"]),
+            *_overlapping(
+                lambda point, face: ipc.FaceVertexCandidate(face, point), boxes["points"], self._fixed["triangles"]
+            ),
         ]
-        found.ee_candidates = _listed(ipc.EdgeEdgeCandidate, own["sides"], self._fixed["sides"])
-        return found
+        candidates.ee_candidates = _overlapping(ipc.EdgeEdgeCandidate, boxes["sides"], self._fixed["sides"])
+        return candidates
 
 
-class _Parts:
-    """Triangles (K, 3), their sides (S, 2) and points of a part of the collision mesh, with the first number of each
-    kind."""
+class _Facets:
+    """Triangles (K, 3), their sides (S, 2) and points: those of the pad, or those of the bodies, in the collision mesh,
+    with the first number of each kind."""
 
     def __init__(self, triangles: np.ndarray, first_point: int, first_side: int, first_triangle: int) -> None:
         sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
@@ -153,17 +166,18 @@ class _Parts:
         self._first = {"points": first_point, "sides": first_side, "triangles": first_triangle}
 
     def boxes(self, low: np.ndarray, high: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
-        """Corners (n, 3) of the boxes of all points, sides and triangles, and their first numbers."""
-        found = {"points": (low, high, self._first["points"])}
+        """Lowest and highest corners (n, 3) of the boxes of all points, sides and triangles, and their first
+        numbers."""
+        boxes = {"points": (low, high, self._first["points"])}
         for kind, members in (("sides", self.sides), ("triangles", self.triangles)):
             lowest = np.minimum.reduce([low[column] for column in members.T])
             highest = np.maximum.reduce([high[column] for column in members.T])
-            found[kind] = lowest, highest, self._first[kind]
-        return found
+            boxes[kind] = lowest, highest, self._first[kind]
+        return boxes
 
 
 class _Fixed(NamedTuple):
-    """Boxes that stay where they are, by their tree, and the first number."""
+    """Boxes that do not move, with their tree and first number."""
 
     tree: BoxTree
     levels: list[Level]
@@ -175,12 +189,16 @@ class _Fixed(NamedTuple):
         return cls(tree, tree.levels(low, high), first)
 
 
-def _listed(pair: Callable[[int, int], Any], own: tuple[np.ndarray, np.ndarray, int], others: _Fixed) -> list[Any]:
-    """The pairs of boxes that overlap."""
-    (low, high, first), ((lowest,), (highest,)) = own, others.levels[0]
-    near = np.flatnonzero((low <= highest).all(axis=1) & (high >= lowest).all(axis=1))
-    if not len(near):
+def _overlapping(
+    pair: Callable[[int, int], Any], own_boxes: tuple[np.ndarray, np.ndarray, int], fixed: _Fixed
+) -> list[Any]:
+    """Candidates made by ``pair`` of each two boxes that overlap."""
+    (low, high, first), ((lowest,), (highest,)) = own_boxes, fixed.levels[0]
+    candidates = np.flatnonzero((low <= highest).all(axis=1) & (high >= lowest).all(axis=1))
+    if not len(candidates):
         return []
-    tree = BoxTree(low[near] + high[near])
-    one, other = tree.overlapping_with(tree.levels(low[near], high[near]), others.tree, others.levels)
-    return list(map(pair, (near[one] + first).tolist(), (other + others.first).tolist()))
+    tree = BoxTree(low[candidates] + high[candidates])
+    own_index, fixed_index = tree.overlapping_with(
+        tree.levels(low[candidates], high[candidates]), fixed.tree, fixed.levels
+    )
+    return list(map(pair, (candidates[own_index] + first).tolist(), (fixed_index + fixed.first).tolist()))

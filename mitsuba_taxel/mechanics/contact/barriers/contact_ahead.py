@@ -1,4 +1,4 @@
-"""How much further a pad may go before it first touches itself, the board or a package."""
+"""Change of the load up to the first contact of a pad with itself, the board or a package."""
 
 from __future__ import annotations
 
@@ -11,41 +11,52 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
 
 NEAR = 0.2
-"""Distance from the place of contact within which faces are tested, relative to the height of the pad."""
+"""Distance from the point of contact within which faces are tested, relative to the height of the pad."""
 FIRST = 1e-4
-"""Largest movement of a node in the first step of the search, relative to the same."""
+"""Largest movement of a node in the first step of the search, relative to the height of the pad."""
 DOUBLINGS, HALVINGS = 12, 12
-"""Steps of the search for an interval, and within it: contact nearby is found to 2.5e-8 of the height."""
+"""Steps of the search for an interval, and within it: a nearby contact is found to 2.5e-8 of the height."""
 
 
 class ContactAhead:
-    """First contacts of a displaced pad near a place, as its nodes move straight on.
+    """First contact of a deformed pad near a point, while its nodes move in straight lines.
 
     Parameters
     ----------
     displacement, rate : (N, 3) ndarray
         Of the nodes, in mm, and its rate with a load.
-    place : Place
-        In mm, where the deformed pad is to touch something.
+    point : Place
+        In mm, where the deformed pad is expected to touch something.
     """
 
-    def __init__(self, mesh: VolumeMesh, displacement: np.ndarray, rate: np.ndarray, place: Place) -> None:
+    def __init__(self, mesh: VolumeMesh, displacement: np.ndarray, rate: np.ndarray, point: Place) -> None:
         self._mesh, self._displacement, self._rate = mesh, displacement, rate
         self.height = float(np.ptp(mesh.points[:, 2]))
-        away = np.linalg.norm((mesh.points + displacement)[mesh.faces] - place, axis=2).min(axis=1)
-        self._near = np.unique(mesh.faces[away < NEAR * self.height])
+        distance = np.linalg.norm((mesh.points + displacement)[mesh.faces] - point, axis=2).min(axis=1)
+        self._near = np.unique(mesh.faces[distance < NEAR * self.height])
 
     def after(self, moved: np.ndarray, displaced: np.ndarray, packages: np.ndarray | None) -> float:
-        """How much more of the load, or less, there may be if undeformed nodes are ``moved`` by that many mm, and
-        ``displaced`` further; infinite if there is no contact nearby.
+        """Change of the load up to the first contact, after a change of the pad.
 
-        That with ``packages`` (K, 3, 3) is looked for if any are given, else that with the pad itself and the board.
+        Parameters
+        ----------
+        moved : (N, 3) ndarray
+            Movement of the undeformed nodes, mm.
+        displaced : (N, 3) ndarray
+            Additional displacement of the nodes, mm.
+        packages : (K, 3, 3) ndarray or None
+            Corners of the triangles of packages, mm; if None, contact with the pad itself and the board is sought.
+
+        Returns
+        -------
+        float
+            Change of the load, which may be negative; infinite without a contact nearby.
         """
         test = ContactTest(replace(self._mesh, points=self._mesh.points + moved), packages, self._near)
         find = test.find if packages is None else test.find_package
 
-        def touches(further: float) -> bool:
-            return find(self._displacement + displaced + further * self._rate) is not None
+        def touches(change: float) -> bool:
+            return find(self._displacement + displaced + change * self._rate) is not None
 
         step = FIRST * self.height / float(np.linalg.norm(self._rate, axis=1).max())
         free, touching = -step, step

@@ -18,7 +18,7 @@ from mitsuba_taxel.mechanics.contact.barriers.singular_edges import STRIP, beyon
 from mitsuba_taxel.pads.regions import REGIONS
 
 FRINGE = 0.05
-"""Uncertainty of the border of the strip, relative to its width."""
+"""Uncertainty of the border of the strip beside singular edges, relative to its width."""
 
 TOUCHING = 1e-10
 """Distance that counts as contact, relative to the pad's longest side: more than rounding."""
@@ -26,19 +26,20 @@ TOUCHING = 1e-10
 PACKAGE = "a package"
 
 _ASKEW = Rotation.from_rotvec([0.31, 0.53, 0.71]).as_matrix()
-"""Rotation of rays, which run along z, to avoid edges and corners of geometry aligned with x, y and z."""
+"""Rotation of points before rays are cast along z, so that rays avoid edges and corners of geometry aligned with the
+axes."""
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A point where the pad touches something.
+    """Contact of the pad with something.
 
     Attributes
     ----------
     what : str
         "itself", "the board" or "a package".
     place : Place
-        In mm, in the deformed pad.
+        Point of contact in mm, in the deformed pad.
     """
 
     what: str
@@ -48,18 +49,20 @@ class Contact:
 class ContactTest:
     """Test of the deformed states of a mesh for contact.
 
-    The curved faces are tested, not flat triangles in their stead: two faces are cut until it is certain that they
-    are apart, or they touch to within `TOUCHING`. The board is touched where a face that is not glued to it goes
-    below z = 0. Within the `STRIP` beside singular edges the surface may fold onto itself, and bulge below the board by
-    the width of the strip. Whether a single face runs into itself is left to the test for inverted elements.
+    Curved faces are tested, rather than flat triangles: two faces are subdivided until they are certainly separate, or
+    touch to within `TOUCHING`. The pad touches the board where a face that is not glued to it goes below z = 0. Within
+    the `STRIP` beside singular edges the surface may fold onto itself, and go below the board by the width of the
+    strip. A single face that intersects itself is found by the test for inverted elements.
 
     Parameters
     ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
     obstacles : (K, 3, 3) ndarray, optional
         Corners of the triangles of closed surfaces, in mm: the packages in the cells.
     nodes : (n,) ndarray, optional
-        Nodes to which the test is limited: one of each pair of faces that may touch each other, and each that may touch
-        the board, has these alone. Obstacles are looked for everywhere.
+        Nodes to which the test is limited. Contact with the board is tested on faces that have these nodes alone,
+        contact of two faces if one of both has. Contact with obstacles is tested everywhere.
 
     Raises
     ------
@@ -73,31 +76,43 @@ class ContactTest:
         self._tree = BoxTree(mesh.points[mesh.faces[:, :3]].mean(axis=1))
         self._obstacles = None if obstacles is None else _Obstacles(obstacles)
 
-        chosen = np.isin(mesh.faces, np.arange(len(mesh.points)) if nodes is None else nodes)
-        self._chosen = np.asarray(chosen.all(axis=1))
+        is_chosen = np.isin(mesh.faces, np.arange(len(mesh.points)) if nodes is None else nodes)
+        self._chosen = np.asarray(is_chosen.all(axis=1))
         self._over_board = mesh.faces[self._chosen & (mesh.face_region != REGIONS["bottom"])]
         self._beyond = control_points(beyond_strip(mesh)[:, None], mesh.faces)
         self._strip = STRIP * float(np.ptp(mesh.points[:, 2]))
 
     def find(self, displacement: np.ndarray) -> Contact | None:
-        """A contact of the pad under a ``displacement`` (N, 3) of its nodes in mm, or ``None`` if there is none."""
+        """A contact of the deformed pad.
+
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            Of the nodes, mm.
+
+        Returns
+        -------
+        Contact or None
+            The first contact that is found: with the board, a package, or the pad itself; None without.
+        """
         control = np.concatenate([control_points(self._points + displacement, self._faces), self._beyond])
         place = _first_below(control[:, self._over_board.T], self._strip, self._tolerance)
         if place:
             return Contact("the board", place)
-        found = self.find_package(displacement)
-        if found:
-            return found
+        contact = self.find_package(displacement)
+        if contact:
+            return contact
         place = self._on_itself(control)
         return Contact("itself", place) if place else None
 
     def find_fold(self, displacement: np.ndarray) -> Place | None:
-        """A point, in mm, where the pad enters itself, within the strip beside singular edges too."""
+        """A point in mm at which the pad intersects itself, also within the strip beside singular edges; None
+        without."""
         control = control_points(self._points + displacement, self._faces)
         return self._on_itself(np.concatenate([control, np.ones_like(self._beyond)]))
 
     def find_package(self, displacement: np.ndarray) -> Contact | None:
-        """As :meth:`find`, for ``obstacles`` alone."""
+        """As :meth:`find`, with obstacles alone."""
         if not self._obstacles:
             return None
         patches = control_points(self._points + displacement, self._faces)[:, self._faces.T]
@@ -106,7 +121,7 @@ class ContactTest:
 
     @cached_property
     def at_rest(self) -> Contact | None:
-        """A contact of the undeformed pad."""
+        """A contact of the undeformed pad; None without."""
         return self.find(np.zeros_like(self._points))
 
     @cached_property
@@ -117,17 +132,17 @@ class ContactTest:
         return self._tree.levels(*_boxes(patches, self._tolerance))
 
     def _on_obstacle(self, obstacles: _Obstacles, patches: np.ndarray, boxes: list[Level]) -> Place | None:
-        one, other = self._tree.overlapping_with(boxes, obstacles.tree, obstacles.boxes)
+        pad_faces, obstacle_faces = self._tree.overlapping_with(boxes, obstacles.tree, obstacles.boxes)
         touching = [
-            np.pad(part, ((0, 1), (0, 0), (0, 0)), constant_values=1.0)
-            for part in (patches[:, :, one], obstacles.patches[:, :, other])
+            np.pad(patch, ((0, 1), (0, 0), (0, 0)), constant_values=1.0)
+            for patch in (patches[:, :, pad_faces], obstacles.patches[:, :, obstacle_faces])
         ]
         place = first_touch(touching[0], touching[1], "nothing", self._tolerance)
-        return place or obstacles.place_within(patches, self._tree)
+        return place or obstacles.point_within(patches, self._tree)
 
     def _on_itself(self, control: np.ndarray) -> Place | None:
-        one, other = self._neighbours.without(*self._close(control[:3, self._faces.T]))
-        pairs = {"nothing": (self._faces[one], self._faces[other]), **self._neighbours.pairs}
+        first, second = self._neighbours.without(*self._close(control[:3, self._faces.T]))
+        pairs = {"nothing": (self._faces[first], self._faces[second]), **self._neighbours.pairs}
         for shared, (nodes, other_nodes) in pairs.items():
             place = first_touch(control[:, nodes.T], control[:, other_nodes.T], shared, self._tolerance)
             if place:
@@ -135,16 +150,16 @@ class ContactTest:
         return None
 
     def _close(self, patches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs of faces of which one is chosen, and whose boxes overlap, each pair once."""
+        """Pairs of faces whose boxes overlap and of which at least one is chosen, each pair once."""
         levels = self._levels(patches)
         if self._chosen.all():
             return self._tree.overlapping(levels)
         numbers, tree = self._chosen_tree
         boxes = tree.levels(*_boxes(patches[:, :, numbers], self._tolerance))
-        one, other = tree.overlapping_with(boxes, self._tree, levels)
-        one = numbers[one]
-        once = ~self._chosen[other] | (one < other)
-        return one[once], other[once]
+        first, second = tree.overlapping_with(boxes, self._tree, levels)
+        first = numbers[first]
+        unique = ~self._chosen[second] | (first < second)
+        return first[unique], second[unique]
 
     @cached_property
     def _chosen_tree(self) -> tuple[np.ndarray, BoxTree]:
@@ -154,9 +169,19 @@ class ContactTest:
 
 
 class _Neighbours:
-    """Faces that share a vertex or an edge, with their nodes rotated so that it comes first in both.
+    """Pairs of faces that share a vertex or an edge.
 
-    ``pairs`` are those of which one is ``chosen``.
+    Parameters
+    ----------
+    faces : (F, 6) ndarray
+        Nodes of the faces.
+    is_chosen : (F,) ndarray of bool
+        Pairs without a chosen face are left out of ``pairs``.
+
+    Attributes
+    ----------
+    pairs : dict[str, tuple[ndarray, ndarray]]
+        By "vertex" and "edge", the nodes (n, 6) of both faces, rotated so that the shared vertex or edge comes first.
     """
 
     def __init__(self, faces: np.ndarray, chosen: np.ndarray) -> None:
@@ -164,34 +189,35 @@ class _Neighbours:
         number = np.arange(self._count).repeat(3)
         corners = coo_array((np.ones(len(number), dtype=np.int8), (number, faces[:, :3].ravel()))).tocsr()
         shared = triu(corners @ corners.T, k=1).tocoo()
-        one, other = shared.coords[0].astype(np.int64), shared.coords[1].astype(np.int64)
-        self._keys = np.sort(one * self._count + other)
+        first, second = shared.coords[0].astype(np.int64), shared.coords[1].astype(np.int64)
+        self._keys = np.sort(first * self._count + second)
 
-        some = chosen[one] | chosen[other]
-        one, other, at_vertex = one[some], other[some], shared.data[some] == 1
-        one_at, other_at = faces[one[at_vertex]], faces[other[at_vertex]]
-        i, j = _place_of_same(one_at[:, :3], other_at[:, :3])
-        vertex = _turned(one_at, i), _turned(other_at, j)
-        one_at, other_at = faces[one[~at_vertex]], faces[other[~at_vertex]]
-        i, j = _place_of_same(one_at[:, 3:], other_at[:, 3:])
-        edge = _turned(one_at, i), _turned(other_at, j)[:, [1, 0, 2, 3, 5, 4]]
+        relevant = chosen[first] | chosen[second]
+        first, second, at_vertex = first[relevant], second[relevant], shared.data[relevant] == 1
+        first_nodes, second_nodes = faces[first[at_vertex]], faces[second[at_vertex]]
+        i, j = _common_columns(first_nodes[:, :3], second_nodes[:, :3])
+        vertex = _rotated(first_nodes, i), _rotated(second_nodes, j)
+        first_nodes, second_nodes = faces[first[~at_vertex]], faces[second[~at_vertex]]
+        i, j = _common_columns(first_nodes[:, 3:], second_nodes[:, 3:])
+        edge = _rotated(first_nodes, i), _rotated(second_nodes, j)[:, [1, 0, 2, 3, 5, 4]]
         self.pairs = {"vertex": vertex, "edge": edge}
 
-    def without(self, one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The pairs of faces that share nothing."""
-        keys = np.minimum(one, other) * self._count + np.maximum(one, other)
-        strange = self._keys[np.searchsorted(self._keys, keys) % len(self._keys)] != keys
-        return one[strange], other[strange]
+    def without(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The pairs of two lists of faces that share neither a vertex nor an edge."""
+        keys = np.minimum(first, second) * self._count + np.maximum(first, second)
+        separate = self._keys[np.searchsorted(self._keys, keys) % len(self._keys)] != keys
+        return first[separate], second[separate]
 
 
-def _place_of_same(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Columns of two (n, 3) in which the rows have the same number."""
-    i, j = np.divmod((one[:, :, None] == other[:, None]).reshape(-1, 9).argmax(axis=1), 3)
+def _common_columns(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) columns of both arrays (n, 3) in which a row has the number that it has in common with the row of the
+    other."""
+    i, j = np.divmod((first[:, :, None] == second[:, None]).reshape(-1, 9).argmax(axis=1), 3)
     return i, j
 
 
-def _turned(faces: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Faces (n, 6) with their corners and edges counted from the corner ``first`` (n,)."""
+def _rotated(faces: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Nodes of faces (n, 6) with their corners and edges counted from the corner ``first`` (n,)."""
     corners = (first[:, None] + np.arange(3)) % 3
     return np.take_along_axis(faces, np.concatenate([corners, 3 + corners], axis=1), axis=1)
 
@@ -214,13 +240,13 @@ class _Obstacles:
         count = np.bincount(self._body)
         middles = np.stack([np.bincount(self._body, column) / count for column in self._centres[:2]])
         outwards = np.lexsort((np.linalg.norm(self._centres[:2] - middles[:, self._body], axis=0), self._body))
-        self._inner = self._centres[:, outwards[np.cumsum(count) - count]]  # one point of each body, in its middle
+        self._inner = self._centres[:, outwards[np.cumsum(count) - count]]  # those nearest to the middle
 
-    def place_within(self, patches: np.ndarray, tree: BoxTree) -> Place | None:
-        """A point of a body inside the pad, or of the pad if that is inside a body.
+    def point_within(self, patches: np.ndarray, tree: BoxTree) -> Place | None:
+        """A point in mm of a body inside the pad, or of the pad if it is inside a body; None without.
 
-        Their surfaces are known not to intersect, so that all triangles of a body are on the same side. A majority
-        decides, since a point close to a curved face may be on the wrong side of its flat pieces.
+        The surfaces do not intersect, so that all triangles of a body are on the same side. A majority decides, because
+        a point close to a curved face may be on the wrong side of its flat pieces.
         """
         if not _free_below(self._inner, patches).all():
             votes = np.bincount(self._body, _within(self._centres, patches, tree)) / np.bincount(self._body)
@@ -235,7 +261,7 @@ class _Obstacles:
 
 
 def _free_below(points: np.ndarray, patches: np.ndarray) -> np.ndarray:
-    """Whether a line from each of ``points`` (3, K) down along z certainly meets no patch, so that the point is
+    """(K,) whether a ray from each of ``points`` (3, K) down along z certainly meets no patch, so that the point is
     outside."""
     low, high = patches.min(axis=1)[:, None], patches.max(axis=1)[:, None]
     x, y, z = points[:, :, None]
@@ -244,10 +270,10 @@ def _free_below(points: np.ndarray, patches: np.ndarray) -> np.ndarray:
 
 
 def _within(points: np.ndarray, patches: np.ndarray, tree: BoxTree) -> np.ndarray:
-    """Whether each of ``points`` (3, K) is inside the closed surface of ``patches``: a ray leaves it once more than it
-    enters.
+    """(K,) whether each of ``points`` (3, K) is inside the closed surface of ``patches``.
 
-    Each patch that the ray may meet is approximated by 16 flat triangles.
+    A ray from an inner point crosses the surface an odd number of times. Each patch that the ray may meet is
+    approximated by 16 flat triangles.
     """
     points, patches = _ASKEW @ points, np.tensordot(_ASKEW, patches, axes=(1, 0))
     rays = BoxTree(points.T)
@@ -263,13 +289,16 @@ def _within(points: np.ndarray, patches: np.ndarray, tree: BoxTree) -> np.ndarra
 
 
 def _boxes(patches: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corners (n, 3) of boxes around patches, with a margin."""
+    """Lowest and highest corners (n, 3) of boxes around patches, with a margin in mm."""
     return patches.min(axis=1).T - margin, patches.max(axis=1).T + margin
 
 
 def _first_below(patches: np.ndarray, strip: float, tolerance: float) -> Place | None:
-    """A point of patches (4, 6, n) that is not above 0, to within ``tolerance``, or where the fourth function is not
-    positive not above -``strip``."""
+    """A point of patches (4, 6, n) below the board; None without.
+
+    Where the fourth coordinate, the distance beyond the strip, is positive, a point must be above ``tolerance``, else
+    above -``strip``. Patches are subdivided until this is decided.
+    """
     while patches.size:
         below = (patches[2, :3] <= np.where(patches[3, :3] > 0, tolerance, -strip)).any(axis=0)
         if below.any():
@@ -278,8 +307,8 @@ def _first_below(patches: np.ndarray, strip: float, tolerance: float) -> Place |
             return float(x), float(y), float(z)
         beyond = patches[3].max(axis=0) > 0
         mixed = beyond & (patches[3].min(axis=0) < -FRINGE * strip)
-        doubtful = (patches[2].min(axis=0) <= np.where(beyond, tolerance, -strip)) & (
+        undecided = (patches[2].min(axis=0) <= np.where(beyond, tolerance, -strip)) & (
             mixed | (bulge(patches[:3]) > tolerance)
         )
-        patches = quarters(patches[:, :, doubtful])
+        patches = quarters(patches[:, :, undecided])
     return None

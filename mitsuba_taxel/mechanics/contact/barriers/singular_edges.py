@@ -1,4 +1,5 @@
-"""The edges of an undeformed pad at which the stress is singular, and the strip of surface beside them."""
+"""Edges of an undeformed pad: those at which the stress is singular, with the strip beside them, and corners of its
+rims."""
 
 from __future__ import annotations
 
@@ -12,9 +13,12 @@ from mitsuba_taxel.pads.regions import REGIONS
 STRIP = 0.02
 """Width of the strip along singular edges, relative to the pad's height.
 
-There silicone folds under any load, however small, in a place that grows with the load: smaller elements only show it
-earlier. What happens within the strip alone is without consequence.
+There silicone folds under any load, in a region that grows with the load; smaller elements only show it earlier. Folds
+within the strip are ignored.
 """
+
+RIGHT_ANGLE_TOLERANCE = 5.0
+"""Deviation in degrees within which an angle counts as right."""
 
 CREASE = 150.0
 """Angle of air in degrees at an inner edge of the undeformed pad, below which the edge is singular."""
@@ -22,10 +26,19 @@ CREASE = 150.0
 
 @kept(4)  # several tests of contact share a mesh
 def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
-    """(N,) mm, distance of nodes of the surface from the singular edges of the undeformed pad, less the width of the
-    strip; infinite inside.
+    """Distance of nodes from the strip beside singular edges.
 
-    Singular are the glued rim, and inner edges with less than :data:`CREASE` of air.
+    Singular edges are the glued rim, and inner edges with an angle of air below :data:`CREASE`.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+
+    Returns
+    -------
+    (N,) ndarray
+        Distance from the nearest singular edge in mm, less the width of the strip; infinite for nodes inside.
     """
     width = STRIP * float(np.ptp(mesh.points[:, 2]))
     edges = _singular_edges(mesh)
@@ -34,21 +47,21 @@ def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
     start, end = np.concatenate([mesh.points[edges[:, [0, 2]]], mesh.points[edges[:, [2, 1]]]]).swapaxes(0, 1)
     count = np.ceil(np.linalg.norm(end - start, axis=1) / width).astype(int)
     segment = np.arange(len(start)).repeat(count)
-    share = (np.arange(len(segment)) - (np.cumsum(count) - count)[segment] + 0.5) / count[segment]
-    places = start[segment] + share[:, None] * (end - start)[segment]
+    fraction = (np.arange(len(segment)) - (np.cumsum(count) - count)[segment] + 0.5) / count[segment]
+    samples = start[segment] + fraction[:, None] * (end - start)[segment]
     nodes, beyond = np.unique(mesh.faces), np.full(len(mesh.points), np.inf)
-    nearest = segment[PointTree(places).query(mesh.points[nodes])[1]]
-    along, towards = (end - start)[nearest], mesh.points[nodes] - start[nearest]
-    part = np.clip((along * towards).sum(axis=1) / (along * along).sum(axis=1), 0, 1)
-    beyond[nodes] = np.linalg.norm(towards - part[:, None] * along, axis=1) - width
+    nearest = segment[PointTree(samples).query(mesh.points[nodes])[1]]
+    edge_vectors, offsets = (end - start)[nearest], mesh.points[nodes] - start[nearest]
+    position = np.clip((edge_vectors * offsets).sum(axis=1) / (edge_vectors * edge_vectors).sum(axis=1), 0, 1)
+    beyond[nodes] = np.linalg.norm(offsets - position[:, None] * edge_vectors, axis=1) - width
     return beyond
 
 
 def judged_nodes(mesh: VolumeMesh) -> np.ndarray:
-    """Nodes at which elements must not be inverted: those on the cells' walls, which light meets, but not in the strip.
+    """Nodes at which elements must not be inverted: those on the cells' walls, which light meets, outside the strip.
 
-    Elsewhere an element may fold at the middle of an edge, as it does where silicone rolls over onto the board. The
-    energy of an element is that at its quadrature points, where it may not.
+    Elsewhere an element may fold at the middle of an edge, as it does where silicone rolls over onto the board. At
+    quadrature points, which determine its energy, no element may be inverted.
 
     Parameters
     ----------
@@ -67,24 +80,61 @@ def judged_nodes(mesh: VolumeMesh) -> np.ndarray:
 
 
 def shared_edges(mesh: VolumeMesh) -> tuple[np.ndarray, np.ndarray]:
-    """(E, 3) corners and middle node of the edges between two faces of the surface, and (E, 2) numbers of these."""
+    """Edges between two faces of the surface: (E, 3) corners and middle node, and (E, 2) numbers of the faces."""
     sides = mesh.faces[:, [[i, j, k] for k, (i, j) in enumerate(FACE_EDGES, start=3)]].reshape(-1, 3)
     order = np.argsort(sides[:, 2], kind="stable")
-    one, other = order[:-1], order[1:]
-    pairs = sides[one, 2] == sides[other, 2]
-    one, other = one[pairs], other[pairs]
-    return sides[one], np.stack([one, other], axis=1) // 3
+    first, second = order[:-1], order[1:]
+    equal = sides[first, 2] == sides[second, 2]
+    first, second = first[equal], second[equal]
+    return sides[first], np.stack([first, second], axis=1) // 3
 
 
 def _singular_edges(mesh: VolumeMesh) -> np.ndarray:
     """(E, 3) corners and middle node of singular edges."""
     edges, faces = shared_edges(mesh)
-    one, other = faces.T
-    glued = mesh.face_region[one] == REGIONS["bottom"], mesh.face_region[other] == REGIONS["bottom"]
+    first, second = faces.T
+    glued = mesh.face_region[first] == REGIONS["bottom"], mesh.face_region[second] == REGIONS["bottom"]
     a, b, c = np.moveaxis(mesh.points[mesh.faces[:, :3]], 1, 0)
     normal, centre = np.cross(b - a, c - a), (a + b + c) / 3
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    turn = np.rad2deg(np.arccos(np.clip((normal[one] * normal[other]).sum(axis=1), -1, 1)))
-    inner = (normal[one] * (centre[other] - centre[one])).sum(axis=1) > 0
+    turn = np.rad2deg(np.arccos(np.clip((normal[first] * normal[second]).sum(axis=1), -1, 1)))
+    inner = (normal[first] * (centre[second] - centre[first])).sum(axis=1) > 0
     singular = (glued[0] != glued[1]) | (inner & (180 - turn < CREASE))
     return edges[singular]
+
+
+def rim_corners(mesh: VolumeMesh, region: str, least_turn: float) -> np.ndarray:
+    """Corners of the outer rim of a region of an undeformed pad.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    region : str
+        "bottom" or "top", whose rim with the outside is meant.
+    least_turn : float
+        Least angle in degrees by which the rim turns at a corner.
+
+    Returns
+    -------
+    (k,) ndarray of int
+        Nodes.
+    """
+    edges, faces = shared_edges(mesh)
+    regions = np.sort(mesh.face_region[faces], axis=1)
+    rim = edges[(regions == sorted((REGIONS[region], REGIONS["outer"]))).all(axis=1), :2]
+    vectors = np.diff(mesh.points[rim], axis=1)[:, 0]
+    directions = np.stack([vectors, -vectors], axis=1).reshape(-1, 3)
+    directions = directions / np.linalg.norm(vectors, axis=1).repeat(2)[:, None]
+    total = np.zeros((len(mesh.points), 3))
+    np.add.at(total, rim.ravel(), directions)  # the sum of two unit vectors is 2 sin(turn / 2) long
+    return np.flatnonzero(np.linalg.norm(total, axis=1) > 2 * np.sin(np.deg2rad(least_turn / 2)))
+
+
+def has_right_angled_top(mesh: VolumeMesh) -> bool:
+    """Whether two upright sides somewhere meet the top and each other in a right angle, or a sharper one."""
+    sides = mesh.faces[mesh.face_region == REGIONS["outer"], :3]
+    a, b, c = np.moveaxis(mesh.points[sides], 1, 0)
+    normal = np.cross(b - a, c - a)
+    leaning = np.abs(normal[:, 2]) > np.sin(np.deg2rad(RIGHT_ANGLE_TOLERANCE)) * np.linalg.norm(normal, axis=1)
+    return bool((~np.isin(rim_corners(mesh, "top", 90 - RIGHT_ANGLE_TOLERANCE), sides[leaning])).any())

@@ -20,14 +20,14 @@ class Cylinder(RoundBody, name="cylinder", rank=2):
     def keeps(self, mirror: Mirror) -> bool:
         axis = np.round(self.turn[:, 0], 12)
         tip, image, across = np.array([*self.indenter.at, 0.0]), mirror.image(axis), np.array([-axis[1], axis[0], 0.0])
-        turned = not np.array_equal(image, axis) and not np.array_equal(image, -axis)
-        return bool(not turned and across @ mirror.image(tip) == across @ tip)
+        rotates = not np.array_equal(image, axis) and not np.array_equal(image, -axis)
+        return bool(not rotates and across @ mirror.image(tip) == across @ tip)
 
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
         return np.hypot(points[:, 1], points[:, 2])
 
     def own_surface(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
         outline = round_outline(self.indenter.radius, reach)
-        whole = 2 * self.indenter.radius <= reach
-        section = np.concatenate([outline[:0:-1] * [-1, 1], outline[: -1 if whole else None]])
+        closed = 2 * self.indenter.radius <= reach
+        section = np.concatenate([outline[:0:-1] * [-1, 1], outline[: -1 if closed else None]])
         return prism(section, reach)

@@ -17,10 +17,10 @@ from mitsuba_taxel.parameters import REQUIRED, Number
 DEEPEST = 0.25
 """Largest depth, relative to the smallest semi-axis, for which elements are as small as the contact needs."""
 NEAREST = 1e-12
-"""Coordinates of points relative to a semi-axis, at least: in the planes of symmetry deep inside, the nearest point of
-the surface is not unique."""
+"""Least coordinate of a point, relative to a semi-axis: in the planes of symmetry deep inside, the nearest point of the
+surface is not unique."""
 MOST_ITERATIONS = 100
-"""Of Newton's method, which multiplies the distance from a pole by 3/2 where it starts there."""
+"""Of Newton's method, each of which multiplies the distance from a pole by 3/2 if it starts at one."""
 TOLERANCE = 1e-15
 """Of the equation for the nearest point, relative to its terms."""
 ROUND = 1e-6
@@ -129,11 +129,11 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
         return larger * root, smaller * root
 
     def contact_radius(self, depth: float) -> float:
-        """Of an elliptic contact, half the smaller width, by Hertz."""
+        """Smaller semi-axis of the elliptic contact, by Hertz."""
         return self._contact(depth)[1]
 
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """From the middle of the contact, as long as that is longer than wide."""
+        """Distances from the middle line of the elliptic contact."""
         larger, smaller = self._contact(depth)
         along = 0 if self.semi_axes[0] >= self.semi_axes[1] else 1
         nearest = np.zeros_like(points)
@@ -151,10 +151,10 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
 
     def own_surface(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
         z, widest = float(self.semi_axes[2]), float(self.semi_axes[:2].max())
-        furthest = math.pi if 2 * z <= reach else math.acos(1 - reach / z)
+        largest_angle = math.pi if 2 * z <= reach else math.acos(1 - reach / z)
         if widest > reach:
-            furthest = min(furthest, math.asin(reach / widest))
-        turn = np.linspace(0, furthest, ALONG)
-        outline = np.stack([np.sin(turn), 1 - np.cos(turn)], axis=1)
+            largest_angle = min(largest_angle, math.asin(reach / widest))
+        angles = np.linspace(0, largest_angle, ALONG)
+        outline = np.stack([np.sin(angles), 1 - np.cos(angles)], axis=1)
         vertices, triangles = revolved(np.append(outline, [[0, outline[-1, 1]]], axis=0))
         return vertices * self.semi_axes, triangles

@@ -1,4 +1,4 @@
-"""A body of one's own, from a file of triangles."""
+"""A user's own body, from a file of triangles."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from mitsuba_taxel.pads.imported.placement import Placement
 
 
 class File(IndenterShape, name="file", rank=4):
-    """A closed surface, which is tilted as it is read."""
+    """A closed surface from a file, which is tilted when it is read."""
 
-    meaning = "a body of one's own"
+    meaning = "a body from a file of triangles"
     uses = ("angle", "tilt", "file", "file_scale", "file_up")
     unbounded = False
     contact_grows = False
@@ -36,7 +36,7 @@ class File(IndenterShape, name="file", rank=4):
 
     @property
     def solid(self) -> Solid:
-        """What the file holds, tilted."""
+        """The tilted body of the file."""
         return solid_in(self.indenter.file, self.indenter.digest, self.indenter.tilt, self._placement)
 
     @property
@@ -52,16 +52,16 @@ class File(IndenterShape, name="file", rank=4):
         return Gap(*self.solid.distance.at(points))
 
     def keeps(self, mirror: Mirror) -> bool:
-        """False, as its symmetries are not known."""
+        """False: symmetries of a file are not known."""
         return False
 
     def contact_radius(self, depth: float) -> float:
-        """Of the ball that is as wide at the depth."""
+        """That of a ball with the same contact area at the depth."""
         distance = self.solid.distance
         return distance.spacing * math.sqrt(len(distance.footprint(depth)) / (2 * math.pi))
 
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """From all of the contact."""
+        """Distances from the whole contact area."""
         footprint = self.solid.distance.footprint(depth)
         if not len(footprint):
             size = np.ptp(self.solid.vertices, axis=0)

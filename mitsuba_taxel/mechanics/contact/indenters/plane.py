@@ -11,7 +11,7 @@ from mitsuba_taxel.geometry.surfaces.swept import prism
 from mitsuba_taxel.mechanics.contact.indenter_shape import Gap, IndenterShape
 
 THICKNESS = 0.1
-"""As it is drawn, relative to how far it is drawn."""
+"""Thickness in drawings, relative to the reach of the drawing."""
 
 
 class Plane(IndenterShape, name="plane", rank=3):

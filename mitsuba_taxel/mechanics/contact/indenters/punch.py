@@ -42,7 +42,7 @@ class Punch(IndenterShape, name="punch", rank=1):
         edge = self.edge
         across = np.maximum(np.hypot(points[:, 0], points[:, 1]), TINY)
         outwards = points * [1.0, 1.0, 0.0] / across[:, None]
-        around = outwards @ [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+        azimuthal = outwards @ [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
         beyond, below = across - (self.indenter.radius - edge), edge - points[:, 2]
         sideways, downwards = np.maximum(beyond, 0.0), np.maximum(below, 0.0)
         distance = np.hypot(sideways, downwards)
@@ -52,12 +52,12 @@ class Punch(IndenterShape, name="punch", rank=1):
         downwards = np.where(inside, beyond <= below, downwards / np.where(inside, 1.0, distance))
         down = np.array([0.0, 0.0, -1.0])
         normal = sideways[:, None] * outwards + downwards[:, None] * down
-        along = downwards[:, None] * outwards - sideways[:, None] * down
+        meridional = downwards[:, None] * outwards - sideways[:, None] * down
         rounded = (sideways > 0) & (downwards > 0)
-        bends = np.where(rounded, 1 / np.where(rounded, distance, 1.0), 0.0), sideways / across
+        curvatures = np.where(rounded, 1 / np.where(rounded, distance, 1.0), 0.0), sideways / across
         curvature = sum(
-            bend[:, None, None] * way[:, :, None] * way[:, None, :]
-            for bend, way in zip(bends, (along, around), strict=True)
+            principal[:, None, None] * tangent[:, :, None] * tangent[:, None, :]
+            for principal, tangent in zip(curvatures, (meridional, azimuthal), strict=True)
         )
         return Gap(distance - edge, normal, curvature)
 
@@ -71,7 +71,7 @@ class Punch(IndenterShape, name="punch", rank=1):
         return EDGE_FINENESS * self.contact_radius(depth)
 
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """From the edge."""
+        """Distances from the edge."""
         return np.hypot(np.hypot(points[:, 0], points[:, 1]) - self.indenter.radius, points[:, 2])
 
     @property
@@ -89,6 +89,6 @@ class Punch(IndenterShape, name="punch", rank=1):
 
     def own_surface(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
         radius, edge = self.indenter.radius, min(self.edge, reach)
-        turn = np.linspace(0, math.pi / 2, ALONG)
-        rounded = np.stack([radius - edge + edge * np.sin(turn), edge - edge * np.cos(turn)], axis=1)
+        angles = np.linspace(0, math.pi / 2, ALONG)
+        rounded = np.stack([radius - edge + edge * np.sin(angles), edge - edge * np.cos(angles)], axis=1)
         return revolved(np.minimum([[0, 0], *rounded, [radius, reach], [0, reach]], [reach, max(reach / 2, edge)]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.mechanics.contact.rubbing import tractions
+from mitsuba_taxel.mechanics.contact.linear_contact import tractions
 
 
 @pytest.mark.parametrize("friction", [0.05, 0.5, 2.0])

@@ -14,8 +14,9 @@ BATCH = 32
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
-    """Prescribed sums of unknowns: ``rows @ unknowns + slack * holding`` is given, and ``rows.T @ holding`` acts.
+class LoadConstraints:
+    """Prescribed sums of unknowns: ``rows @ unknowns + slack * multipliers`` is given, and ``rows.T @ multipliers``
+    acts.
 
     Attributes
     ----------
@@ -29,7 +30,7 @@ class Held:
 
     def flexibility(self, factor: Factorisation) -> np.ndarray:
         """(k, k) response of the sums to the constraint forces, from the factored matrix of the pad."""
-        return answers(factor, self.rows, self.rows) + np.diag(self.slack)
+        return responses(factor, self.rows, self.rows) + np.diag(self.slack)
 
     def negative(self, factor: Factorisation) -> int:
         """Number of negative eigenvalues of the factored matrix that the constraints remove (E. V. Haynsworth,
@@ -37,11 +38,11 @@ class Held:
         return int(np.count_nonzero(np.linalg.eigvalsh(self.flexibility(factor)) < 0)) if len(self.slack) else 0
 
 
-def answers(factor: Factorisation, rows: sparse.csr_array, pushed: sparse.csr_array) -> np.ndarray:
-    """(k, p) values of ``rows`` (k, unknowns) for the displacements under each of the forces ``pushed`` (p,
+def responses(factor: Factorisation, rows: sparse.csr_array, forces: sparse.csr_array) -> np.ndarray:
+    """(k, p) values of ``rows`` (k, unknowns) for the displacements under each of the forces ``forces`` (p,
     unknowns)."""
-    found = np.empty((rows.shape[0], pushed.shape[0]))
-    for first in range(0, pushed.shape[0], BATCH):
+    values = np.empty((rows.shape[0], forces.shape[0]))
+    for first in range(0, forces.shape[0], BATCH):
         batch = slice(first, first + BATCH)
-        found[:, batch] = rows @ factor.solve_many(pushed[batch].toarray().T)
-    return found
+        values[:, batch] = rows @ factor.solve_many(forces[batch].toarray().T)
+    return values

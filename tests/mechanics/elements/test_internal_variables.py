@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from mitsuba_taxel.geometry.mirror import MIRRORS
 from mitsuba_taxel.mechanics import MooneyRivlin, NeoHookean, Viscoelastic
 from mitsuba_taxel.mechanics.elements.elements import Elements
-from mitsuba_taxel.mechanics.elements.past import Past, Relaxing, spread
+from mitsuba_taxel.mechanics.elements.internal_variables import InternalVariables, StressUpdate, expand_stress
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 from mitsuba_taxel.mechanics.materials.creep import CreepResponse
@@ -24,14 +24,16 @@ def test_tangent_with_a_past_is_the_derivative_of_the_residual(law, block, body)
     rng = np.random.default_rng(2)
     mesh = block(cells=(1, 1, 1), distortion=0.1)
     solid = body(mesh, law, np.zeros((len(mesh.points), 3), bool))
-    past = Past(0.4, 0.3 * rng.normal(size=(*solid.assembly.elements.weight.shape, 6)), part_between(mesh, {}, ()))
+    update = StressUpdate(
+        0.4, 0.3 * rng.normal(size=(*solid.assembly.elements.weight.shape, 6)), part_between(mesh, {}, ())
+    )
     u, p = 0.1 * np.sin(mesh.points @ rng.normal(size=(3, 3))), rng.normal(size=mesh.corner_count)
     du, dp = rng.normal(size=u.shape), rng.normal(size=p.shape)
 
     def residual(h):
-        return solid.assembly.evaluate(u + h * du, p + h * dp, False, past).residual
+        return solid.assembly.evaluate(u + h * du, p + h * dp, False, update).residual
 
-    lower = solid.assembly.matrix(solid.assembly.evaluate(u, p, past=past).entries).toarray()
+    lower = solid.assembly.matrix(solid.assembly.evaluate(u, p, stress_update=update).entries).toarray()
     along = (lower + np.tril(lower, -1).T) @ np.concatenate([du.ravel(), dp])
     np.testing.assert_allclose(along, (residual(1e-5) - residual(-1e-5)) / 2e-5, rtol=0, atol=1e-7)
 
@@ -41,31 +43,31 @@ def test_the_stress_at_the_end_of_a_step_ages_with_its_length(block, body, creep
     rng = np.random.default_rng(3)
     solid = body(block(cells=(1, 1, 1)), SOFT.law, np.zeros((27, 3), bool))
     stress, slope, end, *held = rng.normal(size=(5, *solid.assembly.elements.weight.shape, 6))
-    relaxing = Relaxing(stress, np.array(held), 0 * np.array(held), 0 * stress, slope)
+    relaxing = InternalVariables(stress, np.array(held), 0 * np.array(held), 0 * stress, slope)
     to_load, memory, rate = CreepResponse.of(PRONY, creeps), np.array([[0.2], [0.5]]), np.array([0.3])
 
     def course(step):
         return to_load.measures(memory, rate, step).main
 
     def total(step):
-        past = relaxing.past(SOFT, step, part_between(solid.mesh, {}, ()), course(step))
-        return past.share * end + past.stress
+        update = relaxing.stress_update(SOFT, step, part_between(solid.mesh, {}, ()), course(step))
+        return update.factor * end + update.offset
 
     for step in (1e-3, 1.0, 30.0):
         change = (total(1.0001 * step) - total(0.9999 * step)) / (2e-4 * step)
-        np.testing.assert_allclose(relaxing.ageing(SOFT, course(step), end), change, rtol=1e-5, atol=1e-7)
+        np.testing.assert_allclose(relaxing.rate_by_duration(SOFT, course(step), end), change, rtol=1e-5, atol=1e-7)
 
 
 def stepped(solid, relaxing, step, displacement, pressure, load=0.0):
     """The block at the end of a step: displacement, pressure and internal variables."""
     part = part_between(solid.mesh, {}, ())
-    solid.past = relaxing.past(SOFT, step, part)
+    solid.stress_update = relaxing.stress_update(SOFT, step, part)
     displacement, pressure = solid.solve(displacement, pressure, load=load)
     return displacement, pressure, relaxing.after(SOFT, step, solid.assembly.elements.isochoric_stress(displacement))
 
 
 def at_rest(solid):
-    return Relaxing.at_rest(SOFT, *solid.assembly.elements.weight.shape)
+    return InternalVariables.at_rest(SOFT, *solid.assembly.elements.weight.shape)
 
 
 def test_relaxation_of_a_stretched_block_is_the_prony_series(block, body):
@@ -78,8 +80,8 @@ def test_relaxation_of_a_stretched_block_is_the_prony_series(block, body):
         time += step
         u, p, relaxing = stepped(solid, relaxing, step, u, p)
         inside = solid.assembly.elements
-        past = Past(1.0, relaxing.overstress(SOFT), part_between(mesh, {}, ()))
-        forces = inside.evaluate(u, p, False, past).forces
+        update = StressUpdate(1.0, relaxing.overstress(SOFT), part_between(mesh, {}, ()))
+        forces = inside.evaluate(u, p, False, update).forces
         pulled = np.bincount(inside.nodes.ravel(), forces[..., 2].ravel())[top].sum()
         assert pulled == pytest.approx(MU * (stretch - stretch**-2) * SOFT.relaxation(time), rel=1e-10)
 
@@ -150,4 +152,4 @@ def test_tensors_of_a_part_are_those_of_the_whole(symmetric_block, count):
     stress = Elements(mesh, NeoHookean()).isochoric_stress(field)
     of_part = Elements(part.mesh, NeoHookean()).isochoric_stress(field[part.nodes])
     np.testing.assert_allclose(stress[part.elements], of_part, atol=1e-12)
-    np.testing.assert_allclose(spread(of_part, part, mesh), stress, atol=1e-12)
+    np.testing.assert_allclose(expand_stress(of_part, part, mesh), stress, atol=1e-12)

@@ -1,0 +1,146 @@
+"""Contact of a linear body at few nodes, with and without Coulomb friction, from its flexibility there.
+
+Gaps are linear in the pressures: gap = matrix @ pressure + offset. At each node in contact or close to it, pressure and
+gap are not negative, and one of both is 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+PATIENCE = 3
+"""Number of consecutive exchanges of all violated nodes without progress, before single ones are exchanged."""
+MOST_EXCHANGES = 300
+SLIP_WEIGHTS = (1.0, 10.0, 0.1)
+"""Weights of slip relative to traction in the test for sliding, relative to the slip by all tractions; tried in
+turn."""
+MOST_ITERATIONS = 30
+CONVERGED = 1e-9
+"""Largest last change of pressures and tractions, relative to the largest pressure."""
+
+
+def pressures(matrix: np.ndarray, offset: np.ndarray, active: np.ndarray) -> np.ndarray | None:
+    """Contact pressures without friction, a linear complementarity problem.
+
+    By block principal pivoting, which terminates for positive definite matrices (J. J. Judice and F. M. Pires,
+    Computers Oper. Res. 21, 1994).
+
+    Parameters
+    ----------
+    matrix : (m, m) ndarray
+        Gap at each node per pressure at each.
+    offset : (m,) ndarray
+        Gaps without pressures.
+    active : (m,) ndarray of bool
+        Initial guess of the nodes in contact.
+
+    Returns
+    -------
+    (m,) ndarray or None
+        Pressures; None if no solution was found.
+    """
+    active, fewest_violated, patience = active.copy(), len(offset) + 1, PATIENCE
+    for _ in range(MOST_EXCHANGES):
+        # Solve for the active nodes; a pressure that pulls, or a gap that is negative elsewhere, is a violation.
+        solution = np.zeros(len(offset))
+        try:
+            solution[active] = np.linalg.solve(matrix[np.ix_(active, active)], -offset[active])
+        except np.linalg.LinAlgError:
+            return None
+        violated = np.flatnonzero(np.where(active, solution, matrix @ solution + offset) < 0)
+        if not len(violated):
+            return solution
+
+        # Exchange all violated nodes while their number falls; else the last one alone, which cannot cycle.
+        if len(violated) < fewest_violated:
+            fewest_violated, patience = len(violated), PATIENCE
+        else:
+            patience -= 1
+        exchanged = violated if patience > 0 else violated[-1:]
+        active[exchanged] = ~active[exchanged]
+    return None
+
+
+def tractions(matrix: np.ndarray, offset: np.ndarray, friction: float, guess: np.ndarray) -> np.ndarray | None:
+    """Contact pressures and tractions with Coulomb friction.
+
+    Of y = matrix @ x + offset, the first third are gaps, the others slip along two tangents. A traction is at most
+    ``friction`` times the pressure; where it is less there is no slip, else the slip is opposite to it. By a semismooth
+    Newton method (P. Alart and A. Curnier, Comput. Methods Appl. Mech. Eng. 92, 1991).
+
+    Parameters
+    ----------
+    matrix : (3 k, 3 k) ndarray
+        Gaps, then slip, per pressure, then traction, at k nodes.
+    offset : (3 k,) ndarray
+        Gaps, then slip, without forces.
+    friction : float
+        Coefficient.
+    guess : (3 k,) ndarray
+        Initial pressures, then tractions.
+
+    Returns
+    -------
+    (3 k,) ndarray or None
+        Pressures, then tractions along the first tangent, then along the second; None if no solution was found.
+    """
+    count = len(offset) // 3
+    own_gap = np.abs(np.diag(matrix)[:count])  # may be below 0 where the pad alone, without its supports, is unstable
+    total_slip = np.abs(matrix).sum(axis=1).reshape(3, count)[1:].max(axis=0)
+    for weight in SLIP_WEIGHTS:
+        scales = np.stack([own_gap, weight * total_slip])
+        for start in (guess, np.zeros_like(guess)):
+            solution = start
+            for _ in range(MOST_ITERATIONS):
+                residual, slope = _friction_residual(matrix, offset, friction, solution, scales)
+                try:
+                    change = np.linalg.solve(slope, residual)
+                except np.linalg.LinAlgError:
+                    break
+                solution = solution - change
+                if np.abs(change).max() <= CONVERGED * np.abs(solution[:count]).max(initial=0.0):
+                    return solution
+    return None
+
+
+def _friction_residual(
+    matrix: np.ndarray, offset: np.ndarray, friction: float, forces: np.ndarray, scales: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Residual (3 k,) of Coulomb's law for pressures and tractions, and its derivative (3 k, 3 k) by them.
+
+    ``scales`` (2, k) are a gap and a slip per pressure, which turn gaps and slip into forces in the tests for contact
+    and for sliding.
+    """
+    # Each node is apart, sticks or slides, by its pressure and traction less scaled gap and slip.
+    count = len(offset) // 3
+    gap, *slip = (matrix @ forces + offset).reshape(3, count)
+    pressure, traction = forces[:count], forces[count:].reshape(2, count)
+    touches = pressure - gap / scales[0] > 0
+    trial = traction - np.array(slip) / scales[1]
+    trial_size = np.maximum(np.hypot(*trial), np.finfo(float).tiny)
+    limit = friction * np.maximum(pressure, 0.0)
+    sticks = touches & (trial_size < friction * np.maximum(pressure - gap / scales[0], 0.0))
+
+    # Apart, forces are 0. In contact the gap is 0, and where the node sticks, the slip.
+    unit = np.eye(3 * count)
+    residual, slope = forces.copy(), unit.copy()
+    normal = np.flatnonzero(touches)
+    residual[normal], slope[normal] = gap[normal], matrix[normal]
+    for axis in range(2):
+        stuck = (axis + 1) * count + np.flatnonzero(sticks)
+        residual[stuck], slope[stuck] = slip[axis][sticks], matrix[stuck]
+
+    # Where it slides, the traction is the limit along the direction of the trial.
+    direction, sliding = trial / trial_size, np.flatnonzero(touches & ~sticks)
+    ratio = (np.minimum(limit, trial_size) / trial_size)[sliding]
+    along = [
+        unit[(axis + 1) * count + sliding] - matrix[(axis + 1) * count + sliding] / scales[1][sliding, None]
+        for axis in range(2)
+    ]
+    radial = direction[0][sliding, None] * along[0] + direction[1][sliding, None] * along[1]
+    for axis in range(2):
+        rows = (axis + 1) * count + sliding
+        residual[rows] = traction[axis][sliding] - limit[sliding] * direction[axis][sliding]
+        slope[rows] = unit[rows] - friction * direction[axis][sliding, None] * unit[sliding]
+        slope[rows] -= ratio[:, None] * (along[axis] - direction[axis][sliding, None] * radial)
+    return residual, slope

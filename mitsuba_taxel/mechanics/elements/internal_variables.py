@@ -1,0 +1,242 @@
+"""Internal variables of a viscoelastic solid at the quadrature points of its elements.
+
+All stresses here are second Piola-Kirchhoff, in MPa, with six components per point. S is the stress of the
+instantaneous law, Q_i that of a term of the Prony series. S is linear in time over a step or, with a ``growth``, a
+parabola over that, which begins with the rate of S.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
+from mitsuba_taxel.mechanics.materials.creep import Growth
+from mitsuba_taxel.mechanics.materials.symmetric import components, tensors
+from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
+
+
+@dataclass(frozen=True, eq=False)
+class StressUpdate:
+    """The isochoric stress at the end of a step as a function of that of the law there: factor * S + offset.
+
+    Attributes
+    ----------
+    factor : float
+        Of the stress S of the law at the end.
+    offset : (m, q, 6) ndarray
+        MPa, at the quadrature points of a part of the mesh: what the step starts from.
+    part : SymmetricPart
+        The part.
+    """
+
+    factor: float
+    offset: np.ndarray
+    part: SymmetricPart
+
+    def on(self, part: SymmetricPart, whole: VolumeMesh) -> StressUpdate:
+        """The same on another part of the whole mesh."""
+        if part is self.part:
+            return self
+        return StressUpdate(self.factor, expand_stress(self.offset, self.part, whole)[part.elements], part)
+
+
+@dataclass(frozen=True, eq=False)
+class InternalVariables:
+    """The internal variables of a viscoelastic solid at a time.
+
+    Attributes
+    ----------
+    stress : (m, q, 6) ndarray
+        MPa, stress S of the law.
+    term_stress : (k, m, q, 6) ndarray
+        MPa, stress Q of each term.
+    error : (k, m, q, 6) ndarray
+        MPa, estimated error of ``term_stress``, because S does not change within steps as assumed.
+    law_error : (m, q, 6) ndarray
+        MPa, error of S that follows from it; 0 where it is not estimated.
+    rate : (m, q, 6) ndarray or None
+        MPa/s, rate of S at the time, or its mean over the last step; None before the first step, and just after a jump
+        of the load.
+    step : float
+        Duration of the last step in s.
+    """
+
+    stress: np.ndarray
+    term_stress: np.ndarray
+    error: np.ndarray
+    law_error: np.ndarray
+    rate: np.ndarray | None = None
+    step: float = 0.0
+
+    @classmethod
+    def at_rest(cls, material: Viscoelastic, elements: int, points: int) -> InternalVariables:
+        """Variables of elements that were never loaded, with a number of quadrature points each."""
+        zero = np.zeros((len(material.prony), elements, points, 6))
+        return cls(np.zeros((elements, points, 6)), zero, zero, np.zeros((elements, points, 6)))
+
+    def stress_update(
+        self, material: Viscoelastic, step: float, part: SymmetricPart, growth: Growth | None = None
+    ) -> StressUpdate:
+        """The stress at the end of the next step, for any stress of the law there.
+
+        Parameters
+        ----------
+        material : Viscoelastic
+            The silicone.
+        step : float
+            Duration in s.
+        part : SymmetricPart
+            Part of the mesh that these variables belong to.
+        growth : Growth, optional
+            Measure over which S is a parabola.
+
+        Returns
+        -------
+        StressUpdate
+            Of the isochoric stress.
+        """
+        offset = np.tensordot(material.over(step).decay, self.term_stress, axes=1)
+        by_rate, by_change = self._weights(material, step, growth)
+        offset -= float(by_change.sum()) * self.stress
+        if growth is not None:
+            offset += float(by_rate.sum()) * self._initial_change(growth)
+        return StressUpdate(1 - float(material.shares.sum()) + float(by_change.sum()), offset, part)
+
+    def after(
+        self, material: Viscoelastic, step: float, stress: np.ndarray, growth: Growth | None = None
+    ) -> InternalVariables:
+        """The variables at the end of the next step.
+
+        Parameters
+        ----------
+        material : Viscoelastic
+            The silicone.
+        step : float
+            Duration in s.
+        stress : (m, q, 6) ndarray
+            MPa, stress S of the law at the end.
+        growth : Growth, optional
+            Measure over which S is a parabola.
+
+        Returns
+        -------
+        InternalVariables
+            At the end of the step.
+        """
+        decay, change = material.over(step).decay, stress - self.stress
+        by_rate, by_change = self._weights(material, step, growth)
+        term_stress = _scaled(decay, self.term_stress) + _scaled(by_change, change)
+        if growth is not None:
+            term_stress += _scaled(by_rate, self._initial_change(growth))
+        error = _scaled(decay, self.error) - _scaled(by_change, self.law_error)
+        rate = change / step if step > 0 else None
+        return InternalVariables(stress, term_stress, error, np.zeros_like(stress), rate, step)
+
+    def _weights(self, material: Viscoelastic, step: float, growth: Growth | None) -> tuple[np.ndarray, np.ndarray]:
+        """(k,) each, of the terms at the end of a step: weights of :meth:`_initial_change`, and of the change of S."""
+        if growth is None:
+            ramp = material.shares * material.over(step).ramp
+            return 0 * ramp, ramp
+        first, square, _ = growth.moments(material.times).T
+        return material.shares * (first - square), material.shares * square
+
+    def _initial_change(self, growth: Growth) -> np.ndarray:
+        """(m, q, 6) MPa, change of S over a whole growth if its rate stayed that at the start."""
+        assert self.rate is not None
+        return self.rate / growth.rate(0.0)
+
+    def mid_stress(self, stress: np.ndarray, growth: Growth) -> np.ndarray:
+        """(m, q, 6) MPa, S in the middle of a growth, on the parabola that ends with a ``stress``."""
+        return self.stress + 0.25 * (stress - self.stress + self._initial_change(growth))
+
+    def rate_by_duration(self, material: Viscoelastic, growth: Growth, stress: np.ndarray) -> np.ndarray:
+        """(m, q, 6) MPa/s, derivative of the stress at the end of the next step by the duration of that step.
+
+        The ``stress`` (m, q, 6) of the law at the end stays constant.
+        """
+        end = self.after(material, growth.duration, stress, growth)
+        weight = float(material.shares @ (1 - growth.moments(material.times)[:, 1]))
+        slope = 2 * (stress - self.stress) - self._initial_change(growth)
+        return weight * growth.rate(growth.duration) * slope - end.relaxation_rate(material)
+
+    def relaxation_rate(self, material: Viscoelastic) -> np.ndarray:
+        """(m, q, 6) MPa/s, rate at which the terms relax: the sum of Q_i / tau_i."""
+        return np.tensordot(1 / material.times, self.term_stress, axes=1)
+
+    def curvature(self, before: InternalVariables) -> np.ndarray:
+        """(m, q, 6) MPa/s², second time derivative of S, from the last step and the one ``before``."""
+        assert self.rate is not None and before.rate is not None
+        return (self.rate - before.rate) / (0.5 * (self.step + before.step))
+
+    def linear_step_error(self, material: Viscoelastic, curvature: np.ndarray) -> np.ndarray:
+        """(k, m, q, 6) MPa, error of the terms by the last step, in which S was linear in time, from the second time
+        derivative of S (m, q, 6)."""
+        return _scaled(material.shares * material.over(self.step).curvature * self.step**2, curvature)
+
+    def parabolic_step_error(self, material: Viscoelastic, growth: Growth, cubic: np.ndarray) -> np.ndarray:
+        """(k, m, q, 6) MPa, error of the terms by a step in which S was a parabola over a growth g, if S has in
+        addition ``cubic`` (m, q, 6) times g³ - g²."""
+        _, square, cube = growth.moments(material.times).T
+        return _scaled(material.shares * (cube - square), cubic)
+
+    def with_error(self, error: np.ndarray) -> InternalVariables:
+        """The same with an ``error`` (k, m, q, 6) of the terms added."""
+        return replace(self, error=self.error + error)
+
+    def with_law_error(
+        self, material: Viscoelastic, law_error: np.ndarray, growth: Growth | None = None
+    ) -> InternalVariables:
+        """The same with an error of S (m, q, 6) at the end of the last step, and its effect on the terms."""
+        by_change = self._weights(material, self.step, growth)[1]
+        return replace(self, error=self.error + _scaled(by_change, law_error), law_error=law_error)
+
+    def stress_error(self, material: Viscoelastic) -> np.ndarray:
+        """(m, q, 6) MPa, estimated error of the stress."""
+        return self.error.sum(axis=0) + (1 - float(material.shares.sum())) * self.law_error
+
+    def overstress(self, material: Viscoelastic) -> np.ndarray:
+        """(m, q, 6) MPa, stress in addition to that of the law."""
+        return self.term_stress.sum(axis=0) - float(material.shares.sum()) * self.stress
+
+    def on(self, part: SymmetricPart, whole: VolumeMesh, own: SymmetricPart) -> InternalVariables:
+        """The same on another part of the whole mesh; ``own`` is the part of these variables."""
+        if part is own:
+            return self
+
+        def moved(field: np.ndarray) -> np.ndarray:
+            return expand_stress(field, own, whole)[part.elements]
+
+        rate = None if self.rate is None else moved(self.rate)
+        term_stress, error = (np.array([moved(term) for term in terms]) for terms in (self.term_stress, self.error))
+        return InternalVariables(moved(self.stress), term_stress, error, moved(self.law_error), rate, self.step)
+
+
+def expand_stress(stress: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.ndarray:
+    """Stress of a whole mesh from that of a symmetric part.
+
+    Parameters
+    ----------
+    stress : (m, q, 6) ndarray
+        MPa, at the quadrature points of the part.
+    part : SymmetricPart
+        The part.
+    whole : VolumeMesh
+        The whole mesh.
+
+    Returns
+    -------
+    (M, q, 6) ndarray
+        MPa, at the quadrature points of the whole mesh.
+    """
+    element, corner, turn = part.element_images(whole)
+    families = stress.reshape(len(stress), -1, 4, 6)  # quadrature points are numbered by the corners they are near
+    images = tensors(families[element[:, None], :, corner].swapaxes(1, 2).reshape(len(element), -1, 6))
+    return components(turn[:, None] @ images @ np.swapaxes(turn, -1, -2)[:, None])
+
+
+def _scaled(factors: np.ndarray, fields: np.ndarray) -> np.ndarray:
+    """(k, m, q, 6) fields, or one field (m, q, 6), times factors (k,)."""
+    return factors[:, None, None, None] * fields
