@@ -22,7 +22,7 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_gradi
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.moduli import PAIRS
-from mitsuba_taxel.mechanics.materials.symmetric import components, tensors
+from mitsuba_taxel.mechanics.materials.viscoelastic import components, tensors
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate

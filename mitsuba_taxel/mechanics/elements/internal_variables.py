@@ -14,8 +14,7 @@ import numpy as np
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
 from mitsuba_taxel.mechanics.materials.creep import Growth
-from mitsuba_taxel.mechanics.materials.symmetric import components, tensors
-from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
+from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic, components, tensors
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from mitsuba_taxel.mechanics.contact.barriers.singular_edges import rim_corners
 from mitsuba_taxel.mechanics.elements.elements import Elements, SmallStrain, quadrature_places
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.materials.symmetric import tensors
+from mitsuba_taxel.mechanics.materials.viscoelastic import tensors
 
 RADIUS = 1 / 15
 """Distance from a foot, relative to the pad's height, within which the law of a pad that goes on is linear."""

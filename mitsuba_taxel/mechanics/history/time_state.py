@@ -213,7 +213,7 @@ class StepCubics:
         start_rate: np.ndarray,
         end_rate: np.ndarray,
     ) -> None:
-        self.measures, self._start, main, second = measures, start, measures.main, measures.other
+        self.measures, self._start, main, second = measures, start, measures.main, measures.second
         change = end - start
         self._other = change * float(second is not None)
         self._other[:displacements] = 0.0
@@ -226,7 +226,7 @@ class StepCubics:
 
     def at(self, elapsed: float) -> np.ndarray:
         """The unknowns at a time in s since the start."""
-        main, second = self.measures.main, self.measures.other
+        main, second = self.measures.main, self.measures.second
         t = float(main.at(elapsed))
         bent = t * (1 - t) * ((1 - t) * self._first - t * self._last)
         straight = 0.0 if second is None else second.at(elapsed) * self._other
@@ -234,7 +234,7 @@ class StepCubics:
 
     def rate(self, elapsed: float) -> np.ndarray:
         """Their rate per s."""
-        main, second = self.measures.main, self.measures.other
+        main, second = self.measures.main, self.measures.second
         t = float(main.at(elapsed))
         bent = (1 - t) * (1 - 3 * t) * self._first + t * (3 * t - 2) * self._last
         straight = 0.0 if second is None else second.rate(elapsed) * self._other

@@ -55,14 +55,21 @@ class IsochoricInvariants:
         return _tensor(2 * self._unstretched**2) * deviator
 
     def curvature(self, w1: Any, w2: Any, pull: Any) -> Moduli:
-        """w1 d2(I1 J^(-2/3))/dF2 + w2 d2(I2 J^(-4/3))/dF2 + p d2J/dF2; weights (...), ``None`` for zero.
+        """w1 d2(I1 J^(-2/3))/dF2 + w2 d2(I2 J^(-4/3))/dF2 + p d2J/dF2.
 
         All dyads with G are summed as G V + V G with one tensor V.
 
         Parameters
         ----------
+        w1, w2 : Any
+            Weights (...) in MPa, ``None`` for zero.
         pull : Any
             Mean stress times volume ratio, p J (...), in MPa.
+
+        Returns
+        -------
+        Moduli
+            In MPa.
         """
         f, g = self.gradient, self.inverse_transpose
         with_g = _tensor(0.5 * pull) * g

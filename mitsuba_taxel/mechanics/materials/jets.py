@@ -1,8 +1,8 @@
 """Numbers with their first and second derivatives by two variables (second-order forward differentiation).
 
-A part that is identically zero is ``None`` and costs nothing: of ``c * x``, second derivatives are not computed, and
-the first is the number c, not an array (A. Griewank and A. Walther, Evaluating Derivatives, 2nd ed., SIAM 2008, chapter
-13).
+A derivative that is identically zero is ``None`` and costs nothing: the second derivatives of ``c * x`` are not
+computed, and the first is the number c rather than an array (A. Griewank and A. Walther, Evaluating Derivatives, 2nd
+ed., SIAM 2008, chapter 13).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 class Jet:
     """A function's value at (x, y), its derivatives d1 = d/dx, d2 = d/dy and second derivatives d11, d12, d22.
 
-    Each part is a number or an array; all broadcast together. Jets, numbers and arrays can be combined by ``+ - * /``
-    and ``**``; ``np.log``, ``np.exp``, ``np.sqrt`` and ``np.square`` apply to jets.
+    Each of these is a number or an array; all broadcast together. Jets, numbers and arrays can be combined by ``+ - *
+    /`` and ``**``; ``np.log``, ``np.exp``, ``np.sqrt`` and ``np.square`` apply to jets.
     """
 
     value: Any
@@ -61,7 +61,7 @@ class Jet:
 
     def __neg__(self) -> Jet:
         derivatives = (self.d1, self.d2, self.d11, self.d12, self.d22)
-        return Jet(-self.value, *(None if part is None else -part for part in derivatives))
+        return Jet(-self.value, *(None if derivative is None else -derivative for derivative in derivatives))
 
     def __sub__(self, other: Any) -> Jet:
         return self + -_jet(other)
@@ -87,7 +87,7 @@ class Jet:
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         if method != "__call__" or options or ufunc not in _UFUNCS:
             return NotImplemented
-        # The first becomes a jet, since an array would return the operation to its ufunc.
+        # The first operand becomes a jet: an array would pass the operation back to its ufunc.
         return _UFUNCS[ufunc](_jet(inputs[0]), *inputs[1:])
 
     def _through(self, value: Any, first: Any, second: Any) -> Jet:

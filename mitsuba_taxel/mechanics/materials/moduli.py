@@ -1,4 +1,4 @@
-"""Moduli as sums of few tensors, from which element stiffness follows without all 81 components at each point."""
+"""Moduli as sums of few tensors, so that element stiffness needs no 81 components at each point."""
 
 from __future__ import annotations
 
@@ -13,12 +13,16 @@ PAIRS = (_A, _B)
 """Pairs of an element's nodes, the second not after the first, one for each block of its symmetric stiffness."""
 
 
-def _places(row: np.ndarray, i: np.ndarray, column: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """(pairs * 9,) indices of the blocks of all pairs in a flattened matrix (nodes * 3, nodes * 3)."""
+def _block_indices(row: np.ndarray, i: np.ndarray, column: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """(pairs * 9,) indices of the 3 x 3 blocks of all pairs in a flattened matrix (nodes * 3, nodes * 3)."""
     return (3 * NODES * (3 * row[:, None] + i) + 3 * column[:, None] + k).ravel()
 
 
-_BLOCK, _TRANSPOSED, _CROSSED = _places(_A, _I, _B, _K), _places(_B, _K, _A, _I), _places(_A, _K, _B, _I)
+_BLOCK, _TRANSPOSED, _CROSSED = (
+    _block_indices(_A, _I, _B, _K),
+    _block_indices(_B, _K, _A, _I),
+    _block_indices(_A, _K, _B, _I),
+)
 
 
 @dataclass
@@ -46,12 +50,12 @@ class Moduli:
 
     def dense(self) -> np.ndarray:
         """All components, (..., 3, 3, 3, 3)."""
-        one = np.eye(3)
-        total = np.einsum("ik,...jl->...ijkl", one, self._full_inner())
+        identity = np.eye(3)
+        total = np.einsum("ik,...jl->...ijkl", identity, self._full_inner())
         if self.outer is not None:
-            total = total + np.einsum("...ik,jl->...ijkl", self.outer, one)
-        for left, right in self.pairs:
-            dyad = left[..., :, :, None, None] * right[..., None, None, :, :]
+            total = total + np.einsum("...ik,jl->...ijkl", self.outer, identity)
+        for first, second in self.pairs:
+            dyad = first[..., :, :, None, None] * second[..., None, None, :, :]
             total = total + dyad + np.moveaxis(dyad, (-4, -3), (-2, -1))
         for weight, tensor in self.crossed:
             total = total + np.einsum("...,...il,...kj->...ijkl", weight, tensor, tensor)
@@ -66,35 +70,42 @@ class Moduli:
         total = change @ self._full_inner()
         if self.outer is not None:
             total += self.outer @ change
-        for left, right in self.pairs:
-            for one, other in ((left, right), (right, left)):
-                total += one * (other * change).sum(axis=(-2, -1), keepdims=True)
+        for a, b in self.pairs:
+            for first, second in ((a, b), (b, a)):
+                total += first * (second * change).sum(axis=(-2, -1), keepdims=True)
         for weight, tensor in self.crossed:
             total += weight[..., None, None] * (tensor @ np.swapaxes(change, -1, -2) @ tensor)
         return total
 
     def stiffness(self, weight: np.ndarray, gradients: np.ndarray) -> np.ndarray:
-        """Blocks (m, pairs, 9) of the stiffness of m elements, sum over q, j, l of w B_aj A_ijkl B_bl, for `PAIRS`.
+        """Stiffness of m elements: sum over q, j, l of w B_aj A_ijkl B_bl, for `PAIRS` of nodes a and b.
 
         Parameters
         ----------
         weight : (m, q) ndarray
-            Volume of each quadrature point.
-        gradients : ndarray
-            B (m, q, 10, 3) of the shape functions.
+            Volume w of each quadrature point, mm³.
+        gradients : (m, q, 10, 3) ndarray
+            B, of the shape functions, 1/mm.
+
+        Returns
+        -------
+        (m, pairs, 9) ndarray
+            Blocks in N/mm.
         """
         count, points = weight.shape
 
         tensors = [*(tensor for pair in self.pairs for tensor in pair), *(tensor for _, tensor in self.crossed)]
-        distinct = {id(tensor): tensor for tensor in tensors}  # invariants share some
+        distinct = {id(tensor): tensor for tensor in tensors}  # invariants have some in common
         stacked = np.stack([np.swapaxes(tensor, -1, -2) for tensor in distinct.values()], axis=-2)
         products = gradients @ stacked.reshape(count, points, 3, -1)
-        parts = [products[..., k : k + 3].reshape(count, points, 3 * NODES) for k in range(0, products.shape[-1], 3)]
-        seen = dict(zip(distinct, parts, strict=True))  # T_ij B_aj, (m, q, 30)
+        blocks_of_tensors = [
+            products[..., k : k + 3].reshape(count, points, 3 * NODES) for k in range(0, products.shape[-1], 3)
+        ]
+        products_of = dict(zip(distinct, blocks_of_tensors, strict=True))  # T_ij B_aj, (m, q, 30)
 
         volume = weight[..., None]
-        pairs = _product([(seen[id(left)], volume * seen[id(right)]) for left, right in self.pairs])
-        factors = [(volume * factor[..., None], seen[id(tensor)]) for factor, tensor in self.crossed]
+        pairs = _product([(products_of[id(first)], volume * products_of[id(second)]) for first, second in self.pairs])
+        factors = [(volume * factor[..., None], products_of[id(tensor)]) for factor, tensor in self.crossed]
         crossed = _product([(tensor, factor * tensor) for factor, tensor in factors])
         blocks = pairs.take(_BLOCK, axis=1)
         blocks += pairs.take(_TRANSPOSED, axis=1)
@@ -113,9 +124,7 @@ class Moduli:
             right = (weight * self.inner)[..., None, None] * gradients
         else:
             right = gradients @ (weight[..., None, None] * self.inner)
-        rows, columns = (
-            by_point.transpose(0, 2, 1, 3).reshape(len(weight), NODES, -1) for by_point in (gradients, right)
-        )
+        rows, columns = (factor.transpose(0, 2, 1, 3).reshape(len(weight), NODES, -1) for factor in (gradients, right))
         blocks[:, :, ::4] += (rows @ np.swapaxes(columns, 1, 2))[:, _A, _B][..., None]
 
     def _full_inner(self) -> np.ndarray:
@@ -124,8 +133,6 @@ class Moduli:
 
 
 def _product(factors: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """(m, 30 * 30) sum over factors and q of the dyads of l and r, each (m, q, 30)."""
-    left, right = (
-        parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) for parts in zip(*factors, strict=True)
-    )
-    return (np.swapaxes(left, 1, 2) @ right).reshape(len(left), -1)
+    """(m, 30 * 30) sum over factors and points q of the dyads of left and right, each (m, q, 30)."""
+    first, second = (side[0] if len(side) == 1 else np.concatenate(side, axis=1) for side in zip(*factors, strict=True))
+    return (np.swapaxes(first, 1, 2) @ second).reshape(len(first), -1)

@@ -31,16 +31,35 @@ SHORT = 1e-2
 """Steps shorter than this number of relaxation times are expanded in a series."""
 
 MOST_TERMS = 100
-"""Of a Prony series: each keeps its stress at every point of the silicone."""
+"""Largest number of terms of a Prony series: each stores its stress at every quadrature point."""
 Terms = tuple[tuple[float, float], ...]
-"""Shares and relaxation times in s."""
+"""Weights g and relaxation times tau in s."""
+
+_ROWS, _COLUMNS = (0, 1, 2, 0, 1, 0), (0, 1, 2, 1, 2, 2)
+_COMPONENTS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
+
+
+def tensors(components: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) symmetric tensors from their components (..., 6): xx, yy, zz, xy, yz, xz."""
+    return components[..., _COMPONENTS]
+
+
+def components(tensors: np.ndarray) -> np.ndarray:
+    """(..., 6) components xx, yy, zz, xy, yz, xz of symmetric tensors (..., 3, 3)."""
+    return tensors[..., _ROWS, _COLUMNS]
 
 
 class Weights(NamedTuple):
-    """Effect of a step on each term (k,): ``decay`` of Q, ``ramp`` of a linear change of S, ``curvature`` of its
-    curvature.
+    """Effect of a time step h on the stress Q of each term.
 
-    ``curvature`` times h² S'' is the error of a linear change where S has that second derivative.
+    Attributes
+    ----------
+    decay : (k,) ndarray
+        Factor of Q at the start.
+    ramp : (k,) ndarray
+        Factor of a linear change of S, before the weight g.
+    curvature : (k,) ndarray
+        Times h² S'', the error of a linear change of S with that second derivative.
     """
 
     decay: np.ndarray
@@ -75,12 +94,12 @@ class Viscoelastic(Displayed):
 
     @property
     def shares(self) -> np.ndarray:
-        """(k,) g."""
-        return np.array([share for share, _ in self.prony])
+        """(k,) weights g."""
+        return np.array([weight for weight, _ in self.prony])
 
     @property
     def times(self) -> np.ndarray:
-        """(k,) tau in s."""
+        """(k,) relaxation times tau in s."""
         return np.array([time for _, time in self.prony])
 
     def relaxation(self, time: float | np.ndarray) -> np.ndarray:
@@ -94,24 +113,24 @@ class Viscoelastic(Displayed):
         Returns
         -------
         (...) ndarray
-            From 1 at once to what the springs alone bear.
+            From 1 at once to 1 - sum of g after a long time.
         """
         return 1 + np.expm1(-np.asarray(time, dtype=float)[..., None] / self.times) @ self.shares
 
     def over(self, step: float) -> Weights:
-        """Effect of a step in s on each term."""
+        """Effect of a step of a duration in s on each term."""
         x = np.minimum(step / self.times, LONGEST)
         series = x / 12 - x**2 / 24 + x**3 / 80
-        long = np.maximum(x, SHORT)
+        clipped = np.maximum(x, SHORT)
         decay, ramp = np.exp(-x), np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1.0)
         with np.errstate(under="ignore"):
-            closed = -0.5 * np.expm1(-long) / long - (1 - np.exp(-long) * (1 + long)) / long**2
-        return Weights(decay, ramp, np.where(x < SHORT, series, closed))
+            closed_form = -0.5 * np.expm1(-clipped) / clipped - (1 - np.exp(-clipped) * (1 + clipped)) / clipped**2
+        return Weights(decay, ramp, np.where(x < SHORT, series, closed_form))
 
 
 @dataclass(frozen=True)
 class Elastic(Viscoelastic):
-    """An elastic silicone, as a viscoelastic one without terms: with friction, it too has a history."""
+    """An elastic silicone as a viscoelastic one without terms: under friction its states depend on earlier ones too."""
 
     prony: Terms = ()
 
@@ -120,7 +139,7 @@ class Elastic(Viscoelastic):
 
 
 def checked_terms(prony: object) -> Terms:
-    """The terms of a Prony series as pairs of numbers; raises `InputError`."""
+    """The terms of a Prony series as pairs of numbers; raises `InputError` if they are not allowed."""
 
     def is_pair(term: object) -> bool:
         return is_row(term, is_number) and len(term) == 2  # type: ignore[arg-type]
@@ -130,15 +149,15 @@ def checked_terms(prony: object) -> Terms:
     terms: Sequence[Sequence[float]] = prony  # type: ignore[assignment]
     if len(terms) > MOST_TERMS:
         raise InputError(f"prony with {len(terms)} terms is not allowed: at most {MOST_TERMS} are.")
-    for share, time in terms:
-        if not (share > 0 and time > 0):
-            raise InputError(f"prony term {share:g} {time:g} is not allowed: a share and a time above 0 are needed.")
-    total = sum(share for share, _ in terms)
+    for weight, time in terms:
+        if not (weight > 0 and time > 0):
+            raise InputError(f"prony term {weight:g} {time:g} is not allowed: a share and a time above 0 are needed.")
+    total = sum(weight for weight, _ in terms)
     if not total < 1:
         raise InputError(
             f"prony shares that add up to {total:g} are not allowed: less than 1 is needed, or no stiffness remains."
         )
-    return tuple((float(share), float(time)) for share, time in terms)
+    return tuple((float(weight), float(time)) for weight, time in terms)
 
 
 def prony_of(text: str) -> Terms:
@@ -152,7 +171,7 @@ def prony_of(text: str) -> Terms:
     Returns
     -------
     tuple[tuple[float, float], ...]
-        None if the text is blank.
+        Weights and times; empty if the text is blank.
 
     Raises
     ------

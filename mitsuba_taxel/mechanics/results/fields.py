@@ -11,7 +11,7 @@ from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.locate import displacement_gradient
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.materials.symmetric import tensors
+from mitsuba_taxel.mechanics.materials.viscoelastic import tensors
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,7 +38,7 @@ class Clock:
 class Measures:
     """Those of a step, of which time is the only one."""
 
-    main, other = Clock(), None
+    main, second = Clock(), None
 
     def bump(self, time):
         t = self.main.at(time)

@@ -34,13 +34,13 @@ def by_equations(prony, rates, lengths):
 @pytest.mark.parametrize("prony", SERIES.values(), ids=SERIES)
 def test_creep_is_the_solution_of_the_equations_of_the_terms(prony):
     response = CreepResponse.of(prony, True)
-    assert response.lasting + response.amounts.sum() == pytest.approx(1, abs=1e-9 * response.lasting)
+    assert response.lasting + response.amplitudes.sum() == pytest.approx(1, abs=1e-9 * response.lasting)
     memory, at, total = response.at_rest(1), 0.0, []
     rates, lengths = [0.5, -0.2, 0.0], [3.0, 4.0, 20.0]
     for rate, length in zip(rates, lengths, strict=True):
         memory = response.after(memory, np.array([rate * length]), length)
         at += rate * length
-        total.append(float(response.lasting * at + response.amounts @ memory[:, 0]))
+        total.append(float(response.lasting * at + response.amplitudes @ memory[:, 0]))
     np.testing.assert_allclose(total, by_equations(prony, rates, lengths), rtol=1e-6)
 
 
@@ -49,25 +49,25 @@ def test_the_measure_of_a_step_is_the_share_of_its_response():
     for creeps in (True, False):
         response, length = CreepResponse.of(prony, creeps), 7.0
         measures = response.measures(memory, rate, length)
-        course, even = (measures.main, measures.other) if creeps else (measures.other, measures.main)
+        course, even = (measures.main, measures.second) if creeps else (measures.second, measures.main)
         np.testing.assert_allclose(even.at(np.array([0.0, 3.5, 7.0])), [0, 0.5, 1], atol=1e-15)
 
         def strain(time, response=response):
             after = response.after(memory, rate * time, time)
-            return response.lasting * rate[0] * time + response.amounts @ after[:, 0]
+            return response.lasting * rate[0] * time + response.amplitudes @ after[:, 0]
 
-        start = response.amounts @ memory[:, 0]
+        start = response.amplitudes @ memory[:, 0]
         for time in (0.1, 2.0, 6.9):
             assert course.at(time) == pytest.approx((strain(time) - start) / (strain(length) - start), rel=1e-12)
     assert measures.main.time_at(0.5) == pytest.approx(3.5)
     held = CreepResponse.of(prony, True).measures(memory, 0 * rate, 1e9)
-    assert held.other is None and held.main.at(held.main.time_at(0.5)) == pytest.approx(0.5) and held.main.ends
+    assert held.second is None and held.main.at(held.main.time_at(0.5)) == pytest.approx(0.5) and held.main.ends
 
 
 def test_a_response_that_turns_is_no_measure():
     memory = np.array([[-3.0], [8.0]])
     turning = CreepResponse.of(SERIES["two"], True).measures(memory, np.array([-0.4]), 30.0)
-    np.testing.assert_array_equal(turning.main.parts, [])
+    np.testing.assert_array_equal(turning.main.amplitudes, [])
 
 
 @pytest.mark.parametrize("length", [1e-6, 0.3, 7.0, 400.0])

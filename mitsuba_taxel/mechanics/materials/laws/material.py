@@ -64,7 +64,7 @@ class Material(Kind, Checked, Displayed, family="material"):
         Mapping[str, Parameter]
             By name, in the order of the fields.
         """
-        stated = parameters_of(cls)
+        declared = parameters_of(cls)
         law: Any = cls
         plain = {
             field.name: Number(
@@ -74,7 +74,7 @@ class Material(Kind, Checked, Displayed, family="material"):
             )
             for field in fields(law)
         }
-        return {name: stated.get(name, one) for name, one in plain.items() if name != "poisson_ratio"}
+        return {name: declared.get(name, parameter) for name, parameter in plain.items() if name != "poisson_ratio"}
 
     @abstractmethod
     def strain_energy(self, i1: Any, i2: Any) -> Any:

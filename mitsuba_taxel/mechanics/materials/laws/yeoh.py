@@ -32,6 +32,6 @@ class Yeoh(Material, name="yeoh", rank=3):
         return self.c10 * (i1 - 3) + self.c20 * (i1 - 3) ** 2 + self.c30 * (i1 - 3) ** 3
 
     def _check(self) -> None:
-        least = math.sqrt(3 * self.c10 * self.c30)
-        rises = f"0 or more, or above -sqrt(3 c10 c30) = {-least:.4g}, is needed for an energy that rises with strain"
-        self._require("c20", self.c20 >= 0 or self.c20 > -least, rises)
+        limit = math.sqrt(3 * self.c10 * self.c30)
+        rises = f"0 or more, or above -sqrt(3 c10 c30) = {-limit:.4g}, is needed for an energy that rises with strain"
+        self._require("c20", self.c20 >= 0 or self.c20 > -limit, rises)
