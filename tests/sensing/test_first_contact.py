@@ -113,7 +113,7 @@ def test_a_dragged_indenter_is_refused(tmp_path):
     start, force = one_cell(fz=-1).replace('"fz"', '"dx"').split("<vector", 1)
     text = start + load + force.split("/>", 1)[1]
     (tmp_path / "dragged.xml").write_text(text)
-    with pytest.raises(InputError, match="along dx cannot be told: a dragged indenter has a path of its own"):
+    with pytest.raises(InputError, match="along dx cannot be told: a dragged indenter has a separate path"):
         first_contact(lambda dx: Scene(tmp_path / "dragged.xml", {"dx": dx}), "dx", 0.5, 1.0)
 
 

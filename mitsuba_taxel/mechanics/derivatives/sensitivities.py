@@ -327,7 +327,7 @@ class LinearisedState:
         barrier_forces = block.forces(self._kept_apart / self._pad.material.youngs_modulus)
 
         def put_up(material: Material) -> np.ndarray:
-            load_forces = block.model.pushed_as(material, self._on(block)[0], self._value)
+            load_forces = block.model.penalty_forces(material, self._on(block)[0], self._value)
             return (
                 assembly.over_unknowns(*strained.of(material)) - load_forces - material.youngs_modulus * barrier_forces
             )

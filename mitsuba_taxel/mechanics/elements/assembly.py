@@ -19,8 +19,8 @@ from mitsuba_taxel.mechanics.elements.sparsity import Sparsity, equal_pairs
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 MOST_KEPT = 1000
-"""Largest number of elements of meshes whose patterns are kept, some 5 MB each: studies and optimisations solve one pad
-after the other on meshes of equal elements."""
+"""Largest number of elements of meshes whose patterns are cached, some 5 MB each: studies and optimisations solve many
+pads with the same elements."""
 _SPARSITIES: Recent[Sparsity] = Recent("sparsities of meshes", 8)
 _PATTERNS: Recent[_Pattern] = Recent("patterns of matrices", 32)
 _Made = TypeVar("_Made")
@@ -33,9 +33,9 @@ class InternalForces:
     Attributes
     ----------
     residual : ndarray
-        Forces and volumes over the unknowns.
+        Forces in N and volumes in mm³ over the unknowns.
     entries : ndarray or None
-        Of the tangent, in the order of :class:`Sparsity`; None if not requested, or an element is inverted.
+        Of the tangent, in the order of :class:`Sparsity`; None if not requested, or if an element is inverted.
     min_jacobian : float
         Smallest volume ratio J at any quadrature point.
     """
@@ -50,10 +50,16 @@ class Assembly:
 
     Parameters
     ----------
+    mesh : VolumeMesh
+        Undeformed mesh.
+    material : Material
+        Elastic law.
+    numbering : Numbering
+        Of the unknowns.
     like : Assembly, optional
         Another assembly of the same mesh and material, whose elements it shares.
     linear : (m, q) ndarray, optional
-        Where the law is linear; see `Elements`.
+        Quadrature points where the law is linear; see `Elements`.
     """
 
     def __init__(
@@ -93,7 +99,12 @@ class Assembly:
         pressure : (corners,) ndarray
             In MPa, positive in tension.
         stress_update : StressUpdate, optional
-            History of a viscoelastic solid.
+            Isochoric stress of a viscoelastic solid.
+
+        Returns
+        -------
+        InternalForces
+            NaN where an element is inverted.
         """
         state = self.elements.evaluate(displacement, pressure, with_tangent, stress_update)
         if not state.min_jacobian > 0:

@@ -1,7 +1,7 @@
 """Numbering of the unknowns under constraints: fixed at the board, on planes of symmetry, tied to a rigid plate.
 
-A degree of freedom is fixed, or equals plus or minus one unknown, which others may share. Assembly then needs no
-constraint equations, and matrices remain symmetric.
+A degree of freedom is fixed, or equals plus or minus one unknown; several may equal the same unknown. Assembly then
+needs no constraint equations, and matrices remain symmetric.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ class Numbering:
     sign : (3 N + corners,) ndarray
         Factor of the unknown.
     nodes : int
-        N.
+        Number N of nodes.
     displacements, pressures : int
         Numbers of unknowns of each kind.
     plate : (3,) ndarray or None
         Unknown of each component of the plate's displacement, -1 where it is 0; None without a plate.
     plate_sign : ndarray or None
-        (3,).
+        (3,) factor of these unknowns.
     """
 
     unknown: np.ndarray
@@ -70,22 +70,22 @@ class Numbering:
 
     @property
     def plate_unknowns(self) -> np.ndarray:
-        """(k,) the unknowns that move the plate."""
+        """(k,) unknowns that move the plate."""
         assert self.plate is not None
         return np.unique(self.plate[self.plate >= 0])
 
     def on_plate(self, force: np.ndarray) -> np.ndarray:
-        """(unknowns,) share of a force (3,) on the plate on each unknown."""
+        """(unknowns,) component of a force (3,) on the plate along each unknown."""
         assert self.plate is not None and self.plate_sign is not None
         moving = self.plate >= 0
         weights = (self.plate_sign * force)[moving]
         return np.bincount(self.plate[moving], weights=weights, minlength=self.displacements + self.pressures)
 
     def of_plate(self, forces: np.ndarray) -> np.ndarray:
-        """(3,) the force on the plate equivalent to ``forces`` on the unknowns; the inverse of :meth:`on_plate`."""
+        """(3,) force on the plate that is equivalent to ``forces`` on the unknowns; the inverse of :meth:`on_plate`."""
         assert self.plate is not None and self.plate_sign is not None
-        shared = np.array([np.count_nonzero(self.plate == unknown) for unknown in self.plate])
-        return np.where(self.plate >= 0, self.plate_sign * forces[self.plate] / shared, 0.0)
+        sharing = np.array([np.count_nonzero(self.plate == unknown) for unknown in self.plate])
+        return np.where(self.plate >= 0, self.plate_sign * forces[self.plate] / sharing, 0.0)
 
     def plate_values(self, displacement: np.ndarray) -> np.ndarray:
         """(k,) values of :attr:`plate_unknowns` for a displacement (3,) of the plate that its constraints allow."""
@@ -118,7 +118,7 @@ def number_unknowns(
     """
     nodes, corners = len(mesh.points), mesh.corner_count
     body = _Dofs(np.append(fixed, False), corners)  # the plate is an additional node
-    for mirror in MIRRORS:  # diagonal ones last: they tie what the others may fix
+    for mirror in MIRRORS:  # diagonal ones last: they tie components that the others may fix
         if mirror not in walls:
             continue
         on_plane = np.append(mirror.side(mesh.points) == 0, True)
@@ -129,7 +129,7 @@ def number_unknowns(
 
 
 class _Dofs:
-    """Per node and component: whether it is fixed, and the degree of freedom that it is tied to."""
+    """Degrees of freedom (N, 3): whether each is fixed, and the one that it is tied to, with its sign."""
 
     def __init__(self, fixed: np.ndarray, corners: int) -> None:
         self.root = np.arange(3 * len(fixed)).reshape(-1, 3)
@@ -138,7 +138,8 @@ class _Dofs:
         self.no_pressure = np.zeros(corners, dtype=bool)
 
     def reflect(self, nodes: np.ndarray, mirror: Mirror, sign: int) -> None:
-        """Constrain displacement and pressure at nodes on a mirror according to ``sign``."""
+        """Constrain displacement and pressure at nodes on a mirror: ``sign`` is 1 for symmetric states, -1 for
+        antisymmetric ones, 0 for any states without pressure."""
         if sign <= 0:
             self.no_pressure[nodes[nodes < len(self.no_pressure)]] = True
         if sign == 0:
@@ -146,12 +147,12 @@ class _Dofs:
         diagonal = -mirror.normal[0] * mirror.normal[1]
         if diagonal:
             tie = sign * diagonal  # u_y = tie * u_x
-            tied = self.root[nodes, 1] == self.root[nodes, 0]
-            clash = nodes[tied & (self.sign[nodes, 1] != tie)]
+            is_tied = self.root[nodes, 1] == self.root[nodes, 0]
+            clash = nodes[is_tied & (self.sign[nodes, 1] != tie)]
             self.fixed[clash, :2] = True
             self.root[nodes, 1], self.sign[nodes, 1] = self.root[nodes, 0], tie
-            either = self.fixed[nodes, 0] | self.fixed[nodes, 1]
-            self.fixed[nodes, 0] = self.fixed[nodes, 1] = either
+            fixed_either = self.fixed[nodes, 0] | self.fixed[nodes, 1]
+            self.fixed[nodes, 0] = self.fixed[nodes, 1] = fixed_either
         else:
             normal = 0 if mirror.normal[0] else 1
             self.fixed[nodes, normal if sign > 0 else 1 - normal] = True
@@ -159,6 +160,7 @@ class _Dofs:
             self.fixed[nodes, 2] = True
 
     def numbering(self, with_plate: bool) -> Numbering:
+        """Number the free degrees of freedom, then the pressures; the last node is the plate."""
         used = np.zeros(self.root.size, dtype=bool)
         followed = self.root[: None if with_plate else -1][~self.fixed[: None if with_plate else -1]]
         used[followed] = True

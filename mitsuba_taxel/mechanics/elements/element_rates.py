@@ -1,4 +1,4 @@
-"""Rates of the internal forces of elements with the material and with the undeformed nodes.
+"""Derivatives of the internal forces of elements by the material and by the undeformed nodes.
 
 With G the gradient of the nodes' velocity V, integrals over the undeformed solid change by its divergence tr G, and
 gradients by -(grad ...) G, so that F changes by -(F - 1) G (the material derivative of shape optimisation: J.
@@ -21,9 +21,12 @@ Forces = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
-class _Piece:
-    """Some of the elements at a state: F; F again, det F, its cofactors, p and the moduli as the law has them, which is
-    at rest where it is linear; and what it leaves out there."""
+class _Chunk:
+    """Some of the elements at a state.
+
+    ``deformed`` is F. All other fields are arguments and results of the law, for which F is the identity where it is
+    linear; ``small`` is the small strain there.
+    """
 
     here: slice
     deformed: np.ndarray
@@ -34,8 +37,8 @@ class _Piece:
     moduli: Moduli
     small: SmallStrain | None
 
-    def of(self, material: Material) -> tuple[np.ndarray, np.ndarray]:
-        """Total stress in MPa with a material, and the relative excess of volume."""
+    def stress(self, material: Material) -> tuple[np.ndarray, np.ndarray]:
+        """First Piola-Kirchhoff stress (m, q, 3, 3) in MPa with a material, and relative excess of volume (m, q)."""
         inverse = self.cofactor / self.determinant[..., None, None]
         stress = material.stress(self.gradient, self.determinant, inverse)
         stress = stress + self.pressure[..., None, None] * self.cofactor
@@ -52,43 +55,49 @@ class StrainedElements:
     def __init__(self, elements: Elements, displacement: np.ndarray, pressure: np.ndarray) -> None:
         self._elements = elements
 
-        def piece(start: int) -> _Piece:
+        def chunk_at(start: int) -> _Chunk:
             here = slice(start, start + ELEMENTS_AT_ONCE)
             p = elements.pressures(here, pressure)
             deformed = elements.gradient(here, displacement) + np.eye(3)
             gradient, small = elements.at_rest(here, deformed)
             cofactor = cofactors(gradient)
             determinant = (gradient[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
-            turning = p if small is None else np.where(small.at, 0.0, p)  # its force does not turn with the solid
+            turning = (
+                p if small is None else np.where(small.at, 0.0, p)
+            )  # forces of a linear law do not turn with the solid
             moduli = elements.material.moduli(gradient, determinant, cofactor / determinant[..., None, None], turning)
-            return _Piece(here, deformed, gradient, determinant, cofactor, p, moduli, small)
+            return _Chunk(here, deformed, gradient, determinant, cofactor, p, moduli, small)
 
-        self._pieces = in_turns(piece, len(elements.nodes))
+        self._chunks = in_turns(chunk_at, len(elements.nodes))
 
     def of(self, material: Material) -> Forces:
-        """Forces and volumes with another material."""
+        """Forces and volumes of all elements with another material."""
 
-        def forces(piece: _Piece) -> Forces:
-            stress, excess = piece.of(material)
-            return self._elements.on_nodes(piece.here, stress), self._elements.on_corners(piece.here, excess)
+        def forces(chunk: _Chunk) -> Forces:
+            stress, excess = chunk.stress(material)
+            return self._elements.on_nodes(chunk.here, stress), self._elements.on_corners(chunk.here, excess)
 
-        return _joined([forces(piece) for piece in self._pieces])
+        return _joined([forces(chunk) for chunk in self._chunks])
 
     def rates(self, velocity: np.ndarray) -> Forces:
-        """Rates of these while the undeformed nodes move by a velocity (N, 3)."""
+        """Rates of forces and volumes while the undeformed nodes move with a velocity (N, 3), at constant
+        displacements."""
 
-        def rate(piece: _Piece) -> Forces:
-            spread = self._elements.gradient(piece.here, velocity)
-            change, growth = spread - piece.deformed @ spread, np.trace(spread, axis1=-2, axis2=-1)
-            stress, excess = piece.of(self._elements.material)
-            turned = growth[..., None, None] * stress - stress @ np.swapaxes(spread, -1, -2)
-            excess = growth * excess + (piece.cofactor * change).sum(axis=(-2, -1))
-            stress = piece.moduli.along(change) + turned
-            return self._elements.on_nodes(piece.here, stress), self._elements.on_corners(piece.here, excess)
+        def rate(chunk: _Chunk) -> Forces:
+            velocity_gradient = self._elements.gradient(chunk.here, velocity)
+            change, dilatation = (
+                velocity_gradient - chunk.deformed @ velocity_gradient,
+                np.trace(velocity_gradient, axis1=-2, axis2=-1),
+            )
+            stress, excess = chunk.stress(self._elements.material)
+            convected = dilatation[..., None, None] * stress - stress @ np.swapaxes(velocity_gradient, -1, -2)
+            excess = dilatation * excess + (chunk.cofactor * change).sum(axis=(-2, -1))
+            stress = chunk.moduli.along(change) + convected
+            return self._elements.on_nodes(chunk.here, stress), self._elements.on_corners(chunk.here, excess)
 
-        return _joined([rate(piece) for piece in self._pieces])
+        return _joined([rate(chunk) for chunk in self._chunks])
 
 
-def _joined(parts: list[Forces]) -> Forces:
-    forces, volumes = zip(*parts, strict=True)
+def _joined(chunks: list[Forces]) -> Forces:
+    forces, volumes = zip(*chunks, strict=True)
     return np.concatenate(forces), np.concatenate(volumes)

@@ -29,26 +29,25 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-# The corners and the middles of the faces: exact to degree 3, as the forces of a homogeneous state need on curved
-# elements. A volume that shrinks to nothing at a corner costs infinite energy. With points inside only it does not:
-# elements are then inverted at corners on the glued rim, where the stress is singular: smaller ones earlier.
+# The corners and the centres of the faces: exact to degree 3, which the forces of a homogeneous state need on curved
+# elements. With points at the corners, a volume that shrinks to zero there costs infinite energy. With inner points
+# only, elements would be inverted at corners on the glued rim, where the stress is singular, and smaller elements
+# earlier.
 _CORNERS = np.concatenate([np.zeros((1, 3)), np.eye(3)])
 QUADRATURE_POINTS = np.concatenate([_CORNERS, (_CORNERS.sum(axis=0) - _CORNERS) / 3])
 QUADRATURE_WEIGHTS = np.repeat([1 / 40, 9 / 40], 4) / 6
 _PRESSURE_SHAPES = np.concatenate([1 - QUADRATURE_POINTS.sum(axis=1, keepdims=True), QUADRATURE_POINTS], axis=1)
 
 ELEMENTS_AT_ONCE = 256
-"""Chosen to fit the processor's cache."""
+"""Elements that are evaluated together: their arrays fit the processor's cache."""
 SMALL_STRAIN = 1e-6
-"""Largest displacement gradient of a difference quotient."""
+"""Largest displacement gradient of a finite difference."""
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
-Points = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""F, det F and F^-T at points."""
 
 
 @dataclass(frozen=True)
 class Matrices:
-    """Element tangents, in the form that :meth:`Sparsity.summed` takes."""
+    """Element tangents, as arguments of :meth:`Sparsity.summed`."""
 
     blocks: np.ndarray
     mixed: np.ndarray
@@ -57,7 +56,8 @@ class Matrices:
 
 @dataclass(frozen=True)
 class ElementState:
-    """Internal forces (m, 10, 3), volumes (m, 4) and tangents of m elements at a state; smallest volume ratio."""
+    """Internal forces (m, 10, 3) in N, volumes (m, 4) in mm³ and tangents of m elements, and the smallest volume
+    ratio."""
 
     forces: np.ndarray
     volumes: np.ndarray
@@ -67,7 +67,15 @@ class ElementState:
 
 @dataclass(frozen=True)
 class SmallStrain:
-    """Points ``at`` (m, q) of some elements where the law is linear, and the gradient (n, 3, 3) of displacement."""
+    """Small-strain response at the quadrature points where the law is linear.
+
+    Attributes
+    ----------
+    at : (m, q) ndarray of bool
+        Whether the law is linear at each quadrature point of m elements.
+    gradient : (n, 3, 3) ndarray
+        Displacement gradient at these n points.
+    """
 
     at: np.ndarray
     gradient: np.ndarray
@@ -78,7 +86,7 @@ class SmallStrain:
         return np.trace(self.gradient, axis1=1, axis2=2)
 
     def stress(self, shear_modulus: float) -> np.ndarray:
-        """(n, 3, 3) MPa, isochoric stress 2 mu (e - tr(e) / 3) of the strain e: that of any law to first order."""
+        """(n, 3, 3) MPa, isochoric stress 2 mu (e - tr(e) / 3) of the strain e, which any law has to first order."""
         both = self.gradient + np.swapaxes(self.gradient, 1, 2)
         return shear_modulus * (both - 2 / 3 * self.growth[:, None, None] * np.eye(3))
 
@@ -86,15 +94,27 @@ class SmallStrain:
 class Elements:
     """The elements of a mesh, of one material.
 
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Undeformed mesh.
+    material : Material
+        Elastic law.
+    linear : (m, q) ndarray of bool, optional
+        Where the law is that of small strain.
+
     Attributes
     ----------
-    nodes : (m, 10) ascending; corners : (m, 4)
+    nodes : (m, 10) ndarray
+        Nodes of each element, ascending.
+    corners : (m, 4) ndarray
+        Corners of each element.
     weight : (m, q) ndarray
         Volume of each quadrature point in mm³.
     gradients : (m, q, 10, 3) ndarray
         Of the shape functions of ``nodes``, 1/mm.
     linear : (m, q) ndarray or None
-        Whether the law at a quadrature point is that of small strain; None if nowhere.
+        Whether the law at each quadrature point is that of small strain; None if it is at none.
 
     Raises
     ------
@@ -133,50 +153,75 @@ class Elements:
         with_matrices: bool,
         stress_update: StressUpdate | None = None,
     ) -> ElementState:
-        """Elements at displacement (N, 3) and pressure (corners,); without matrices if one is inverted.
+        """Forces, volumes and tangents of all elements at a state.
 
-        The stress includes that of the ``stress_update``.
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            Of the nodes, mm.
+        pressure : (corners,) ndarray
+            In MPa, positive in tension.
+        with_matrices : bool
+            Whether tangents are needed.
+        stress_update : StressUpdate, optional
+            Isochoric stress of a viscoelastic solid, from that of the law.
+
+        Returns
+        -------
+        ElementState
+            Without matrices if an element is inverted.
         """
         count = len(self.nodes)
         forces, volumes, least = np.empty((count, 10, 3)), np.empty((count, 4)), np.empty(count)
-        matrices = (
-            Matrices(np.empty((count, len(PAIRS[0]), 9)), np.empty((count, 4, 30)), np.empty((count, 4, 4)))
-            if with_matrices
-            else None
-        )
+        matrices = None
+        if with_matrices:
+            pairs = len(PAIRS[0])
+            matrices = Matrices(np.empty((count, pairs, 9)), np.empty((count, 4, 30)), np.empty((count, 4, 4)))
 
         def fill(start: int) -> None:
+            # Kinematics at the quadrature points; an inverted element has no stress.
             here = slice(start, start + ELEMENTS_AT_ONCE)
             weight, p = self.weight[here], self.pressures(here, pressure)
-            by_node = self._by_node[here]
             gradient, small = self.at_rest(here, self.gradient(here, displacement) + np.eye(3))
             cofactor = cofactors(gradient)
             determinant = (gradient[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
             least[here] = determinant.min(axis=1)
             if not determinant.min() > 0:
                 return
+
+            # First Piola-Kirchhoff stress: isochoric, of the history, and of the pressure.
             state = gradient, determinant, cofactor / determinant[..., None, None]
-            stress, kept = self.material.stress(*state), None
+            factor, overstress = 1.0 if stress_update is None else stress_update.factor, None
+            stress = self.material.stress(*state)
             if stress_update is not None:
-                kept = tensors(stress_update.offset[here])
-                stress = stress_update.factor * stress + gradient @ kept
+                overstress = tensors(stress_update.offset[here])
+                stress = factor * stress + gradient @ overstress
             stress = stress + p[..., None, None] * cofactor
             excess = determinant - 1 - self.material.compressibility * p
             if small is not None:
-                share = 1.0 if stress_update is None else stress_update.factor
-                stress[small.at] += share * small.stress(self.material.shear_modulus)
+                stress[small.at] += factor * small.stress(self.material.shear_modulus)
                 excess[small.at] += small.growth
             forces[here] = self.on_nodes(here, stress)
             volumes[here] = self.on_corners(here, excess)
             if matrices is None:
                 return
-            turning = p
-            if small is not None:  # whose forces do not turn with the solid
-                turning = np.where(small.at, 0.0, p)
-                kept = None if kept is None else np.where(small.at[..., None, None], 0.0, kept)
-            matrices.blocks[here] = self._stiffness(here, state, turning, stress_update, kept)
+
+            # Blocks of displacements. Where the law is linear, forces of pressure and history do not turn with the
+            # solid. The derivative of F S by F at constant S is that of a prestressed solid.
+            follower_pressure = p
+            if small is not None:
+                follower_pressure = np.where(small.at, 0.0, p)
+                overstress = None if overstress is None else np.where(small.at[..., None, None], 0.0, overstress)
+            if overstress is None:
+                blocks = self.material.moduli(*state, follower_pressure).stiffness(weight, self.gradients[here])
+            else:
+                moduli = self.material.moduli(*state, follower_pressure / factor).with_inner(overstress / factor)
+                blocks = factor * moduli.stiffness(weight, self.gradients[here])
+            matrices.blocks[here] = blocks
+
+            # Blocks of pressures with displacements, and of pressures.
             normal = _columns(weight, cofactor).reshape(len(p), -1, 3, 1, 3) * _PRESSURE_SHAPES[:, None, :, None]
-            mixed = (by_node @ normal.reshape(len(p), -1, 12)).reshape(len(p), 10, 4, 3)
+            mixed = (self._by_node[here] @ normal.reshape(len(p), -1, 12)).reshape(len(p), 10, 4, 3)
             matrices.mixed[here] = np.swapaxes(mixed, 1, 2).reshape(len(p), 4, 30)
             mass = (weight[:, None, :] * _PRESSURE_SHAPES.T) @ _PRESSURE_SHAPES
             matrices.pressures[here] = -self.material.compressibility * mass
@@ -186,26 +231,12 @@ class Elements:
         return ElementState(forces, volumes, matrices if lowest > 0 else None, lowest)
 
     def at_rest(self, here: slice, gradient: np.ndarray) -> tuple[np.ndarray, SmallStrain | None]:
-        """F (m, q, 3, 3) of some elements, that of rest where the law is linear, and what it leaves out there."""
+        """F (m, q, 3, 3) of a slice of elements, with the identity where the law is linear, and the small strain
+        there."""
         if self.linear is None or not self.linear[here].any():
             return gradient, None
         at = self.linear[here]
         return np.where(at[..., None, None], np.eye(3), gradient), SmallStrain(at, gradient[at] - np.eye(3))
-
-    def _stiffness(
-        self,
-        here: slice,
-        state: Points,
-        pressure: np.ndarray,
-        stress_update: StressUpdate | None,
-        kept: np.ndarray | None,
-    ) -> np.ndarray:
-        """Blocks of some elements: the derivative of F S by F at constant S is that of a prestressed solid."""
-        weight, gradients = self.weight[here], self.gradients[here]
-        if stress_update is None or kept is None:
-            return self.material.moduli(*state, pressure).stiffness(weight, gradients)
-        moduli = self.material.moduli(*state, pressure / stress_update.factor).with_inner(kept / stress_update.factor)
-        return stress_update.factor * moduli.stiffness(weight, gradients)
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
         """(m, q, 6) MPa, second Piola-Kirchhoff stress of the material at a displacement (N, 3); where the law is
@@ -225,7 +256,7 @@ class Elements:
         return np.concatenate(in_turns(stress, len(self.nodes)))
 
     def isochoric_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """(m, q, 6) MPa/s, rate of that stress with a ``velocity`` (N, 3) in mm/s, by a central difference."""
+        """(m, q, 6) MPa/s, rate of the isochoric stress with a ``velocity`` (N, 3) in mm/s, by a central difference."""
         fastest = float(np.abs(self.gradient(slice(None), velocity)).max())
         if not fastest > 0:
             return np.zeros((*self.weight.shape, 6))
@@ -234,25 +265,25 @@ class Elements:
         return fastest / (2 * SMALL_STRAIN) * change
 
     def pulled(self, displacement: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """(m, 10, 3) forces of second Piola-Kirchhoff stresses (m, q, 6) at a displacement (N, 3)."""
+        """(m, 10, 3) N, forces of second Piola-Kirchhoff stresses (m, q, 6) in MPa at a displacement (N, 3)."""
         every = slice(None)
         gradient = self.at_rest(every, self.gradient(every, displacement) + np.eye(3))[0]
         return self.on_nodes(every, gradient @ tensors(stress))
 
     def on_nodes(self, here: slice, stress: np.ndarray) -> np.ndarray:
-        """(m, 10, 3) forces of stresses (m, q, 3, 3) at the quadrature points of some elements."""
+        """(m, 10, 3) N, forces of first Piola-Kirchhoff stresses (m, q, 3, 3) of a slice of elements."""
         return self._by_node[here] @ _columns(self.weight[here], stress)
 
     def on_corners(self, here: slice, excess: np.ndarray) -> np.ndarray:
-        """(m, 4) volumes from relative ones (m, q)."""
+        """(m, 4) mm³, volumes from relative volumes (m, q) of a slice of elements."""
         return (self.weight[here] * excess) @ _PRESSURE_SHAPES
 
     def pressures(self, here: slice, pressure: np.ndarray) -> np.ndarray:
-        """(m, q) pressure at the quadrature points of some elements, from that at the corners (C,)."""
+        """(m, q) MPa, pressure at the quadrature points of a slice of elements, from that at the corners (C,)."""
         return pressure[self.corners[here]] @ _PRESSURE_SHAPES.T
 
     def gradient(self, here: slice | np.ndarray, field: np.ndarray) -> np.ndarray:
-        """(m, q, 3, 3) gradient of a field (N, 3) at the quadrature points of some elements."""
+        """(m, q, 3, 3) gradient of a field (N, 3) at the quadrature points of selected elements."""
         gradient = np.swapaxes(field[self.nodes[here]], 1, 2) @ self._by_node[here]
         return np.swapaxes(gradient.reshape(len(gradient), 3, -1, 3), 1, 2)
 
@@ -263,12 +294,12 @@ def quadrature_places(mesh: VolumeMesh) -> np.ndarray:
 
 
 def in_turns(work: Callable[[int], Result], count: int) -> list[Result]:
-    """Results of ``work`` for each chunk of :data:`ELEMENTS_AT_ONCE` of ``count`` elements, given its first."""
+    """Results of ``work(first)`` for the first element of each chunk of :data:`ELEMENTS_AT_ONCE`."""
     return side_by_side(work, range(0, count, ELEMENTS_AT_ONCE))
 
 
 def _columns(weight: np.ndarray, tensors: np.ndarray) -> np.ndarray:
-    """(m, 3 q, 3) transposes of tensors (m, q, 3, 3), times weights (m, q), stacked."""
+    """(m, 3 q, 3) transposes of tensors (m, q, 3, 3) times weights (m, q), stacked."""
     return np.swapaxes(weight[..., None, None] * tensors, -1, -2).reshape(len(weight), -1, 3)
 
 

@@ -10,17 +10,19 @@ import scipy.sparse as sparse
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation
 
 BATCH = 32
-"""Number of right-hand sides solved at once."""
+"""Number of right-hand sides that are solved together."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoadConstraints:
-    """Prescribed sums of unknowns: ``rows @ unknowns + slack * multipliers`` is given, and ``rows.T @ multipliers``
-    acts.
+    """Prescribed linear combinations of unknowns, enforced by Lagrange multipliers.
+
+    ``rows @ unknowns + slack * multipliers`` is prescribed; ``rows.T @ multipliers`` are the constraint forces.
 
     Attributes
     ----------
     rows : (k, unknowns) csr_array
+        Coefficients of each constraint.
     slack : (k,) ndarray
         Compliance of each constraint.
     """
@@ -29,18 +31,32 @@ class LoadConstraints:
     slack: np.ndarray
 
     def flexibility(self, factor: Factorisation) -> np.ndarray:
-        """(k, k) response of the sums to the constraint forces, from the factored matrix of the pad."""
+        """(k, k) response of the constrained combinations to the multipliers, from the factored matrix of the pad."""
         return responses(factor, self.rows, self.rows) + np.diag(self.slack)
 
     def negative(self, factor: Factorisation) -> int:
-        """Number of negative eigenvalues of the factored matrix that the constraints remove (E. V. Haynsworth,
-        1968)."""
+        """Number of negative eigenvalues of the factored matrix that the constraints remove (E. V. Haynsworth, Linear
+        Algebra Appl. 1, 1968)."""
         return int(np.count_nonzero(np.linalg.eigvalsh(self.flexibility(factor)) < 0)) if len(self.slack) else 0
 
 
 def responses(factor: Factorisation, rows: sparse.csr_array, forces: sparse.csr_array) -> np.ndarray:
-    """(k, p) values of ``rows`` (k, unknowns) for the displacements under each of the forces ``forces`` (p,
-    unknowns)."""
+    """Displacements under given forces.
+
+    Parameters
+    ----------
+    factor : Factorisation
+        Of the tangent of the pad.
+    rows : (k, unknowns) csr_array
+        Linear combinations of the unknowns.
+    forces : (p, unknowns) csr_array
+        Right-hand sides.
+
+    Returns
+    -------
+    (k, p) ndarray
+        Value of each combination under each force.
+    """
     values = np.empty((rows.shape[0], forces.shape[0]))
     for first in range(0, forces.shape[0], BATCH):
         batch = slice(first, first + BATCH)

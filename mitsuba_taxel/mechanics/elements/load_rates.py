@@ -1,4 +1,4 @@
-"""Rates of the nodal forces of a load with the undeformed nodes, at constant displacements."""
+"""Derivatives of the nodal forces of a load by the undeformed nodes, at constant displacements."""
 
 from __future__ import annotations
 
@@ -13,22 +13,42 @@ from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, wet_faces
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 LOAD_STEP = 1e-4
-"""Largest displacement of a node, relative to the mesh's height, for finite differences of load shares."""
+"""Largest movement of a node, relative to the height of the mesh, for finite differences of a distributed load."""
 
 
 def load_rate(
     mesh: VolumeMesh, material: Material, load: Load, displacement: np.ndarray, value: np.ndarray, velocity: np.ndarray
 ) -> np.ndarray:
-    """(N, 3) rate of the nodal forces of a load on a whole pad.
+    """Rate of the nodal forces of a load on a whole pad.
 
     A spread force keeps its total, a patch its position in space, a pressure follows the surface, an indenter keeps its
     height above the pad; loads on a bonded plate do not change.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Undeformed mesh.
+    material : Material
+        Elastic law, which determines the contact stiffness.
+    load : Load
+        On the pad.
+    displacement : (N, 3) ndarray
+        Of the nodes, mm.
+    value : ndarray
+        Of the load.
+    velocity : (N, 3) ndarray
+        Of the undeformed nodes.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        In N per unit of the velocity's parameter.
     """
     if load.follows_surface:
         faces, rate = wet_faces(mesh), np.zeros_like(displacement)
-        places, moves = (mesh.points + displacement)[faces], velocity[faces]
+        positions, moves = (mesh.points + displacement)[faces], velocity[faces]
         # forces are quadratic in the positions, so that this difference is exact
-        np.add.at(rate, faces, 0.5 * (pressure_forces(places + moves) - pressure_forces(places - moves)))
+        np.add.at(rate, faces, 0.5 * (pressure_forces(positions + moves) - pressure_forces(positions - moves)))
         return value[0] * rate
     if load.moved_indenter is not None:
         body = Indentation(mesh, load.moved_indenter, material.youngs_modulus)
@@ -36,11 +56,13 @@ def load_rate(
     fastest = float(np.abs(velocity).max(initial=0.0))
     if not load.dead or fastest == 0:
         return np.zeros_like(displacement)
+
+    # The distribution of a dead force, by a central difference of fourth order.
     step = LOAD_STEP * float(np.ptp(mesh.points[:, 2])) / fastest
-    ahead, behind, further, back = (_share(mesh, load, k * step * velocity) for k in (1, -1, 2, -2))
-    return (8 * (ahead - behind) - (further - back))[:, None] / (12 * step) * value
 
+    def distribution(steps: int) -> np.ndarray:
+        nodal = load.nodal(replace(mesh, points=mesh.points + steps * step * velocity))
+        return nodal / nodal.sum()
 
-def _share(mesh: VolumeMesh, load: Load, moves: np.ndarray) -> np.ndarray:
-    nodal = load.nodal(replace(mesh, points=mesh.points + moves))
-    return nodal / nodal.sum()
+    ahead, behind, ahead_2, behind_2 = (distribution(steps) for steps in (1, -1, 2, -2))
+    return (8 * (ahead - behind) - (ahead_2 - behind_2))[:, None] / (12 * step) * value

@@ -1,4 +1,4 @@
-"""Lack of memory, reported as a one-line error before a compiled solver would crash the process."""
+"""Free memory, and a lack of it as an error of one line before a compiled solver would crash the process."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from mitsuba_taxel.base.errors import ComputationError
 
 ROOM = 1e8
-"""Bytes in addition to those of a computation, for its threads and the rest of the process."""
+"""Bytes kept free beside those of a computation, for its threads and the rest of the process."""
 
 _PROCESS, _MACHINE, _GROUP = Path("/proc/self/status"), Path("/proc/meminfo"), Path("/sys/fs/cgroup")
 
@@ -24,40 +24,42 @@ def require_memory(size: float, purpose: str) -> None:
 
 def free_memory() -> float:
     """Bytes that this process can still allocate, as reported by Linux; infinite on other systems."""
-    return min(_left_by_limit(), _left_by_machine(), _left_by_group())
+    return min(_free_by_limit(), _free_by_machine(), _free_by_group())
 
 
-def _left_by_limit() -> float:
-    """Bytes left by limits on addresses and data (``ulimit -v``, ``-d``); reserved but unused memory counts as free."""
+def _free_by_limit() -> float:
+    """Bytes that limits on addresses and data allow (``ulimit -v``, ``-d``); reserved but unused memory counts as
+    free."""
     try:
         import resource
 
-        addresses, written = (
+        address_limit, data_limit = (
             math.inf if limit == resource.RLIM_INFINITY else limit
             for limit, _ in map(resource.getrlimit, (resource.RLIMIT_AS, resource.RLIMIT_DATA))
         )
-        taken = dict(line.split(":") for line in _PROCESS.read_text().splitlines())
-        size, data, filled = (1024 * float(taken[name].split()[0]) for name in ("VmSize", "VmData", "RssAnon"))
-        return min(addresses - size, written - data) + max(data - filled, 0.0)
+        status = dict(line.split(":") for line in _PROCESS.read_text().splitlines())
+        size, data, resident = (1024 * float(status[name].split()[0]) for name in ("VmSize", "VmData", "RssAnon"))
+        return min(address_limit - size, data_limit - data) + max(data - resident, 0.0)
     except (ImportError, OSError, KeyError):
         return math.inf
 
 
-def _left_by_machine() -> float:
+def _free_by_machine() -> float:
+    """Bytes that the machine has free, with swap."""
     try:
-        lines = dict(line.split(":") for line in _MACHINE.read_text().splitlines())
-        return 1024 * sum(float(lines[name].split()[0]) for name in ("MemAvailable", "SwapFree"))
+        figures = dict(line.split(":") for line in _MACHINE.read_text().splitlines())
+        return 1024 * sum(float(figures[name].split()[0]) for name in ("MemAvailable", "SwapFree"))
     except (OSError, KeyError):
         return math.inf
 
 
-def _left_by_group() -> float:
-    """Bytes left by a limit of the process's control group; cached pages of files count as free."""
+def _free_by_group() -> float:
+    """Bytes that the limit of the process's control group allows; cached pages of files count as free."""
     try:
         limit = float((_GROUP / "memory.max").read_text().replace("max", "inf"))
         used = float((_GROUP / "memory.current").read_text())
-        kept = dict(line.split() for line in (_GROUP / "memory.stat").read_text().splitlines())
-        return limit - used + float(kept["inactive_file"])
+        cached = dict(line.split() for line in (_GROUP / "memory.stat").read_text().splitlines())
+        return limit - used + float(cached["inactive_file"])
     except (OSError, KeyError):
         return math.inf
 

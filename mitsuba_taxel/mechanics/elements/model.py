@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.contact.indentation import ContactState, Indentation
-from mitsuba_taxel.mechanics.elements.assembly import Assembly, InternalForces
+from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
 from mitsuba_taxel.mechanics.elements.load_constraints import LoadConstraints
@@ -53,8 +53,15 @@ class Model:
 
     Parameters
     ----------
+    part : SymmetricPart
+        The part, between mirrors of the pad.
+    material : Material
+        Elastic law of the silicone.
+    load : Load
+        On the whole pad.
     signs : Mapping[Mirror, int]
-        At the walls of the part, 1 for symmetric states, -1 for antisymmetric ones, 0 for any without pressure there.
+        At the walls of the part: 1 for symmetric states, -1 for antisymmetric ones, 0 for any states without pressure
+        there.
     fixed_plate : bool
         Whether a bonded plate is fixed, rather than an additional unknown.
     like : Model, optional
@@ -82,8 +89,13 @@ class Model:
             fixed[top] |= fixed_plate
             plate = None if fixed_plate else top
         self.numbering = number_unknowns(self.mesh, fixed, signs, plate)
-        shared, of_part = like.assembly if like else None, None if linear is None else linear[part.elements]
-        self.assembly: Assembly = Assembly(self.mesh, material, self.numbering, shared, of_part)
+        self.assembly: Assembly = Assembly(
+            self.mesh,
+            material,
+            self.numbering,
+            like.assembly if like else None,
+            None if linear is None else linear[part.elements],
+        )
 
     def evaluate(
         self,
@@ -92,41 +104,61 @@ class Model:
         value: np.ndarray,
         with_tangent: bool = True,
         stress_update: StressUpdate | None = None,
-        pushed_by: tuple[np.ndarray, np.ndarray | None] | tuple[()] = (),
+        contact_forces: tuple[np.ndarray, np.ndarray | None] | tuple[()] = (),
     ) -> Configuration:
-        """The part with displacement (n, 3) and pressure (corners,) under a load of the whole pad's ``value``.
+        """Residual and tangent of the part at a state.
 
-        An indenter acts by the pressures and tractions ``pushed_by`` if given, else by those of the gaps. In the
-        tangent they are constant: the contact constraints are in :meth:`constraints`.
+        Parameters
+        ----------
+        displacement : (n, 3) ndarray
+            Of the nodes of the part, mm.
+        pressure : (corners,) ndarray
+            In MPa, positive in tension.
+        value : ndarray
+            Of the load on the whole pad.
+        with_tangent : bool
+            Whether the tangent is needed.
+        stress_update : StressUpdate, optional
+            Isochoric stress of a viscoelastic solid.
+        contact_forces : tuple of ndarray, optional
+            Pressures (m,) and tractions (m, 3) or None of an indenter, in MPa; by default the pressures of the gaps.
+            In the tangent they are constant: :meth:`constraints` are separate.
+
+        Returns
+        -------
+        Configuration
+            Residual over the unknowns, and entries of the tangent.
         """
-        inside = self.assembly.evaluate(displacement, pressure, with_tangent, stress_update)
-        if inside.entries is not None and self.load.follows_surface:
-            places = (self.mesh.points + displacement)[self._wet_faces]
-            stiffness = -value[0] * pressure_stiffness(places)
-            self.assembly.sparsity.add_blocks(inside.entries, self._wet_faces, stiffness)
+        internal, contact_state = self.assembly.evaluate(displacement, pressure, with_tangent, stress_update), None
+        entries = internal.entries
         if self.load.moved_indenter is not None:
-            return self._indented(inside, self.indentation.contact_state(displacement, value, *pushed_by))
-        load = self.load_vector(displacement, value)
-        return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian)
-
-    def _indented(self, inside: InternalForces, contact_state: ContactState) -> Configuration:
-        if inside.entries is not None and contact_state.pressure.any():
-            self.assembly.sparsity.add_blocks(inside.entries, *self.indentation.stiffness(contact_state))
-        load = self.numbering.summed(contact_state.nodal_forces)
-        return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian, contact_state)
+            # Pressures of contact, whose directions follow the normals of the indenter.
+            contact_state = self.indentation.contact_state(displacement, value, *contact_forces)
+            load = self.numbering.summed(contact_state.nodal_forces)
+            if entries is not None and contact_state.pressure.any():
+                self.assembly.sparsity.add_blocks(entries, *self.indentation.stiffness(contact_state))
+        else:
+            # The load itself; a pressure follows the surface.
+            load = self.load_vector(displacement, value)
+            if entries is not None and self.load.follows_surface:
+                positions = (self.mesh.points + displacement)[self._wet_faces]
+                self.assembly.sparsity.add_blocks(entries, self._wet_faces, -value[0] * pressure_stiffness(positions))
+        return Configuration(internal.residual - load, load, entries, internal.min_jacobian, contact_state)
 
     def constraints(self, displacement: np.ndarray, value: np.ndarray) -> LoadConstraints:
-        """Constraints of the load: the plate's displacement, or the gaps of contact with an indenter."""
+        """Constraints of the load at a displacement (n, 3): that of the plate, or the gaps of contact with an
+        indenter."""
         if self.load.moved_indenter is not None:
             contact_state = self.indentation.contact_state(displacement, value)
             pressed = self.pressed(contact_state)
             return LoadConstraints(self.over_unknowns(contact_state.rate[pressed]), self.indentation.slack[pressed])
         driven = self.load.moves_plate and self.numbering.plate is not None
-        moved = self.numbering.plate_unknowns if driven else np.zeros(0, int)
+        driven_unknowns = self.numbering.plate_unknowns if driven else np.zeros(0, int)
         rows = sparse.csr_array(
-            (np.ones(len(moved)), (np.arange(len(moved)), moved)), shape=(len(moved), self.assembly.unknowns)
+            (np.ones(len(driven_unknowns)), (np.arange(len(driven_unknowns)), driven_unknowns)),
+            shape=(len(driven_unknowns), self.assembly.unknowns),
         )
-        return LoadConstraints(rows, np.zeros(len(moved)))
+        return LoadConstraints(rows, np.zeros(len(driven_unknowns)))
 
     def pressed(self, contact_state: ContactState) -> np.ndarray:
         """Numbers of the positive pressures among those of :attr:`may_press`."""
@@ -134,29 +166,29 @@ class Model:
 
     @cached_property
     def may_press(self) -> np.ndarray:
-        """(m,) whether the node of a pressure can move; antisymmetric states have no pressure on their mirror."""
+        """(m,) whether the node of each contact pressure can move: antisymmetric states have none on their mirror."""
         return self.numbering.unknown[3 * self.indentation.node + 2] >= 0
 
     def over_unknowns(self, rows: sparse.csr_array) -> sparse.csr_array:
-        """Rows (k, 3 n) over nodal displacements, as rows over the unknowns."""
+        """Rows (k, unknowns) from rows (k, 3 n) over nodal displacements."""
         return rows @ self._displacements_of_unknowns
 
     @cached_property
     def _displacements_of_unknowns(self) -> sparse.csr_array:
-        """(3 n, unknowns)."""
+        """(3 n, unknowns) nodal displacements of each unknown."""
         degrees = 3 * len(self.mesh.points)
         free = np.flatnonzero(self.numbering.unknown[:degrees] >= 0)
         entries = self.numbering.sign[free], (free, self.numbering.unknown[free])
         return sparse.csr_array(entries, shape=(degrees, self.assembly.unknowns))
 
     def least_nodal_jacobian(self, displacement: np.ndarray, nodes: np.ndarray) -> float:
-        """Smallest volume ratio J of elements at some ``nodes`` (n,), which may be far below that at quadrature points;
-        1 without nodes."""
+        """Smallest volume ratio J of elements at selected nodes (n,), which may be far below that at quadrature points;
+        1 if none is selected."""
         deformed = map_determinants(self.mesh.points + displacement, self.mesh.tets)
         return float((deformed / self._determinants)[nodes[self.mesh.tets]].min(initial=1.0))
 
     def load_vector(self, displacement: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """Forces of the load over the unknowns, linear in ``value``; zero for a prescribed displacement."""
+        """(unknowns,) forces of the load, linear in its ``value``; zero for a prescribed displacement."""
         if self.load.follows_surface:
             nodal = np.zeros_like(displacement)
             np.add.at(nodal, self._wet_faces, pressure_forces((self.mesh.points + displacement)[self._wet_faces]))
@@ -165,23 +197,23 @@ class Model:
             return np.zeros(self.assembly.unknowns)
         if self.load.bonded_plate:
             return self.numbering.on_plate(np.asarray(value) / self.part.copies)
-        return self.numbering.summed(self._share[:, None] * value)
+        return self.numbering.summed(self._nodal_fractions[:, None] * value)
 
     def load_rate(self, displacement: np.ndarray, direction: np.ndarray, value: np.ndarray | None) -> np.ndarray:
-        """Derivative of the forces of the load over the unknowns by its value along ``direction``."""
+        """(unknowns,) derivative of the forces of the load by its value along ``direction``."""
         if self.load.moved_indenter is not None:
             assert value is not None
             contact_state = self.indentation.contact_state(displacement, value)
             return self.numbering.summed(self.indentation.rate(contact_state, direction, self.pressed(contact_state)))
         return self.load_vector(displacement, direction)
 
-    def pushed_as(self, material: Material, displacement: np.ndarray, value: np.ndarray) -> np.ndarray | float:
-        """Forces over the unknowns of an indenter on what penetrates it, with the contact stiffness for a material."""
+    def penalty_forces(self, material: Material, displacement: np.ndarray, value: np.ndarray) -> np.ndarray | float:
+        """(unknowns,) penalty forces of an indenter, with the contact stiffness of another material; 0 without one."""
         if self.load.moved_indenter is None:
             return 0.0
-        own = self.assembly.elements.material
-        nodal_forces = self.numbering.summed(self.indentation.contact_state(displacement, value).nodal_forces)
-        return material.youngs_modulus / own.youngs_modulus * nodal_forces
+        own_material = self.assembly.elements.material
+        forces = self.numbering.summed(self.indentation.contact_state(displacement, value).nodal_forces)
+        return material.youngs_modulus / own_material.youngs_modulus * forces
 
     def _faces(self, region: str) -> np.ndarray:
         return self.mesh.faces[self.mesh.face_region == REGIONS[region]]
@@ -192,8 +224,8 @@ class Model:
         return map_determinants(self.mesh.points, self.mesh.tets)
 
     @cached_property
-    def _share(self) -> np.ndarray:
-        """(n,) share of the whole pad's force that each node of the part carries."""
+    def _nodal_fractions(self) -> np.ndarray:
+        """(n,) fraction of the whole pad's force on each node of the part."""
         nodal = self.load.nodal(self.mesh)
         return nodal / (self.part.copies * nodal.sum())
 

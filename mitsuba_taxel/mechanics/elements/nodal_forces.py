@@ -21,15 +21,32 @@ def internal_forces(
     overstress: np.ndarray | None = None,
     linear: np.ndarray | None = None,
 ) -> np.ndarray:
-    """(N, 3) N at each node, for displacements (N, 3) in mm and pressures (corners,) in MPa.
+    """Internal forces of the elements at each node.
 
-    ``overstress`` (m, q, 6) in MPa is the viscoelastic stress in addition to that of the material; the law is linear at
-    the quadrature points ``linear`` (m, q).
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Undeformed mesh.
+    material : Material
+        Elastic law.
+    displacement : (N, 3) ndarray
+        Of the nodes, mm.
+    pressure : (corners,) ndarray
+        In MPa, positive in tension.
+    overstress : (m, q, 6) ndarray, optional
+        MPa, viscoelastic stress in addition to that of the material.
+    linear : (m, q) ndarray of bool, optional
+        Quadrature points where the law is linear.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        In N.
     """
     nodes = len(mesh.points)
-    nothing_held = number_unknowns(mesh, np.zeros(nodes, dtype=bool))
+    unconstrained = number_unknowns(mesh, np.zeros(nodes, dtype=bool))
     stress_update = None if overstress is None else StressUpdate(1.0, overstress, part_between(mesh, {}, ()))
-    assembly = Assembly(mesh, material, nothing_held, linear=linear)
+    assembly = Assembly(mesh, material, unconstrained, linear=linear)
     inside = assembly.evaluate(displacement, pressure, with_tangent=False, stress_update=stress_update)
     return inside.residual[: 3 * nodes].reshape(-1, 3)
 
@@ -48,7 +65,19 @@ def glued_force(
     region: str = "bottom",
     linear: np.ndarray | None = None,
 ) -> np.ndarray:
-    """(3,) N, force of what is glued to a region on the pad, which nothing else touches there; see
-    :func:`internal_forces`."""
+    """Force on the pad at a region where it is glued.
+
+    Parameters
+    ----------
+    mesh, material, displacement, pressure, overstress, linear
+        As of :func:`internal_forces`.
+    region : str
+        Name of the region, on which no other force acts.
+
+    Returns
+    -------
+    (3,) ndarray
+        In N.
+    """
     forces = internal_forces(mesh, material, displacement, pressure, overstress, linear)
     return forces[nodes_of(mesh, region)].sum(axis=0)

@@ -13,7 +13,7 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slope
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.regions import REGIONS
 
-# Six points, exact to degree 4 (D. A. Dunavant, Int. J. Numer. Methods Eng. 21, 1985), that of the forces of a
+# Six points, exact to degree 4 (D. A. Dunavant, Int. J. Numer. Methods Eng. 21, 1985), the degree of the forces on a
 # quadratic face.
 _A, _B = 0.445948490915965, 0.091576213509771
 _POINTS = np.array([(x, y) for a in (_A, _B) for x, y in ((a, a), (a, 1 - 2 * a), (1 - 2 * a, a))])
@@ -29,20 +29,20 @@ def wet_faces(mesh: VolumeMesh) -> np.ndarray:
     return np.concatenate([mesh.faces[mesh.face_region == REGIONS[name]] for name in ("top", "outer")])
 
 
-def pressure_forces(places: np.ndarray) -> np.ndarray:
-    """(B, 6, 3) nodal forces of a unit pressure on outward-oriented faces with nodes at ``places`` (B, 6, 3)."""
-    normal = np.cross(_BY_XI @ places, _BY_ETA @ places)
+def pressure_forces(positions: np.ndarray) -> np.ndarray:
+    """(B, 6, 3) nodal forces of a unit pressure on outward-oriented faces with nodes at ``positions`` (B, 6, 3)."""
+    normal = np.cross(_BY_XI @ positions, _BY_ETA @ positions)
     return -np.einsum("q,qa,bqi->bai", _WEIGHTS, _VALUES, normal)
 
 
-def pressure_stiffness(places: np.ndarray) -> np.ndarray:
+def pressure_stiffness(positions: np.ndarray) -> np.ndarray:
     """(B, 18, 18) symmetric part of the derivative of :func:`pressure_forces` by the positions of the nodes."""
-    along_xi, along_eta = _BY_XI @ places, _BY_ETA @ places
-    turned_xi, turned_eta = (_cross_matrices(v) for v in (along_xi, along_eta))
+    along_xi, along_eta = _BY_XI @ positions, _BY_ETA @ positions
+    cross_xi, cross_eta = (_cross_matrices(v) for v in (along_xi, along_eta))
     weighted = _WEIGHTS[:, None] * _VALUES
     # d(x,xi x x,eta) = -[x,eta]x dx,xi + [x,xi]x dx,eta
-    stiffness = np.einsum("qa,bqij,qc->baicj", weighted, turned_eta, _BY_XI, optimize=True)
-    stiffness -= np.einsum("qa,bqij,qc->baicj", weighted, turned_xi, _BY_ETA, optimize=True)
+    stiffness = np.einsum("qa,bqij,qc->baicj", weighted, cross_eta, _BY_XI, optimize=True)
+    stiffness -= np.einsum("qa,bqij,qc->baicj", weighted, cross_xi, _BY_ETA, optimize=True)
     stiffness = stiffness.reshape(-1, 18, 18)
     return 0.5 * (stiffness + np.swapaxes(stiffness, 1, 2))
 

@@ -28,18 +28,19 @@ MOST_THREADS = 4
 """More threads bring no gain for matrices of pads."""
 
 FEW_UNKNOWNS = 50_000
-"""Smaller matrices are ordered by minimum fill, which is quicker than nested dissection; larger ones get less fill by
-that."""
+"""Smaller matrices are ordered by minimum fill, which is quicker; larger ones by nested dissection, which gives less
+fill."""
 
 ANALYSIS_BYTES = 150
 """Memory per entry for the analysis of a pattern, as measured."""
 
-MOST_LEFT_OUT = 0.05
+MOST_ROUNDING = 0.05
 """Largest estimated norm of E (A + E)^-1 for which a single-precision factor is used; it is typically 1e-3."""
 REFINEMENTS = 10
-"""Maximum, for a solution in full precision."""
+"""Largest number of iterative refinements of a solution in full precision."""
 MOST_BACKWARD_ERROR = 1e-11
-"""Of factors without exchanges of rows: more than rounding, much less than what their growth would leave."""
+"""Largest backward error of factors without row exchanges: more than rounding, much less than growth of pivots
+leaves."""
 
 
 class Factorisation(Protocol):
@@ -52,10 +53,10 @@ class Factorisation(Protocol):
         """Solution for one right-hand side (n,)."""
 
     def solve_roughly(self, rhs: np.ndarray) -> np.ndarray:
-        """The same to a few digits, for use within an iteration."""
+        """Solution to a few digits, for use within an iteration."""
 
     def solve_many(self, rhs: np.ndarray) -> np.ndarray:
-        """The same for the columns of (n, k)."""
+        """Solutions for the columns of (n, k)."""
 
 
 class Solver(Protocol):
@@ -83,8 +84,8 @@ class _RslabFactorisation:
 
 
 KEPT_UNKNOWNS = 5_000
-"""Largest matrices whose analyses are kept, some 5 MB each: studies solve pads that differ in their load, material or
-shape alone, and an analysis, which the pattern determines, takes as long as a factorisation."""
+"""Largest matrices whose analyses are cached, some 5 MB each. Studies solve pads that differ in load, material or shape
+only, and the analysis, which depends on the pattern alone, takes as long as a factorisation."""
 _ANALYSED: Recent[Any] = Recent("analysed patterns of matrices", 32)
 
 
@@ -108,20 +109,22 @@ class Rslab:
             self._peak = self._symbolic.memory_plan(threads=threads)["factor_peak_bytes"]
         require_memory(self._peak, "a factored matrix")
         try:
-            found = _RslabFactorisation(self._symbolic.factor(lower.data, threads=threads, factor_dtype="float32"))
-            if _left_out(found, lower) < MOST_LEFT_OUT:
-                return found
-            del found
+            factorisation = _RslabFactorisation(
+                self._symbolic.factor(lower.data, threads=threads, factor_dtype="float32")
+            )
+            if _rounding(factorisation, lower) < MOST_ROUNDING:
+                return factorisation
+            del factorisation
         except RuntimeError:  # singular in single precision
             pass
         return _RslabFactorisation(self._symbolic.factor(lower.data, threads=threads))
 
 
-def _left_out(factor: Factorisation, lower: sparse.csc_matrix) -> float:
+def _rounding(factor: Factorisation, lower: sparse.csc_matrix) -> float:
     """Estimate of the Frobenius norm of E (A + E)^-1, from the factored A + E and the lower triangle of A."""
     noise = np.random.default_rng(0).standard_normal(lower.shape[0])
-    found = factor.solve_roughly(noise)
-    return float(np.linalg.norm(noise - symmetric_product(lower, found)))
+    solution = factor.solve_roughly(noise)
+    return float(np.linalg.norm(noise - symmetric_product(lower, solution)))
 
 
 def symmetric_product(lower: sparse.csc_matrix, vector: np.ndarray) -> np.ndarray:
@@ -129,21 +132,22 @@ def symmetric_product(lower: sparse.csc_matrix, vector: np.ndarray) -> np.ndarra
     return lower @ vector + lower.T @ vector - lower.diagonal() * vector
 
 
-def sum_of_triangles(lower: sparse.csc_matrix, further: sparse.csr_array) -> sparse.csc_matrix:
-    """The sum of two triangles; zeros of the first stay: without compressibility, pressures have such on the
-    diagonal."""
-    parts = lower.tocoo(), further.tocoo()
-    values, rows, columns = (np.concatenate([getattr(part, name) for part in parts]) for name in ("data", "row", "col"))
-    found = sparse.csc_matrix((values, (rows, columns)), shape=lower.shape)
-    found.sort_indices()
-    return found
+def sum_of_triangles(lower: sparse.csc_matrix, other: sparse.csr_array) -> sparse.csc_matrix:
+    """The sum of two lower triangles, which keeps stored zeros: incompressible solids have zeros on the diagonal."""
+    triangles = lower.tocoo(), other.tocoo()
+    values, rows, columns = (
+        np.concatenate([getattr(triangle, name) for triangle in triangles]) for name in ("data", "row", "col")
+    )
+    total = sparse.csc_matrix((values, (rows, columns)), shape=lower.shape)
+    total.sort_indices()
+    return total
 
 
 class _SuperLuFactorisation:
     def __init__(self, factor: SuperLU, lower: sparse.csc_matrix) -> None:
         self._factor, self._lower, self._precision = factor, lower, factor.U.dtype
-        # Without row exchanges, signs of pivots are those of eigenvalues (Sylvester). SciPy keeps its copies of both
-        # triangles, as large as the factor.
+        # Without row exchanges, signs of pivots are those of eigenvalues (Sylvester). SciPy keeps copies of both
+        # triangles, as large as the factor; they are dropped.
         upper, unit = factor.U, factor.L
         self.negative_pivots = int(np.count_nonzero(upper.diagonal() < 0))
         for copied in (upper, unit):
@@ -183,9 +187,9 @@ class SuperLu:
     """L U by scipy, without exchanges of rows, so that it gives the inertia.
 
     Tangents of pads are quasidefinite: positive over displacements, negative over pressures. Such matrices need no
-    pivoting, in any order (R. J. Vanderbei, SIAM J. Optim. 5, 1995), and fill in as little as positive ones do in that
-    of minimum degree. Diagonal entries that are too small for that, as pressures have without compressibility, are
-    enlarged; refinement removes the effect.
+    pivoting, in any order (R. J. Vanderbei, SIAM J. Optim. 5, 1995), and fill in as little as positive definite
+    matrices in minimum degree order. Diagonal entries that are too small, as those of pressures in incompressible
+    solids, are enlarged; refinement removes the effect.
     """
 
     def factor(self, lower: sparse.csc_matrix) -> Factorisation:
@@ -205,12 +209,12 @@ class SuperLu:
             with suppress(RuntimeError):  # singular in this precision
                 factor = splu(sparse.csc_matrix(matrix, dtype=precision), **WITHOUT_EXCHANGES)
                 if np.array_equal(factor.perm_r, factor.perm_c):  # no pivot was zero
-                    found = _SuperLuFactorisation(factor, lower)
-                    if _left_out(found, lower) < MOST_LEFT_OUT:
-                        return found
-                    # Next to a singular matrix, rounding is as large as what decides, with any factor.
-                    if precision is np.float64 and found.backward_error() < MOST_BACKWARD_ERROR:
-                        return found
+                    factorisation = _SuperLuFactorisation(factor, lower)
+                    if _rounding(factorisation, lower) < MOST_ROUNDING:
+                        return factorisation
+                    # Close to a singular matrix, no factor resolves the smallest eigenvalue.
+                    if precision is np.float64 and factorisation.backward_error() < MOST_BACKWARD_ERROR:
+                        return factorisation
         raise RuntimeError("the matrix is singular")
 
 

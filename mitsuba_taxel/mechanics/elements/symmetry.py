@@ -18,7 +18,7 @@ from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, M
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
 CUT = 0
-"""Instead of a sign at a wall: displacements are free there, as at a cut, and pressures at its nodes are 0."""
+"""In place of a sign at a wall: displacements are free there, as at a cut, and pressures at its nodes are 0."""
 
 
 def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
@@ -34,38 +34,33 @@ def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
     dict[Mirror, (N,) ndarray of int]
         By mirror, the node that is the image of each.
     """
-    order, parts = _by_place(mesh.points), _parts(mesh, np.arange(len(mesh.points)))
-    images = {}
+    count = len(mesh.points)
+
+    def lexical(points: np.ndarray) -> np.ndarray:
+        return np.lexsort((points + 0.0).T)  # no negative zeros
+
+    def cells(image: np.ndarray) -> list[np.ndarray]:
+        """Images of elements, and of faces with their regions, as sorted rows of numbers."""
+        rows = []
+        for nodes, tags in ((mesh.tets[:, :4], []), (mesh.faces, [mesh.face_region])):
+            ascending = np.sort(image[nodes], axis=1)
+            pairs = ascending[:, ::2] * count + ascending[:, 1::2]  # one number for two nodes: there is less to sort
+            numbers = np.column_stack([pairs, *tags])
+            rows.append(numbers[np.lexsort(numbers.T)])
+        return rows
+
+    # A mirror image of the mesh has the same points and, with their numbers, the same elements and faces.
+    order, own_cells, images = lexical(mesh.points), cells(np.arange(count)), {}
     for mirror in MIRRORS:
-        moved = mirror.image(mesh.points)
-        other = _by_place(moved)
-        if not np.array_equal(mesh.points[order], moved[other]):
+        image_points = mirror.image(mesh.points)
+        image_order = lexical(image_points)
+        if not np.array_equal(mesh.points[order], image_points[image_order]):
             continue
-        image = np.empty(len(order), dtype=np.int64)
-        image[other] = order
-        if all(map(np.array_equal, parts, _parts(mesh, image))):
+        image = np.empty(count, dtype=np.int64)
+        image[image_order] = order
+        if all(map(np.array_equal, own_cells, cells(image))):
             images[mirror] = image
     return images
-
-
-def _by_place(points: np.ndarray) -> np.ndarray:
-    return np.lexsort((points + 0.0).T)  # no negative zeros
-
-
-def _parts(mesh: VolumeMesh, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Images of elements and of faces with their regions, as rows of numbers in ascending order."""
-    elements, faces = (_paired(image[nodes], len(image)) for nodes in (mesh.tets[:, :4], mesh.faces))
-    return _ordered(elements), _ordered(np.column_stack([faces, mesh.face_region]))
-
-
-def _paired(nodes: np.ndarray, count: int) -> np.ndarray:
-    """One number for every two of the ascending nodes of each row: there is less to sort."""
-    nodes = np.sort(nodes, axis=1)
-    return nodes[:, ::2] * count + nodes[:, 1::2]
-
-
-def _ordered(rows: np.ndarray) -> np.ndarray:
-    return rows[np.lexsort(rows.T)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,23 +94,37 @@ class SymmetricPart:
     turn: np.ndarray
 
     def restrict(self, displacement: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement and pressure on the part, from those of the whole."""
+        """Displacement (n, 3) and pressure on the part, from those of the whole (N, 3)."""
         return displacement[self.nodes], pressure[self.nodes[: self.mesh.corner_count]]
 
     def expand(self, displacement: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement and pressure of the whole, from those of a symmetric state of the part."""
+        """Displacement (N, 3) and pressure of the whole, from those of a symmetric state of the part (n, 3)."""
         corners = self._whole_corners
-        place, sign = self.components
-        return sign * displacement.ravel()[place], pressure[self.source[:corners]]
+        component, sign = self.components
+        return sign * displacement.ravel()[component], pressure[self.source[:corners]]
 
     @cached_property
     def components(self) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 3) component of a displacement of the part for each of the whole, and its sign: mirrors permute them."""
+        """(N, 3) index of the displacement component of the part for each component of the whole, and its sign."""
         return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2)
 
     def element_images(self, whole: VolumeMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of the elements of the whole: (M,) the element of the part of which each is an image, (M, 4) the same for its
-        corners, and (M, 3, 3) matrices that transform vectors there into its own."""
+        """Elements of the whole as images of elements of the part.
+
+        Parameters
+        ----------
+        whole : VolumeMesh
+            The whole mesh.
+
+        Returns
+        -------
+        element : (M,) ndarray of int
+            Element of the part for each element of the whole.
+        corner : (M, 4) ndarray of int
+            Its corner for each corner.
+        turn : (M, 3, 3) ndarray
+            Orthogonal matrices from vectors there to vectors in the element of the whole.
+        """
         own, corners = self.mesh.tets[:, :4], self.source[whole.tets[:, :4]]
         of_part, of_whole = (np.lexsort(np.sort(nodes, axis=1).T) for nodes in (own, corners))
         element = np.empty(len(corners), dtype=np.int64)
@@ -139,7 +148,22 @@ class SymmetricPart:
 
 
 def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors: Sequence[Mirror]) -> SymmetricPart:
-    """The part of a symmetric mesh that ``mirrors``, a complete group, define; ``images`` from node_images."""
+    """The part of a symmetric mesh on the kept side of mirrors.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        The whole mesh.
+    images : Mapping[Mirror, ndarray]
+        Of the nodes, from :func:`node_images`.
+    mirrors : Sequence[Mirror]
+        A complete group.
+
+    Returns
+    -------
+    SymmetricPart
+        The part, with the map to the whole.
+    """
     corner = mesh.points[mesh.tets[:, :4]].mean(axis=1)
     inside = np.ones(len(corner), dtype=bool)
     for mirror in mirrors:
@@ -147,10 +171,14 @@ def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors:
     nodes = np.unique(mesh.tets[inside])
     number = np.full(len(mesh.points), -1)
     number[nodes] = np.arange(len(nodes))
-    kept = (number[mesh.faces] >= 0).all(axis=1)
-    faces = number[mesh.faces[kept]]
+    inside_faces = (number[mesh.faces] >= 0).all(axis=1)
+    faces = number[mesh.faces[inside_faces]]
     part = VolumeMesh(
-        mesh.points[nodes], number[mesh.tets[inside]], faces, mesh.face_region[kept], mesh.face_cell[kept]
+        mesh.points[nodes],
+        number[mesh.tets[inside]],
+        faces,
+        mesh.face_region[inside_faces],
+        mesh.face_cell[inside_faces],
     )
     source, group = np.arange(len(mesh.points)), tuple(mirror for mirror in MIRRORS if mirror in mirrors)
     position = mesh.points.copy()
@@ -163,7 +191,7 @@ def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors:
 
 
 def _turns(position: np.ndarray, group: Sequence[Mirror]) -> np.ndarray:
-    """(N, 3, 3) matrices that transform vectors at the image on the kept side of a group into those at each position
+    """(N, 3, 3) orthogonal matrices from vectors at the image on the kept side of a group to vectors at each position
     (N, 3)."""
     turn = np.broadcast_to(np.eye(3), (len(position), 3, 3)).copy()
     for mirror in group:
@@ -174,14 +202,24 @@ def _turns(position: np.ndarray, group: Sequence[Mirror]) -> np.ndarray:
 
 
 def _bounding(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:
-    """Those of a group whose planes bound the kept part."""
+    """The mirrors of a group whose planes bound the kept part."""
     return (ACROSS_Y, ACROSS_DIAGONAL) if len(mirrors) == len(MIRRORS) else tuple(mirrors)
 
 
 def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror], dict[Mirror, int]]]:
-    """The blocks of the tangent apart from that of symmetric states: mirrors of a part, and signs at its walls.
+    """The blocks of the tangent except that of symmetric states.
 
     The fifth block of a square pad, of its two-dimensional representation, needs the part between two mirrors.
+
+    Parameters
+    ----------
+    mirrors : Sequence[Mirror]
+        A complete group.
+
+    Returns
+    -------
+    list[tuple[Sequence[Mirror], dict[Mirror, int]]]
+        Of each block, the mirrors of its part, and the signs at the walls of the part.
     """
     walls = _bounding(mirrors)
     blocks: list[tuple[Sequence[Mirror], dict[Mirror, int]]] = []
@@ -193,12 +231,12 @@ def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror]
 
 
 def cut_blocks(mirrors: Sequence[Mirror]) -> list[dict[Mirror, int]]:
-    """Signs at the walls of the part, for pieces between cuts along some of the mirrors' planes.
+    """Signs at the walls of the part, for pieces between cuts along all walls but the last.
 
-    A displacement of the whole without symmetry is one of pieces with the mirror of the last wall, the sum of a
-    symmetric and an antisymmetric one. Empty if this does not reduce the number of blocks.
+    Any displacement of the whole is a displacement of the pieces, which is the sum of a symmetric and an antisymmetric
+    one under the mirror of the last wall. Empty if this does not reduce the number of blocks.
     """
     if len(mirrors) < 2:
         return []
-    *others, kept = _bounding(mirrors)
-    return [dict.fromkeys(others, CUT) | {kept: sign} for sign in (1, -1)]
+    *cut_walls, last = _bounding(mirrors)
+    return [dict.fromkeys(cut_walls, CUT) | {last: sign} for sign in (1, -1)]

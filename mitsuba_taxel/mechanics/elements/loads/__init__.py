@@ -1,4 +1,4 @@
-"""Loads of a pad: their base class, and a file for each; every load here is one of scenes under its name."""
+"""Loads of a pad: their base class, and a file for each kind; every load here is available in scenes under its name."""
 
 from mitsuba_taxel.base.kinds import import_all
 from mitsuba_taxel.mechanics.elements.loads.indenter_displacement import IndenterDisplacement

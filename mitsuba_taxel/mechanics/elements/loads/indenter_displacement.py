@@ -36,7 +36,7 @@ class IndenterDisplacement(Load, name="indenter_displacement", rank=5):
 
     @classmethod
     def why_no_first_contact(cls, change: np.ndarray) -> str:
-        return "a dragged indenter has a path of its own at each place" if change[:2].any() else ""
+        return "a dragged indenter has a separate path at each position" if change[:2].any() else ""
 
     @classmethod
     def of_scene(cls, pad: Any, find: Any, **about: Any) -> IndenterDisplacement:

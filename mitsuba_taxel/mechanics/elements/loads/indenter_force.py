@@ -58,7 +58,7 @@ class IndenterForce(Load, name="indenter_force", rank=6):
 
     @classmethod
     def why_no_first_contact(cls, change: np.ndarray) -> str:
-        return "paths of an indenter follow its displacement, no force"
+        return "paths of an indenter follow its displacement, not a force"
 
     @classmethod
     def of_scene(cls, pad: Any, find: Any, **about: Any) -> IndenterForce:

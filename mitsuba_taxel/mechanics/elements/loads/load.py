@@ -1,8 +1,8 @@
-"""What a load answers.
+"""Base classes of the loads of a pad.
 
 A load has a ``value``, which a load path varies: three components of a force [N] or displacement [mm], or a pressure
-[MPa]. A new one is a frozen dataclass with a name. A force that is spread over a part of the top in its own way is a
-`DeadForce`, which says how much area each node has of it::
+[MPa]. A new load is a frozen dataclass with a name. A force that is spread over a region of the top is a `DeadForce`,
+which gives the area of each node in that region::
 
     @dataclass(frozen=True)
     class CornerForce(DeadForce, name="corner_force"):
@@ -37,32 +37,32 @@ from mitsuba_taxel.parameters import Parameter, check, parameters_of, values_of
 
 @dataclass(frozen=True)
 class Load(Kind, family="load"):
-    """Quantity that a path varies, and the boundary condition that it stands for.
+    """Quantity that a load path varies, and its boundary condition.
 
-    What is prescribed follows from these attributes alone; nothing asks for the class of a load.
+    The boundary condition follows from these attributes alone; no code asks for the class of a load.
 
     Attributes
     ----------
     quantity, unit : str
-        What its value is: "force" in N, "displacement" in mm, or "pressure" in MPa.
+        Of its value: "force" in N, "displacement" in mm, or "pressure" in MPa.
     components : int
-        Of its value.
+        Number of components of its value.
     bonded_plate : bool
-        Whether a rigid plate is bonded to the top, which moves but does not rotate: by the value if that is a
-        displacement, else under the value as its force.
+        Whether a rigid plate is bonded to the top, which moves but does not rotate. The value is its displacement or
+        the force on it.
     follows_surface : bool
         Whether it is a pressure on top and outside, normal to the deformed surface.
     dead : bool
-        Whether it is a force that is spread over the undeformed top as `nodal` says, and keeps its direction.
+        Whether it is a force that is distributed over the undeformed top by `nodal`, and keeps its direction.
     loads_rim : bool
-        Whether corners of the free top are loaded, which may turn over by themselves.
+        Whether corners of the free top are loaded, which may become unstable alone.
     indenter : Indenter or None
-        The rigid body that presses, in contact: moved by the value, or by what ``driven`` is.
+        The rigid body in contact: its displacement is the value, or follows from it as ``driven``.
     position : tuple of str
-        Two parameters of scenes that are its position over the pad along x and y, by which readings have derivatives;
-        empty for none.
+        Names of the two parameters of scenes that are its position along x and y, by which readings have derivatives;
+        empty without.
     self_contact : bool
-        Whether paths go on where the pad touches itself, the board or obstacles, by contact without friction.
+        Whether paths continue where the pad touches itself, the board or obstacles, by frictionless contact.
     """
 
     quantity: ClassVar[str]
@@ -99,33 +99,33 @@ class Load(Kind, family="load"):
 
     @property
     def driven(self) -> Load | None:
-        """The load that moves the indenter, and whose value follows from this one; None if no other does."""
+        """The load that prescribes the displacement of the indenter under this force; None for other loads."""
         return None
 
     @property
     def has_position(self) -> bool:
-        """Whether there is a position over the pad, by which states have a derivative."""
+        """Whether the load has a position over the pad, by which states have a derivative."""
         return self.indenter is not None and not self.indenter.body.unbounded
 
     @property
     def area(self) -> float | None:
-        """Area in mm² that a force is spread over, where that does not depend on the pad; else None."""
+        """Area in mm² over which a force is spread, if it does not depend on the pad; else None."""
         return None
 
     @property
     def where(self) -> str:
-        """What it acts on, in words for messages."""
+        """The loaded region in words, for messages."""
         return "the top"
 
     def check(self, value: Sequence[float] | np.ndarray) -> None:
-        """Refuse values that the load cannot have; raises `InputError`."""
+        """Refuse values that are not possible; raises `InputError`."""
 
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
-        """(N,) area in mm² of each node that a dead force acts on."""
+        """(N,) mm², area of each node on which a dead force acts."""
         raise NotImplementedError(f"{self} is not spread over nodes")
 
     def loaded_area(self, mesh: VolumeMesh) -> float:
-        """Undeformed area in mm² that it acts on; raises `InputError` if there is none."""
+        """Undeformed area in mm² on which it acts; raises `InputError` if there is none."""
         return float(face_areas(mesh, top_faces(mesh)).sum())
 
     def is_symmetric(self, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
@@ -134,8 +134,8 @@ class Load(Kind, family="load"):
 
     @classmethod
     def why_no_first_contact(cls, change: np.ndarray) -> str:
-        """Why the load at which a pad first touches something is not told along a change of the value; empty if it
-        is."""
+        """The reason why the load at the first contact of a pad is not computed along a change of the value; empty if
+        it is."""
         return ""
 
     @classmethod
@@ -144,18 +144,18 @@ class Load(Kind, family="load"):
 
     @classmethod
     def of_scene(cls, pad: Any, find: Any, **about: Any) -> Load:
-        """The load of the parameters of a `deformable_pad`; ``find`` gives the path of a file that is named."""
-        given = {name: getattr(pad, cls.prefix + name) for name in cls.own_parameters()}
-        return cls(**given, **about)
+        """The load from the parameters of a `deformable_pad`; ``find`` returns the path of a named file."""
+        parameters = {name: getattr(pad, cls.prefix + name) for name in cls.own_parameters()}
+        return cls(**parameters, **about)
 
     def scene_values(self) -> dict[str, Any]:
-        """Its parameters in a scene, but that for ``self_contact``."""
+        """Its parameters in a scene, without ``self_contact``."""
         return {f"{self.prefix}{name}": value for name, value in values_of(self).items()}
 
 
 @dataclass(frozen=True)
 class DeadForce(Load):
-    """A total force that is spread over the undeformed top, or a part of it, and keeps its direction."""
+    """A total force that is spread over the undeformed top, or a region of it, and keeps its direction."""
 
     quantity = "force"
     unit = "N"

@@ -54,9 +54,9 @@ class PatchForce(DeadForce, name="patch_force", rank=1):
         top = top_faces(mesh)
         flat = mesh.points[top[:, :3], :2]
         middle, half = np.array(self.centre), 0.5 * np.array(self.size)
-        near = np.all((flat.min(axis=1) < middle + half) & (flat.max(axis=1) > middle - half), axis=1)
+        overlapping = np.all((flat.min(axis=1) < middle + half) & (flat.max(axis=1) > middle - half), axis=1)
         nodal = np.zeros(len(mesh.points))
-        for nodes, corners in zip(top[near], flat[near], strict=True):
+        for nodes, corners in zip(top[overlapping], flat[overlapping], strict=True):
             np.add.at(nodal, nodes, _clipped_moments(corners, middle - half, middle + half))
         return nodal
 
@@ -98,12 +98,12 @@ def _clipped_moments(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
 
 
 def _clipped(polygon: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """The part of a convex polygon (n, 2) where ``inside`` (n,), linear along its edges, is not negative."""
-    kept = []
+    """The region of a convex polygon (n, 2) where ``inside`` (n,), linear along its edges, is not negative."""
+    vertices = []
     for k in range(len(polygon)):
-        here, there = inside[k - 1], inside[k]
-        if here * there < 0:
-            kept.append(polygon[k - 1] + here / (here - there) * (polygon[k] - polygon[k - 1]))
-        if there >= 0:
-            kept.append(polygon[k])
-    return np.array(kept).reshape(-1, 2)
+        before, after = inside[k - 1], inside[k]
+        if before * after < 0:
+            vertices.append(polygon[k - 1] + before / (before - after) * (polygon[k] - polygon[k - 1]))
+        if after >= 0:
+            vertices.append(polygon[k])
+    return np.array(vertices).reshape(-1, 2)
