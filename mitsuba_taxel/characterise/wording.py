@@ -155,6 +155,36 @@ def merit_tables(
     return titled if volts is None else {**titled, AS_SHOWN: figure_rows(volts)}
 
 
+def slope_answers(table: pandas.DataFrame) -> list[str]:
+    """The mean slopes of a table in one line for each force and each unit of the readings, with their largest error.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        As returned by :func:`characteristics`.
+
+    Returns
+    -------
+    list[str]
+        Such as ``Mean slope over fz: -223.9 ± 5.1 µW/N.``; empty if there is no slope.
+    """
+    answers = []
+    for rows in by_reading(table).values() if len(table) else ():
+        slopes = rows[(rows.figure == "mean_slope") & rows.value.notna()]
+        for force in slopes.force.unique():
+            along = slopes[slopes.force == force]
+            factor, unit = _scale(along)
+            if len(along) == 1:
+                slope = f"{with_error(along.value.iloc[0] / factor, along.error.iloc[0] / factor)} {unit}"
+                answers.append(f"Mean slope over {force}: {slope}.")
+            else:
+                low, high = (f"{end / factor:.4g}" for end in (along.value.min(), along.value.max()))
+                largest = along.error.max() / factor
+                error = f", each ± {largest:.2g} {unit} or less" if math.isfinite(largest) else ""
+                answers.append(f"Mean slopes over {force}: {low} to {high} {unit}{error}.")
+    return answers
+
+
 def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of a table of symmetric pairs, one row per pair.
 

@@ -95,10 +95,12 @@ def _print_json(table, pairs, notes: list[str], files: list[Path], volts) -> Non
 
 
 def _show(table, pairs, volts) -> None:
-    from mitsuba_taxel.characterise.wording import merit_tables, pair_rows
+    from mitsuba_taxel.characterise.wording import merit_tables, pair_rows, slope_answers
 
     from .tables import print_figures
 
+    for line in slope_answers(table):
+        print(f"{line}\n")
     titles = {**merit_tables(table, volts), "Symmetric pairs under a tangential load": pair_rows(pairs)}
     for title, (headings, rows) in titles.items():
         if rows:

@@ -43,10 +43,11 @@ def _as_json(result) -> dict[str, object]:
 
 
 def _show(result) -> None:
-    from mitsuba_taxel.fitting.wording import UNKNOWN_HEADINGS, unknown_rows
+    from mitsuba_taxel.fitting.wording import UNKNOWN_HEADINGS, fit_answer, unknown_rows
 
     from .tables import print_notes, print_table
 
+    print(f"{fit_answer(result.unknowns)}\n")
     print_table(UNKNOWN_HEADINGS, unknown_rows(result.unknowns))
     print(
         "Errors: one standard deviation, of the data and of the model (light, finite elements, surfaces), and of both."

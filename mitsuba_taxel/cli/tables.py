@@ -87,7 +87,7 @@ def print_result(printed: Printed) -> None:
             click.echo(block, err=block.startswith(WARNING))
             continue
         if block.title or number:
-            print(block.title)
+            print(f"\n{block.title}" if block.title and number else block.title)
         print_table([heading.replace(" [", "\n[") for heading in block.headings], block.rows)
 
 

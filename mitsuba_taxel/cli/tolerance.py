@@ -57,13 +57,21 @@ def _counts(result) -> dict[str, int]:
 
 
 def _show(result) -> None:
-    from mitsuba_taxel.tolerances.wording import INDICES, SPREAD_HEADINGS, SPREADS, index_rows, spread_rows
+    from mitsuba_taxel.tolerances.wording import (
+        INDICES,
+        SPREAD_HEADINGS,
+        SPREADS,
+        index_rows,
+        spread_answer,
+        spread_rows,
+    )
 
     from .tables import print_table
 
     counts = _counts(result)
     linear = ", all linear" if result.shares.rate.notna().any() else ""
     few = f", {counts['exact']} of them exact{linear}" if counts else ""
+    print(f"{spread_answer(result.spread)}\n")
     print(f"{len(result.samples)} samples{few}; {SPREADS[0].lower()}{SPREADS[1:]}:")
     print_table(SPREAD_HEADINGS, spread_rows(result.spread))
     print(f"\n{INDICES}")

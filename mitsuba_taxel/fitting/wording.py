@@ -29,6 +29,26 @@ def unknown_rows(unknowns: pandas.DataFrame) -> list[tuple[str, ...]]:
     return [_cells(row) for row in unknowns.itertuples()]
 
 
+def fit_answer(unknowns: pandas.DataFrame) -> str:
+    """The unknowns with their errors in one line.
+
+    Parameters
+    ----------
+    unknowns : pandas.DataFrame
+        As in ``fit.csv``.
+
+    Returns
+    -------
+    str
+        Such as ``youngs_modulus = 4.36 ± 0.12, gain = 180.19 ± 0.37.``
+    """
+    return ", ".join(f"{row.unknown} = {_value(row)}" for row in unknowns.itertuples()) + "."
+
+
+def _value(row: Any) -> str:
+    return with_error(row.value, row.error) if math.isfinite(row.error) else f"{row.value:.4g} (not determined)"
+
+
 def _cells(row: Any) -> tuple[str, ...]:
     value = with_error(row.value, row.error) if math.isfinite(row.error) else f"{row.value:.4g}, not determined"
     ends = f"{row.low:.6g} to {row.high:.6g}" if math.isfinite(row.error) else "-"

@@ -104,9 +104,9 @@ def printed_optimum(result: Optimum) -> Printed:
     named = [name.replace("_", ", ") for name in columns]
     headings = ["figure", "unit", *named, *(["error"] if judged else []), "binds"]
     return [
+        gain_line(result),
         PrintedTable("", headings, figures),
         PrintedTable("", ["parameter", "before", "best", "bound"], [list(row) for row in changes(result)]),
-        gain_line(result),
         slope_line(result),
         cost_line(result),
         *(f"{WARNING}{line}" for line in result.warnings),
@@ -148,21 +148,21 @@ def shown(number: float) -> str:
 def gain_line(result: Optimum) -> str:
     """The improvement of the best design, and its certainty."""
     if result.gain_error != result.gain_error:
-        return f"Improvement: {result.gain:.1%}, not judged again."
+        return f"The objective improves by {result.gain:.1%}. The error of this is not known."
     return (
-        f"Improvement, judged again: {result.gain:.1%} ± {result.gain_error:.1%}; it is one with "
-        f"probability {result.probability:.4f}."
+        f"The objective improves by {result.gain:.1%} ± {result.gain_error:.1%}. The best design is better than the "
+        f"first one with a probability of {result.probability:.4f}."
     )
 
 
 def slope_line(result: Optimum) -> str:
     """The unbalanced slope of the best design, and whether it is a local optimum."""
     error = f" ± {result.unbalanced_error:.1%}" if result.gradients > 1 else ""
-    verdict = "a local optimum" if result.is_local else "not shown to be a local optimum"
+    verdict = "It is a local optimum" if result.is_local else "It is not shown to be a local optimum"
     count = f"{result.gradients} gradients" if result.gradients > 1 else "one gradient"
     return (
-        f"Slope left by constraints and bounds: {result.unbalanced:.1%}{error} of the objective over the bounds, "
-        f"from {count}: {verdict}."
+        f"{verdict}: the slope that constraints and bounds do not balance would change the objective by "
+        f"{result.unbalanced:.1%}{error} over the bounds (from {count})."
     )
 
 

@@ -28,8 +28,8 @@ def printed_model(model: Polynomial, notes: Sequence[str]) -> Printed:
     """
     ranges = zip(model.names, model.low, model.high, model.units, strict=True)
     return [
-        *(f"{name}: {low:g} to {high:g} {unit}".removesuffix(" 1").rstrip() for name, low, high, unit in ranges),
         f"Error of the fit: {model.rms:.2%} of full scale (at worst {model.worst:.2%}), on {model.tested}.",
+        *(f"{name}: {low:g} to {high:g} {unit}".removesuffix(" 1").rstrip() for name, low, high, unit in ranges),
         *notes,
     ]
 

@@ -45,6 +45,29 @@ def spread_rows(spread: pandas.DataFrame) -> list[tuple[str, ...]]:
     ]
 
 
+def spread_answer(spread: pandas.DataFrame) -> str:
+    """The largest spread of each figure over the taxels, in one line.
+
+    Parameters
+    ----------
+    spread : pandas.DataFrame
+        As in ``spread.csv``.
+
+    Returns
+    -------
+    str
+        Such as ``Spread (one standard deviation): rest 10.5% ± 2.4%, sensitivity 9.5% ± 2.2%.``
+    """
+    relative = (spread.sd / spread.nominal.abs()).where(spread.nominal != 0)
+    worst = spread.loc[relative.dropna().groupby(spread.figure, sort=False).idxmax()]
+    words = [
+        f"{row.figure} {_with_error(_relative(row.sd, abs(row.nominal)), _relative(row.sd_error, abs(row.nominal)))}"
+        for row in worst.itertuples()
+    ]
+    of = " of the worst taxel" if spread.taxel.nunique() > 1 else ""
+    return f"Spread{of} (one standard deviation): {', '.join(words)}."
+
+
 def _error_of(row: Any) -> str:
     error = getattr(row, "nominal_error", math.nan)  # older studies have none
     return f" ± {error:.1g}" if math.isfinite(error) and error else ""

@@ -7,7 +7,7 @@ import math
 import pandas
 import pytest
 
-from mitsuba_taxel.characterise.wording import latex_table, remarks_explained, table_rows, with_error
+from mitsuba_taxel.characterise.wording import latex_table, remarks_explained, slope_answers, table_rows, with_error
 
 
 @pytest.mark.parametrize(
@@ -53,6 +53,16 @@ def test_rows_of_a_table():
     assert rows[1] == ["fz", "b", "1", "-", "-", "300.0 ± 1.0", "not resolved"]
     assert remarks_explained(table)[0].startswith("not resolved: ")
     assert table_rows(table, ("hysteresis",))[1] == []
+
+
+def test_mean_slopes_are_the_answer_in_a_line():
+    slopes = [row("mean_slope", value, 4e-6, "W/N", taxel=taxel) for taxel, value in enumerate((-1e-4, -3e-4, -2e-4))]
+    largest = row("max_slope", -9e-4, 1e-6, "W/N", taxel=1)
+    assert slope_answers(pandas.DataFrame([slopes[0], largest])) == ["Mean slope over fz: -100.0 ± 4.0 µW/N."]
+    assert slope_answers(pandas.DataFrame([*slopes, largest])) == [
+        "Mean slopes over fz: -300 to -100 µW/N, each ± 4 µW/N or less."
+    ]
+    assert slope_answers(pandas.DataFrame([largest])) == slope_answers(pandas.DataFrame()) == []
 
 
 def test_latex_needs_no_package_and_escapes_words():

@@ -53,7 +53,9 @@ def test_a_measurement(characterise, bench):
     code, out, err = characterise(bench)
     assert code == 0 and err == ""
     assert sorted(os.listdir(bench.parent)) == sorted([*FILES, "pad.csv"])
-    title, _, head, first, second = out.split("\n\n")[0].splitlines()
+    answer, table = out.split("\n\n")[:2]
+    assert answer.startswith("Mean slopes over fz: ") and answer.endswith(" mV/N or less.")
+    title, _, head, first, second = table.splitlines()
     assert title == "Sensitivities, fz:" and head.split()[:3] == ["taxel", "loading", "[mV/N]"]
     assert first.split()[:2] == ["11", "1"]
     assert "4 runs of 40 points or more." in out and "Error: 1 sigma of the recording's noise." in out
@@ -122,7 +124,7 @@ def test_scenes_notes_and_missing_readings(characterise, tmp_path, monkeypatch):
     studies["round"].replicate_power[2:4] = np.nan
     monkeypatch.setattr(mitsuba_taxel, "open_study", lambda folder: xr.DataTree.from_dict(studies), raising=False)
     code, out, err = characterise(tmp_path)
-    assert code == 0 and err == "" and out.splitlines()[2].split()[:2] == ["scene", "taxel"]
+    assert code == 0 and err == "" and out.splitlines()[4].split()[:2] == ["scene", "taxel"]
     assert out.count("mechanics error unknown") == 1 and "Jobs without a reading, left out: 2." in out
 
 

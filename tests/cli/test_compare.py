@@ -24,7 +24,8 @@ def test_a_study_is_ranked(taxel, tmp_path):
         "comparison.csv", "comparison.png", "notes.txt", "printed.json",
     }  # fmt: skip
     assert_on_its_page(done, tmp_path / "ranking")
-    title, _, _, first, *_ = done.stdout.splitlines()
+    answer, _, title, _, _, first, *_ = done.stdout.splitlines()
+    assert answer.startswith("First: ") and answer.endswith("It is the best variant with a probability of 100.0%.")
     assert title == "By mean slope:" and first.split()[:2] == ["1", "1"] and "100.0%" in first
     rows = json.loads(taxel("compare", "out", "--at-most", "nonlinearity=100", "--json").stdout)["variants"]
     none = taxel("compare", "out", "--at-most", "mean_slope=1e-30")
@@ -45,7 +46,7 @@ def test_a_study_is_ranked_in_volts(taxel, tmp_path):
     (tmp_path / "circuit.toml").write_text(table)
     watts = taxel("compare", "out", "--by", "mean_slope", "--json")
     done = taxel("compare", "out", "--by", "mean_slope", "--circuit", "circuit.toml", "-o", "ranking")
-    assert done.returncode == 0 and done.stdout.startswith("By mean slope, readings in V:"), done.stderr
+    assert done.returncode == 0 and "By mean slope, readings in V:" in done.stdout, done.stderr
     assert "As the circuit shows it, fz:" in done.stdout
     assert {file.name for file in (tmp_path / "ranking").iterdir()} == {
         "comparison.csv", "comparison.png", "notes.txt", "printed.json", "volts.csv",

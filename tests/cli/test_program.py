@@ -51,7 +51,8 @@ JSON_KEYS = ["readings", "error_budget", "pads", "mesh_size_mm", "seconds", "par
 def test_render_table(taxel_process):
     done = taxel_process("render", *PLATE, "--points", 256)
     assert done.returncode == 0 and done.stderr == ""
-    heading, row, *rest = done.stdout.splitlines()
+    answer, blank, heading, row, *rest = done.stdout.splitlines()
+    assert answer.startswith("Power on the phototransistor: ") and blank == ""
     assert heading.split()[:3] == ["taxel", "power", "[W]"] and heading.endswith("photocurrent [A]")
     assert row.split()[0] == "1" and float(row.split()[-1]) == pytest.approx(0.746 * float(row.split()[1]), rel=1e-3)
     assert "32 randomisations of 256 points" in rest[0] and rest[-1].startswith("Seconds: ")
@@ -88,7 +89,7 @@ def test_another_seed_gives_another_estimate(taxel):
 def test_audit_and_crosstalk_follow_the_readings(taxel):
     done = taxel("render", *PLATE, "--points", 256, "--audit", "--crosstalk")
     assert done.returncode == 0 and done.stderr == ""
-    _, matrix, book = done.stdout.split("\n\n")
+    _, _, matrix, book = done.stdout.split("\n\n")
     assert matrix.splitlines()[1].split() == ["LED", "1"] and matrix.splitlines()[2].split()[2] == "+-"
     names = [line.rsplit(maxsplit=2)[0] for line in book.splitlines()[2:]]
     surfaces = ["photo_reflector body", "photo_reflector led", "rectangle"]

@@ -70,7 +70,7 @@ def test_a_pad_imports_what_its_load_needs(modules):
 def test_reasons_follow_the_readings(taxel):
     done = taxel("render", "plate.xml", "--points", 64, "--crosstalk", "--explain")
     assert done.returncode == 0 and done.stderr == ""
-    _, matrix, reasons = done.stdout.split("\n\n")
+    _, _, matrix, reasons = done.stdout.split("\n\n")
     heading, *lines = reasons.splitlines()
     assert matrix.startswith("Crosstalk") and heading == "Left out of this scene:"
     assert f"  {NO_PAD}" in lines and "  no irradiance map asked for: none accumulated" in lines

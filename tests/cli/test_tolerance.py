@@ -21,13 +21,15 @@ def test_few_exact_samples(taxel, tmp_path):
     (tmp_path / "few.toml").write_text(STUDY.replace("samples = 16", "samples = 16\nexact = 8"))
     few = taxel("tolerance", "few.toml", "-o", "out")
     assert few.returncode == 0, few.stderr
-    assert few.stdout.startswith("16 samples, 8 of them exact; spreads are")
-    assert few.stdout.splitlines()[2].count("±") == 3  # nominal reading, mean, spread
+    assert few.stdout.splitlines()[2].startswith("16 samples, 8 of them exact; spreads are")
+    assert few.stdout.splitlines()[4].count("±") == 3  # nominal reading, mean, spread
     assert "no parameter has a linear answer: results are of these 8, the other 8 add nothing" in few.stdout
     answer = json.loads(taxel("tolerance", "few.toml", "-o", "out", "--json").stdout)
     assert (answer["samples"], answer["exact"]) == (16, 8) and answer["spread"][0]["mean_error"] > 0
     whole = taxel("tolerance", "all.toml", "-o", "out").stdout
-    assert whole.startswith("16 samples; spreads are") and whole.splitlines()[2].count("±") == 3
+    answer, _, heading, _, first, *_ = whole.splitlines()
+    assert answer.startswith("Spread (one standard deviation): rest ") and heading.startswith("16 samples; spreads are")
+    assert first.count("±") == 3
     answer = json.loads(taxel("tolerance", "all.toml", "-o", "out", "--json").stdout)
     assert set(answer) == {"spread", "shares", "parameters", "notes", "output"}
 

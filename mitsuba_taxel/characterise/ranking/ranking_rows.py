@@ -62,10 +62,23 @@ def printed_comparison(comparison: Comparison) -> Printed:
     """
     unit = "" if comparison.volts is None else "readings in V"
     title = ", ".join(filter(None, (f"By {comparison.by.replace('_', ' ')}", unit, comparison.channel)))
-    shown: Printed = [figures_table(title, *comparison_rows(comparison)), *ranking_notes(comparison)]
+    ranks = figures_table(title, *comparison_rows(comparison))
+    shown: Printed = [ranking_answer(comparison), ranks, *ranking_notes(comparison)]
     if comparison.volts is not None and len(comparison.volts):
         shown.append(figures_table(AS_SHOWN, *figure_rows(comparison.volts)))
     return [*shown, *comparison.notes]
+
+
+def ranking_answer(comparison: Comparison) -> str:
+    """The variant that ranks first, its figure and its probability to be the best one, in a line."""
+    if not comparison.ranked:
+        return "No variant ranks first: each is more likely to miss the limits than to meet them."
+    best = comparison.table.iloc[0]
+    factor, unit = prefixed(abs(float(best[comparison.by])), comparison.unit[comparison.by])
+    where = ", ".join(f"{name} = {as_word(best[name])}" for name in varied_names(comparison))
+    value = with_error(best[comparison.by] / factor, best[f"{comparison.by}_error"] / factor)
+    figure = f"{comparison.by.replace('_', ' ')} {value} {unit}"
+    return f"First: {where}, with {figure}. It is the best variant with a probability of {best['first']:.1%}."
 
 
 def ranking_notes(comparison: Comparison) -> list[str]:

@@ -335,7 +335,7 @@ def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
 
 
 def readings_text(readings: Readings, width: int | None = None) -> str:
-    """Power, error and photocurrent per taxel, explanations, the error budget, the time by stage, and derivatives.
+    """The answer in one line, a table of powers and errors, how they were obtained, and derivatives.
 
     Parameters
     ----------
@@ -351,6 +351,8 @@ def readings_text(readings: Readings, width: int | None = None) -> str:
     """
     columns = readings_columns(readings)
     lines = [
+        readings_answer(readings),
+        "",
         text_table(list(columns), zip(*columns.values(), strict=True), width),
         light_error_line(readings),
         *readings.notes,
@@ -360,6 +362,29 @@ def readings_text(readings: Readings, width: int | None = None) -> str:
     if readings.derivatives is not None:
         lines += ["", derivatives_text(readings.derivatives, width)]
     return "\n".join(lines)
+
+
+def readings_answer(readings: Readings) -> str:
+    """The powers of a scene in one line, with the largest total error.
+
+    Parameters
+    ----------
+    readings : Readings
+        Of a scene.
+
+    Returns
+    -------
+    str
+        Such as ``Power on 9 phototransistors: 4.149e-03 to 4.158e-03 W, each ± 0.23 % or less.``
+    """
+    power, error = readings.power, readings.total_error
+    if len(power) == 1:
+        share = f" ({error[0] / power[0]:.2%})" if power[0] > 0 else ""
+        return f"Power on the phototransistor: {power[0]:.4e} ± {error[0]:.1e} W{share}."
+    values = f"Power on {len(power)} phototransistors: {power.min():.3e} to {power.max():.3e} W"
+    if (power <= 0).any():
+        return f"{values}, each ± {error.max():.1e} W or less."
+    return f"{values}, each ± {(error / power).max():.2%} or less."
 
 
 def readings_columns(readings: Readings) -> dict[str, list[str]]:
