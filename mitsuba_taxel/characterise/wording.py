@@ -18,6 +18,8 @@ LATEX = {"µ": r"$\mu$", "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "
 
 AS_SHOWN = "As the circuit shows it"
 """Title of the table of circuit figures."""
+CIRCUIT_UNITS = {"_V_per_N": "V/N", "_counts_per_N": "counts/N", "_counts": "counts", "_V": "V", "_N": "N"}
+"""Units by the end of a column's name in the table of circuit figures."""
 REMARKS = {
     NOT_RESOLVED: "smaller than its standard error; the tables on disk contain the number",
     NOT_ABOVE: "no slope is resolved to be larger than the mean slope",
@@ -213,7 +215,9 @@ def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], 
 
 
 def figure_rows(table: pandas.DataFrame) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of a table of circuit figures, with four digits; ``-`` for a missing number.
+    """Headings and rows of a table of circuit figures, with units; ``-`` for a missing number.
+
+    Numbers have four digits, or their error. Volts and newtons have the prefix that suits the numbers of a column.
 
     Parameters
     ----------
@@ -227,8 +231,21 @@ def figure_rows(table: pandas.DataFrame) -> tuple[list[str], list[list[str]]]:
     rows : list[list[str]]
         Cells of each row.
     """
-    cells = table.map(lambda value: as_word(float(f"{value:.4g}")) if isinstance(value, float) else str(value))
-    return list(table.columns), cells.values.tolist()
+    columns: dict[str, list[str]] = {}
+    for name in (name for name in table.columns if not name.endswith("_error")):
+        suffix = next((suffix for suffix in CIRCUIT_UNITS if name.endswith(suffix)), None)
+        if suffix is None:
+            columns[name] = [as_word(value) for value in table[name].tolist()]
+            continue
+        values, unit = table[name].to_numpy(float), CIRCUIT_UNITS[suffix]
+        errors = table.get(f"{name}_error", table[name] * math.nan).to_numpy(float)
+        finite = values[abs(values) < math.inf]
+        factor, unit = (1.0, unit) if unit.startswith("counts") else prefixed(abs(finite).max(initial=0.0), unit)
+        columns[f"{name.removesuffix(suffix).replace('_', ' ')} [{unit}]"] = [
+            as_word(float(f"{value / factor:.4g}")) if math.isnan(error) else with_error(value / factor, error / factor)
+            for value, error in zip(values, errors, strict=True)
+        ]
+    return list(columns), [list(cells) for cells in zip(*columns.values(), strict=True)]
 
 
 def _scale(table: pandas.DataFrame, column: str = "value") -> tuple[float, str]:

@@ -7,7 +7,14 @@ import math
 import pandas
 import pytest
 
-from mitsuba_taxel.characterise.wording import latex_table, remarks_explained, slope_answers, table_rows, with_error
+from mitsuba_taxel.characterise.wording import (
+    figure_rows,
+    latex_table,
+    remarks_explained,
+    slope_answers,
+    table_rows,
+    with_error,
+)
 
 
 @pytest.mark.parametrize(
@@ -53,6 +60,22 @@ def test_rows_of_a_table():
     assert rows[1] == ["fz", "b", "1", "-", "-", "300.0 ± 1.0", "not resolved"]
     assert remarks_explained(table)[0].startswith("not resolved: ")
     assert table_rows(table, ("hysteresis",))[1] == []
+
+
+def test_circuit_figures_have_units_and_errors():
+    table = pandas.DataFrame(
+        {
+            "force": ["fz", "fz"],
+            "taxel": [1, 2],
+            "rest_counts": [826.0, 900.0],
+            "mean_slope_V_per_N": [-0.0438, -0.05],
+            "mean_slope_V_per_N_error": [0.00099, math.nan],
+            "noise_force_N": [0.01059, math.inf],
+        }
+    )
+    headings, rows = figure_rows(table)
+    assert headings == ["force", "taxel", "rest [counts]", "mean slope [mV/N]", "noise force [mN]"]
+    assert rows == [["fz", "1", "826", "-43.80 ± 0.99", "10.59"], ["fz", "2", "900", "-50", "-"]]
 
 
 def test_mean_slopes_are_the_answer_in_a_line():
