@@ -159,7 +159,7 @@ def _check(plan: FitPlan) -> None:
         if name.startswith(CIRCUIT) and (
             plan.circuit is None or name.removeprefix(CIRCUIT) not in _numbers(plan.circuit)
         ):
-            raise InputError(f"{name} is no number of a circuit that the study has.")
+            raise InputError(f"{name} is not allowed: a number of the table [circuit] is needed.")
     if plan.data.unit == "V" and plan.circuit is None and "gain" not in names:
         raise InputError("data in volts are not allowed without a table [circuit] or an unknown gain, in V/W.")
     if plan.data.unit == "W" and plan.circuit is not None:

@@ -257,7 +257,7 @@ class Course:
             read = self._read[design]
             judged = None if read is None else self._judge(read, read, plan.goal, plan.limits)
             if read is None or judged is None:
-                row["failed"] = self.designs.failures.get(design, "a figure cannot be told")
+                row["failed"] = self.designs.failures.get(design, "a figure cannot be computed")
             else:
                 value = row[plan.goal.figure.words] = worst_of(plan.goal, read)
                 row |= {limit.words: worst_of(limit, read) for limit in plan.limits}

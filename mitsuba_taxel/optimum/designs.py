@@ -114,7 +114,7 @@ class Designs:
         ]
         for name in other_parameters:
             if name in refused:
-                raise InputError(f"tolerance of {name} cannot be told: {refused[name]}")
+                raise InputError(f"tolerance of {name} cannot be computed: {refused[name]}")
 
         # Parameters with derivatives, what designs have, and empty results.
         self._by = [name for name in [*self._names, *other_parameters] if name not in refused]
@@ -167,7 +167,7 @@ class Designs:
         # their own.
         if self._by and "smooth_power" not in study:
             if set(self._by) - set(self._names):
-                raise InputError(f"tolerances cannot be told: {study.attrs['notes'].splitlines()[0]}")
+                raise InputError(f"tolerances cannot be computed: {study.attrs['notes'].splitlines()[0]}")
             self.notes += [f"by differences of readings: {study.attrs['notes'].splitlines()[0]}"]
             self._by = []
             self._read(designs)

@@ -343,7 +343,7 @@ def end_of(figure: Figure, seen: Seen) -> str:
     saturated = saturated if figure.kind == RANGE else np.zeros(0)
     end = np.concatenate([contact, saturated]).min()
     if end >= FURTHEST * np.abs(line.values).max():
-        return "up to which nothing is in the way; more is not told"
+        return "up to which the pad touches nothing; loads beyond were not followed"
     if end in contact:
         return f"where the pad touches {line.touched}" if line.touched else f"as {line.ended}"
     return f"where taxel {saturated.argmin() + 1} saturates"

@@ -269,7 +269,7 @@ class Plan:
                     choice = list(designs[0].choice)
                     choice[number] = word
                     refused = self.refusal(self.design(tuple(choice), self.before.x))
-                    raise InputError(f"{name} = {word} is no choice within the bounds of variables: {refused}")
+                    raise InputError(f"{name} = {word} is not possible within the bounds of variables: {refused}")
 
 
 def _spread(dimensions: int, seed: int) -> Iterator[tuple[float, ...]]:

@@ -118,7 +118,7 @@ def _only(name: str, words_of: Any, choices: Mapping[str, list[str]]) -> dict[st
     for choice, words in only.items():
         if choice not in choices:
             allowed = ", ".join(choices) or "none"
-            raise InputError(f"variable {name}: only.{choice} is not allowed: it is no choice, these are {allowed}.")
+            raise InputError(f"variable {name}: only.{choice} is not allowed: it is not one of the choices {allowed}.")
         if not words or not set(words) <= set(choices[choice]):
             allowed = ", ".join(choices[choice])
             raise InputError(
@@ -216,7 +216,7 @@ class _FigureReader:
 
     def limits(self, constraints: Any) -> list[Limit]:
         if not isinstance(constraints, list) or not all(isinstance(constraint, dict) for constraint in constraints):
-            raise InputError("optimise: constraints are not allowed as they stand: [[optimise.constraints]] is needed.")
+            raise InputError("optimise: constraints must be tables [[optimise.constraints]].")
         limits = []
         for constraint in constraints:
             bounds = {name: value for name, value in constraint.items() if name in ("least", "most")}
@@ -237,7 +237,7 @@ class _FigureReader:
             largest = max(abs(float(row[along])) for row in rows)
             if limit.bound > FURTHEST * largest:
                 raise InputError(
-                    f"{limit.words} is not allowed with loads of {along} up to {largest:g}: it is told up to "
+                    f"{limit.words} is not allowed with loads of {along} up to {largest:g}: it is known up to "
                     f"{FURTHEST:g} times that, so loads up to {limit.bound / FURTHEST:g} or more are needed."
                 )
 
@@ -292,7 +292,7 @@ class _FigureReader:
             steps = FIGURES_OF_MERIT[name].steps
             if len(self.lines[line][1]) < steps:
                 along = f" along {line}" if line else ""
-                raise InputError(f"{name}{along} cannot be told: {steps} loads or more are needed.")
+                raise InputError(f"{name}{along} cannot be computed: {steps} loads or more are needed.")
         if several and len({self.lines[line][0] for line in names}) < len(names):
             raise InputError(f"{name}: along = {names} is not allowed: each must have a load of its own that changes.")
         return tuple(names) if several else names[0]
@@ -300,11 +300,11 @@ class _FigureReader:
     def _check(self, name: str, parameters: Mapping[str, Any]) -> None:
         takes = FIGURES_OF_MERIT[name].takes
         if name == "saturation" and self.circuit is None:
-            raise InputError(f"{name} cannot be told without a table [circuit].")
+            raise InputError(f"{name} cannot be computed without a table [circuit].")
         if "noise" in takes:
             noise = parameters.get("noise")
             if noise is None and self.circuit is None:
-                raise InputError(f"{name} cannot be told without a table [circuit], or a noise of readings in W.")
+                raise InputError(f"{name} cannot be computed without a table [circuit], or a noise of readings in W.")
             if noise is not None and not (is_number(noise) and noise > 0):
                 raise InputError(f"{name}: noise = {noise!r} is not allowed: a number above 0 is needed.")
         if "taxel" in takes and not (is_whole(parameters.get("taxel")) and parameters["taxel"] > 0):

@@ -160,14 +160,14 @@ def _check_figures(course: Course, starts: list[Design]) -> None:
         try:
             components = [criterion.figure.components(read.values) for read in reads]
         except IndexError:
-            raise InputError(f"{criterion.figure.words} cannot be told: there is no such taxel.") from None
+            raise InputError(f"{criterion.figure.words} cannot be computed: there is no such taxel.") from None
         no_contact = course.designs.no_contact.get(criterion.figure.parameters.get("along", ()))
         if no_contact and criterion.figure.kind == RANGE and not any(values.size for values in components):
-            raise InputError(f"{criterion.figure.words} cannot be told without a table [circuit]: {no_contact}")
+            raise InputError(f"{criterion.figure.words} cannot be computed without a table [circuit]: {no_contact}")
         applies = [values.size > 0 for values in components]  # a constraint may apply to some choices only
         is_defined = all(applies) if isinstance(criterion, Goal) else any(applies)
         if not (is_defined and all(np.isfinite(values).all() for values in components)):
-            raise InputError(f"{criterion.figure.words} cannot be told of this scene: it is not a number there.")
+            raise InputError(f"{criterion.figure.words} cannot be computed for this scene: it is not a number.")
 
 
 def _no_design(course: Course) -> InputError:

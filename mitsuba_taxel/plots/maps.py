@@ -164,7 +164,7 @@ def plot_resolution(resolutions: xr.Dataset, narrow: bool = False) -> Figure:
         values = shown.resolution.sel(parameter=name).transpose(plane[1], plane[0]).values
         values, unit = (1e-3 * values, "m") if unit == "mm" else (values, unit)
         if not np.isfinite(values).any():
-            ax.set_title(f"{name}: not told by the readings", fontsize="medium")
+            ax.set_title(f"{name}: not determined by the readings", fontsize="medium")
             continue
         factor, unit = prefixed(float(np.min(values, initial=np.inf, where=np.isfinite(values))), unit)
         values = np.ma.masked_invalid(values / factor)

@@ -171,4 +171,6 @@ def _check_range(plan: TolerancePlan, law: Law) -> None:
         parameters = plan.factors.parameters({**mean, law.name: value})
         reason = refusal_of(plan.batch.scene({name: f"{number:.12g}" for name, number in parameters.items()}))
         if reason:
-            raise InputError(f"tolerance of {law.name}: {law.words} leaves what is allowed at {value:.4g}: {reason}")
+            raise InputError(
+                f"tolerance of {law.name}: {law.words} has values that are not allowed, such as {value:.4g}: {reason}"
+            )

@@ -129,4 +129,5 @@ def test_a_map_of_what_readings_do_not_tell(tmp_path, painted_figures):
     """One taxel for two unknowns, as where a small sensor is read."""
     figure = plot_resolution(resolution(study([[3, 4]]), noise=0.1))
     save_figure(figure, tmp_path, "resolution")
-    assert [ax.get_title() for ax in figure.axes] == [f"{name}: not told by the readings" for name in ("fz", "patch_x")]
+    titles = [f"{name}: not determined by the readings" for name in ("fz", "patch_x")]
+    assert [ax.get_title() for ax in figure.axes] == titles

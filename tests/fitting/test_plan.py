@@ -84,8 +84,8 @@ def test_times_of_the_data_have_their_unit(plan):
         ),
         (CIRCUIT + HEAD + "[fit.unknowns]\n'circuit.transfer' = -1\n", "start = -1 must lie between low = 0 and"),
         (HEAD + "[fit.unknowns]\ngain = 1\nspacing = 1\nhole = 0.1\n", "3 readings are not enough for 3 unknowns"),
-        (HEAD + "[fit.unknowns]\n'circuit.transfer' = 1\n", "circuit.transfer is no number of a circuit"),
-        (CIRCUIT + HEAD + "[fit.unknowns]\n'circuit.adc_bits' = 10\n", "circuit.adc_bits is no number of a circuit"),
+        (HEAD + "[fit.unknowns]\n'circuit.transfer' = 1\n", "circuit.transfer is not allowed: a number of the table"),
+        (CIRCUIT + HEAD + "[fit.unknowns]\n'circuit.adc_bits' = 10\n", "circuit.adc_bits is not allowed: a number"),
         (CIRCUIT + HEAD + "[fit.unknowns]\ngain = 1\n", "gain is not allowed beside a circuit"),
     ],
 )

@@ -112,7 +112,8 @@ def test_range():
     later = replace(touching, contact=-1.7 + 0j)
     assert of(later, circuit) == ([1.7, *saturated], "where taxel 1 saturates")
     assert end_of(Figure("first_contact", {"along": "z"}, "N"), Seen({"z": later}, {}, circuit)).endswith("the board")
-    assert of(replace(dark, contact=-20 + 0j), None) == ([20.0], "up to which nothing is in the way; more is not told")
+    untouched = "up to which the pad touches nothing; loads beyond were not followed"
+    assert of(replace(dark, contact=-20 + 0j), None) == ([20.0], untouched)
     unstable = replace(dark, contact=-1.7 + 0j, ended="it is unstable")
     assert of(unstable, circuit) == ([1.7, *saturated], "where taxel 1 saturates")
     assert of(replace(unstable, contact=-1.6 + 0j), circuit) == ([1.6, *saturated], "as it is unstable")

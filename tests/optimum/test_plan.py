@@ -58,8 +58,8 @@ def test_variables_that_some_choices_have(plan, tmp_path):
     with pytest.raises(InputError) as refused:
         plan(text.replace(', only = { shape = "profile" }', "")).initial_designs()
     assert str(refused.value) == (
-        "shape = cylindrical is no choice within the bounds of variables: profile is not allowed for cell = "
-        "'cylindrical', only for 'profile'."
+        "shape = cylindrical is not possible within the bounds of variables: profile is not allowed for cell = "
+        "'cylindrical', only for 'profile' (parameter shape = cylindrical, r2 = 0.7, z2 = 0.8)."
     )
     alone = text.replace("led_power = [0.5, 2]\n", "")
     assert len(plan(alone).initial_designs()) == 3  # there is one cylinder

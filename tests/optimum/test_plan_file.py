@@ -63,7 +63,7 @@ def test_a_plan(plan):
         ("define = { spacing = 0.9 }\n" + WHOLE, "spacing is both varied and given a value"),
         (WHOLE + "[optimise.choices]\ncell = 3\n", "choice cell = 3"),
         (WHOLE.replace("start = 3", "start = 3, only = 2"), "variable youngs_modulus: only = 2"),
-        (WHOLE.replace("start = 3", 'only = { law = "a" }'), "only.law is not allowed: it is no choice"),
+        (WHOLE.replace("start = 3", 'only = { law = "a" }'), "only.law is not allowed: it is not one of the choices"),
         (
             WHOLE.replace("start = 3", 'only = { cell = "cube" }') + '[optimise.choices]\ncell = ["spherical"]\n',
             "only.cell = 'cube' is not allowed: some of spherical",
@@ -92,7 +92,7 @@ def test_a_plan(plan):
         *(
             (
                 WHOLE + CONSTRAINT + f'figure = "{name}"\nleast = 40\n',
-                f"{name.replace('_', ' ')} along normal >= 40 is not allowed with loads of fz up to 2: it is told up "
+                f"{name.replace('_', ' ')} along normal >= 40 is not allowed with loads of fz up to 2: it is known up "
                 "to 10 times that, so loads up to 4 or more are needed",
             )
             for name in ("range", "first_contact")
@@ -101,7 +101,7 @@ def test_a_plan(plan):
         (WHOLE + "[optimise.tolerances]\nwall = 1\n", "wall is no <default>"),
         (WHOLE + '[optimise.front]\nminimise = "rest"\npoints = 2\n', "points, from 3"),
         (WHOLE + '[optimise.front]\nminimise = "rest"\nmaximise = "rest"\n', "either maximise or minimise"),
-        (HEAD + GOAL + VARIABLES, "sensitivity cannot be told: 2 loads or more"),
+        (HEAD + GOAL + VARIABLES, "sensitivity cannot be computed: 2 loads or more"),
     ],
 )  # fmt: skip
 def test_what_is_no_optimisation_is_refused(plan, text, said):

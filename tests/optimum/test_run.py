@@ -231,11 +231,11 @@ def test_a_run_that_was_ended_goes_on(tmp_path):
 @pytest.mark.parametrize(
     ("goal", "said"),
     [
-        ("first_contact", "first contact along z cannot be told: it is no load of a pad."),
+        ("first_contact", "first contact along z cannot be computed: it is not a load of a pad."),
         (
             "range",
-            "range along up cannot be told without a table [circuit]: first contact along z cannot be told: it is no "
-            "load of a pad.",
+            "range along up cannot be computed without a table [circuit]: first contact along z cannot be computed: it "
+            "is not a load of a pad.",
         ),
     ],
 )
@@ -254,7 +254,7 @@ def test_how_far_what_is_no_pad_may_be_loaded(tmp_path, goal, said):
     [
         ((("rest", "least", 0.03), ("largest_reading", "most", 0.02), ("rest", "least", 0.001)), "in conflict"),
         ((("rest", "least", 1.0),), "beyond reach"),
-        ((("least_wall", "least", 1.0),), "least wall cannot be told of this scene"),
+        ((("least_wall", "least", 1.0),), "least wall cannot be computed for this scene"),
         ((("rest", "least", 0.016),), "constraints met by no design yet, but more evaluations or starts may find one"),
     ],
 )

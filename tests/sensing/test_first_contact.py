@@ -95,8 +95,8 @@ def test_a_path_that_ends_before(unstable):
 @pytest.mark.parametrize(
     ("along", "last", "furthest", "said"),
     [
-        ("youngs_modulus", 4.0, 40.0, "along youngs_modulus cannot be told: it is no load of a pad"),
-        ("fz", -1.0, -100.0, "along fz cannot be told: its values are not one load path"),
+        ("youngs_modulus", 4.0, 40.0, "along youngs_modulus cannot be computed: it is not a load of a pad"),
+        ("fz", -1.0, -100.0, "along fz cannot be computed: its values are not one load path"),
     ],
 )
 def test_what_is_no_line_of_a_path_is_refused(contact, along, last, furthest, said):
@@ -113,7 +113,7 @@ def test_a_dragged_indenter_is_refused(tmp_path):
     start, force = one_cell(fz=-1).replace('"fz"', '"dx"').split("<vector", 1)
     text = start + load + force.split("/>", 1)[1]
     (tmp_path / "dragged.xml").write_text(text)
-    with pytest.raises(InputError, match="along dx cannot be told: a dragged indenter has a separate path"):
+    with pytest.raises(InputError, match="along dx cannot be computed: a dragged indenter has a separate path"):
         first_contact(lambda dx: Scene(tmp_path / "dragged.xml", {"dx": dx}), "dx", 0.5, 1.0)
 
 
@@ -123,5 +123,5 @@ def test_a_force_on_an_indenter_is_refused(tmp_path):
         "<vector", '<string name="load" value="indenter_force"/> <float name="indenter_radius" value="4"/> <vector', 1
     )
     (tmp_path / "pressed.xml").write_text(text)
-    with pytest.raises(InputError, match="along fz cannot be told: paths of an indenter follow its displacement"):
+    with pytest.raises(InputError, match="along fz cannot be computed: paths of an indenter follow its displacement"):
         first_contact(lambda fz: Scene(tmp_path / "pressed.xml", {"fz": fz}), "fz", -1.0, -10.0)

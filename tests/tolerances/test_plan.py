@@ -90,7 +90,7 @@ def test_few_sobol_points_are_balanced_and_can_be_continued(plan):
         (HEAD + 'derivatives = ["z"]\n' + LAWS, "derivatives is not allowed"),
         ("[[scenes]]\n" + 'scene = "plate.xml"\n' + LAWS, "one scene alone"),
         (HEAD + '[tolerance.of]\nzz = { law = "normal", mean = 1, sd = 0.1 }\n', "zz"),
-        (HEAD + '[tolerance.of]\nhole = { law = "normal", mean = 0.1, sd = 0.05 }\n', "leaves what is allowed at -0.1"),
+        (HEAD + '[tolerance.of]\nhole = { law = "normal", mean = 0.1, sd = 0.05 }\n', "not allowed, such as -0.1"),
         (HEAD + '[tolerance.of]\nspacing = { law = "normal", mean = 0.9, sd = 0.02 }\n', "the edge of the body"),
     ],
 )

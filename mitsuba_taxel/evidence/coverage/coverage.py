@@ -61,7 +61,7 @@ should be within twice what is stated (intervals are converted to it).
 
 {table}
 
-- **coverage**: share of errors within twice the stated one. **none stated**: where the noise cannot be told.
+- **coverage**: share of errors within twice the stated one. **none stated**: where the noise is not known.
 - **true / stated**: root mean square over the seeds; 1 if stated errors are as large as true ones.
 """
 _PROBABILITIES = """

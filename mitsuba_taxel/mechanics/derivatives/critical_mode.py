@@ -50,7 +50,7 @@ class CriticalMode:
         try:
             modes = [_mode(block, state) for block in self._blocks]
         except Rejected as rejection:
-            raise ComputationError(f"no mode can be told of an unstable pad: {rejection}.") from rejection
+            raise ComputationError(f"an unstable pad has no buckling mode: {rejection}.") from rejection
         self._place = int(np.argmin([stiffness for stiffness, _ in modes]))
         self.stiffness, self._mode = modes[self._place]
 

@@ -59,15 +59,15 @@ def why_no_contact(scene: Scene, along: str) -> str | None:
     except InputError as reason:
         return str(reason)
     if not change.any():
-        return f"first contact along {along} cannot be told: it is no load of a pad."
+        return f"first contact along {along} cannot be computed: it is not a load of a pad."
     config = parser_config(activate_variant())
     with scene.files_beside_it():
         nodes = [node.props for node in scene.parsed(config).nodes]
     (pad,) = (DeformablePad.read(props) for props in nodes if props.plugin_name() == DeformablePad.plugin)
     if why := Load.named(pad.load).why_no_first_contact(change):
-        return f"first contact along {along} cannot be told: {why}."
+        return f"first contact along {along} cannot be computed: {why}."
     if not _on_one_path(np.array(pad.load_value), change):
-        return f"first contact along {along} cannot be told: its values are not one load path."
+        return f"first contact along {along} cannot be computed: its values are not one load path."
     return None
 
 
@@ -175,7 +175,7 @@ class _Touching:
         """Change of ``along`` up to the contact with bodies, after the nodes have moved with another parameter."""
         distance = self._ahead.after(step * nodal.velocity, step * nodal.displacement, bodies)
         if not np.isfinite(distance):
-            raise ComputationError("the first contact cannot be told: what touches was not found again.")
+            raise ComputationError("the first contact cannot be computed: the faces that touch were not found again.")
         return self._sign * distance
 
 

@@ -208,7 +208,7 @@ class _Along:
                 else:
                     return differences, step
         raise InputError(
-            f"{self._change.name} = {self._change.value:g} has no derivative: it cannot change a little."
+            f"{self._change.name} = {self._change.value:g} has no derivative: a small change of it is not allowed."
         ) from refused
 
 

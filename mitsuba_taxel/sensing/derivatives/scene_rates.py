@@ -118,7 +118,8 @@ def rates(scene: Scene, name: str) -> Rates:
                 refusals.append(error)
     if isinstance(refusals[-1], InputError):
         raise refusals[-1]
-    raise InputError(f"{name} = {parameter.value:g} has no derivative: it cannot change a little.") from refusals[-1]
+    why = "a small change of it is not allowed"
+    raise InputError(f"{name} = {parameter.value:g} has no derivative: {why}.") from refusals[-1]
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def _refuse_instances(scene: mi.Scene) -> None:
     """Contents of an instance cannot be inspected: unbounded walls, tables of reflectance, media."""
     for shape in scene.shapes():
         if kind_of(shape) == "instance":
-            raise InputError("instance is not allowed: its walls cannot be looked at; put the shape itself there.")
+            raise InputError("instance is not allowed: its walls cannot be examined; use the shape itself.")
 
 
 def _refuse_walls_without_area(scene: mi.Scene) -> None:
