@@ -1,5 +1,5 @@
-"""What plugins are made of; no scene and no user.
+"""Components of the plugins: emission, scattering, faces, path sampling.
 
-Arrays of Dr.Jit and parameters of plugins enter; samples, densities and weights leave. Interfaces of our plugins are in
-`protocols`; here nothing knows how a scene was described.
+Inputs are arrays of Dr.Jit and parameters of plugins; outputs are samples, densities and weights. The interfaces of the
+plugins are in `protocols`. Nothing in this package depends on how a scene was described.
 """

@@ -1,4 +1,4 @@
-"""Shapes that carry LEDs and phototransistors: a `photo_reflector` carries a grid of faces, a `rectangle` one face."""
+"""Shapes that carry LEDs and phototransistors: a `photo_reflector` carries a grid of faces, a `rectangle` one."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ PLUGINS = {"led": "annular_led", "phototransistor": "phototransistor"}
 
 
 def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
-    """The faces called ``name`` (``led`` or ``phototransistor``) of extent ``size`` that ``shape`` carries.
+    """The faces of LEDs or phototransistors on a shape.
 
     Parameters
     ----------
     shape : mi.Shape
-        That carries them.
+        A `photo_reflector` or a `rectangle`.
     name : str
         ``led`` or ``phototransistor``.
     size : tuple[float, float]
@@ -29,12 +29,12 @@ def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
     Returns
     -------
     FaceGrid
-        All faces of that name.
+        The faces.
 
     Raises
     ------
     InputError
-        if there is no shape, it is neither a `photo_reflector` nor a `rectangle`, or a face does not fit on it.
+        if there is no shape, if it is neither a `photo_reflector` nor a `rectangle`, or if a face does not fit on it.
     """
     if shape is None:
         raise InputError(f"{PLUGINS[name]}: it must be nested in a rectangle or a photo_reflector.")
@@ -50,13 +50,13 @@ def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
 def matrix_of(shape: mi.Shape) -> np.ndarray:
     """To-world transformation of a shape that has one, such as a rectangle.
 
-    Entries are read one by one: gathering them into one array would launch a kernel, a different one for each position,
-    and none can run while another is recorded.
+    Entries are read individually: gathering them into an array would launch a kernel, a different kernel for each
+    position, and no kernel can run while another is recorded.
 
     Parameters
     ----------
     shape : mi.Shape
-        With a parameter ``to_world``.
+        Shape with a parameter ``to_world``.
 
     Returns
     -------
@@ -68,6 +68,7 @@ def matrix_of(shape: mi.Shape) -> np.ndarray:
 
 
 def _face_on_rectangle(matrix: np.ndarray, flipped: bool, name: str, size: tuple[float, float]) -> FaceGrid:
+    """The face at the centre of a rectangle, with the normal of the rectangle."""
     half = np.linalg.norm(matrix[:3, :2], axis=0)
     axes = matrix[:3, :2] / half
     if abs(axes[:, 0] @ axes[:, 1]) > 1e-5:
@@ -86,20 +87,20 @@ def _face_on_rectangle(matrix: np.ndarray, flipped: bool, name: str, size: tuple
 
 
 def window_on(shape: mi.Shape, name: str, faces: FaceGrid) -> Window:
-    """The windows above the dies called ``name`` (``led`` or ``phototransistor``), at ``faces``, of ``shape``.
+    """The windows above the dies of LEDs or phototransistors.
 
     Parameters
     ----------
     shape : mi.Shape
-        That carries the dies.
+        Shape that carries the dies.
     name : str
         ``led`` or ``phototransistor``.
     faces : FaceGrid
-        Of the dies.
+        Positions of the dies.
 
     Returns
     -------
     Window
-        `NoWindow` if there is none.
+        `NoWindow` for dies without windows.
     """
     return (shape.window(name, faces) if is_package(shape) else None) or NoWindow(faces)

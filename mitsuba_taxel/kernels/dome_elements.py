@@ -1,4 +1,4 @@
-"""Default size of the finite elements of loaded domes, which follows what the light needs."""
+"""Default size of the finite elements of loaded domes, chosen for the accuracy of the light."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.elements.loads import Load
 
 MOST_CELLS = 16
-"""Pads of more cells keep the pad's default: their elements would take too long and too much memory."""
+"""Most cells of a pad with smaller elements; with more cells, smaller elements need too much time and memory."""
 
 
 def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> float | None:
-    """Size of elements of built-in domes that return light.
+    """Size of the elements of a pad with domed cells whose walls reflect light.
 
     Parameters
     ----------
     pad : Pad or PadFile
-        Of any cells.
+        Any pad.
     load : Load
-        On the pad.
+        Load on the pad.
     walls : list[mi.BSDF]
-        Of the pad.
+        BSDFs of the pad.
 
     Returns
     -------
     float or None
-        In mm; None for other pads, and under an indenter.
+        In mm; None for other pads, and under an indenter: the pad's default then applies.
     """
     if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or load.indenter is not None:
         return None
@@ -48,21 +48,21 @@ def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> floa
     return relative * pad.default_mesh_size
 
 
-def fewer_triangles(subdivision: int, share: float) -> int:
-    """Triangles along the edges of elements on domes, so that these are no larger than on default elements.
+def fewer_triangles(subdivision: int, ratio: float) -> int:
+    """Triangles along the edges of smaller elements on domes, for triangles no larger than on default elements.
 
-    Elements there become smaller in proportion to the square of the fraction, as it is at least `FINER_DOMES`.
+    Edges on domes are proportional to the square of the ratio of sizes, as the ratio is at least `FINER_DOMES`.
 
     Parameters
     ----------
     subdivision : int
-        Of elements of the default size.
-    share : float
+        Triangles along the edges of elements of the default size.
+    ratio : float
         Size of the elements, relative to the default.
 
     Returns
     -------
     int
-        From 1 on.
+        At least 1.
     """
-    return math.ceil(share**2 * subdivision)
+    return math.ceil(ratio**2 * subdivision)

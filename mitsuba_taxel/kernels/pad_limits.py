@@ -1,4 +1,4 @@
-"""Limits of the subdivision of a pad's surface."""
+"""Limits on the subdivision of the surface of a pad."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ MOST_TRIANGLES = 20_000_000
 LEAST_FACES = 15
 """Least number of finite elements on the surface of a cell."""
 LEAST_OF_MIRRORS = 3
-"""Least number of triangles along an element of a round mirror wall. With fewer they turn by more than 20 degrees, and
-their reflection at grazing angles errs by more than chords indicate: by up to some percent."""
+"""Least number of triangles along an element of a curved mirror. With fewer, neighbours differ by more than 20 degrees,
+and the error of reflections at grazing angles, up to some percent, exceeds that estimated from chords."""
 
 
 def check_triangles(subdivision: int, faces: int) -> None:
-    """Refuse a subdivision of the faces of cells into too many triangles.
+    """Raise for a subdivision of the walls of cells into too many triangles.
 
     Parameters
     ----------
     subdivision : int
-        Of the edges of elements.
+        Triangles along the edges of elements.
     faces : int
-        Faces of elements on the cells' walls.
+        Faces of elements on the walls of cells.
 
     Raises
     ------
     InputError
-        if there would be more than `MOST_TRIANGLES`.
+        if there are more than `MOST_TRIANGLES`.
     """
     triangles = faces * subdivision**2
     if triangles > MOST_TRIANGLES:
         raise InputError(
             f"subdivision = {subdivision} is not allowed: the surface of the cells would have {triangles:.1e} "
-            f"triangles, more than {MOST_TRIANGLES:.0e}; choose less, or name the cells that are read."
+            f"triangles, more than {MOST_TRIANGLES:.0e}; choose a smaller one, or list the cells to read in read_cells."
         )
 
 
 def mirrors(bsdf: mi.BSDF) -> list[int]:
-    """Codes of the regions whose wall is partly specular or glossy.
+    """Codes of the regions whose wall has a specular or glossy component.
 
     Parameters
     ----------
@@ -50,35 +50,35 @@ def mirrors(bsdf: mi.BSDF) -> list[int]:
     Returns
     -------
     list[int]
-        As in `REGIONS`.
+        Codes of `REGIONS`.
     """
     return regions_with(bsdf, mi.BSDFFlags.Delta | mi.BSDFFlags.Glossy)
 
 
 def regions_with(bsdf: mi.BSDF, flags: mi.BSDFFlags) -> list[int]:
-    """Codes of the regions whose wall has one of these flags."""
+    """Codes of the regions whose wall has at least one of the given flags."""
     walls = bsdf.walls if is_region(bsdf) else dict.fromkeys(REGIONS, bsdf)
     return [REGIONS[name] for name, wall in walls.items() if name in REGIONS and wall.flags() & flags]
 
 
 def check_mirrors(pad: Pad | PadFile, codes: list[int], subdivision: int) -> None:
-    """Refuse too few triangles for round walls that are mirrors.
+    """Raise for too few triangles on curved mirrors.
 
-    A surface file has flat walls; those of a solid may all be round.
+    Pads from a surface file have flat walls; all walls of a solid may be curved.
 
     Parameters
     ----------
     pad : Pad or PadFile
-        With the walls.
+        The pad.
     codes : list[int]
-        Of regions whose walls are mirrors.
+        Codes of the regions whose walls are mirrors.
     subdivision : int
-        Of the edges of elements.
+        Triangles along the edges of elements.
 
     Raises
     ------
     InputError
-        if it is too small for a round wall.
+        if it is too small for a curved mirror.
     """
     if isinstance(pad, Pad):
         round_walls = list(pad.shape.round_regions)
@@ -87,6 +87,6 @@ def check_mirrors(pad: Pad | PadFile, codes: list[int], subdivision: int) -> Non
     names = [name for name in round_walls if REGIONS[name] in codes]
     if names and subdivision < LEAST_OF_MIRRORS:
         raise InputError(
-            f"subdivision = {subdivision} is not allowed: the {names[0]} is a mirror and may be round, which takes "
+            f"subdivision = {subdivision} is not allowed: the {names[0]} is a mirror and may be curved, which needs "
             f"{LEAST_OF_MIRRORS} or more."
         )

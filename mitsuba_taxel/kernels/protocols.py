@@ -1,6 +1,6 @@
-"""Interfaces of our plugins, and predicates that tell them from Mitsuba's own and from third-party ones.
+"""Interfaces of the plugins of this package, and predicates that identify them.
 
-Ours carry the ``specification`` that their parameters were read into, which names the plugin; others have none.
+Plugins of this package have an attribute ``specification`` with their parameters, which also names the plugin.
 """
 
 from __future__ import annotations
@@ -34,14 +34,17 @@ if TYPE_CHECKING:
     from mitsuba_taxel.specification.wall import Wall
 
 AWAITED_PACKAGE = "awaited_package"
-"""Property of a `deformable_pad` whose packages are built after it: with `self_contact` it stays undeformed until
-``heed`` is called. Its value is a `mi.Properties`, which no scene file can hold."""
+"""Property of a `deformable_pad` whose packages are built after the pad. With `self_contact` the pad stays undeformed
+until ``heed`` is called. The value is a `mi.Properties`, which a scene file cannot contain."""
 
 
 class TaxelEnd(Protocol):
-    """Common interface of `annular_led` and `phototransistor`, with the refractive index of the resin in the windows
-    above them, None without windows, and the ``table`` of their law, None if it is a formula: cosines, which increase,
-    and share of the power per solid angle, or response relative to an ideal phototransistor."""
+    """Common interface of `annular_led` and `phototransistor`.
+
+    ``resin_index`` is the refractive index of the resin in the windows above the dies, None without windows. ``table``
+    is the table of the directional law, None for a formula: increasing cosines, and fraction of the power per solid
+    angle or response relative to an ideal phototransistor.
+    """
 
     resin_index: mi.Float | None
     table: tuple[np.ndarray, np.ndarray] | None
@@ -56,7 +59,7 @@ class TaxelEnd(Protocol):
 
 
 class LedEmitter(TaxelEnd, Protocol):
-    """An `annular_led`, one or an array."""
+    """An `annular_led`, or an array of LEDs."""
 
     specification: AnnularLed
     power: mi.Float
@@ -67,17 +70,17 @@ class LedEmitter(TaxelEnd, Protocol):
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> mi.Point3f: ...
     def sample_direction_of_emission(self, sample: mi.Point2f) -> mi.Vector3f: ...
     def density_of_direction(self, d: mi.Vector3f) -> mi.Float: ...
-    def share_of_direction(self, d: mi.Vector3f) -> mi.Float: ...
+    def emitted_fraction(self, d: mi.Vector3f) -> mi.Float: ...
     def leave(self, index: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> tuple[mi.Point3f, mi.Float]: ...
     def contains(self, index: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool: ...
 
 
 class PhototransistorSensor(TaxelEnd, Protocol):
-    """A `phototransistor`, one or an array, which keeps what others find out about its scene (None: not yet).
+    """A `phototransistor`, or an array of phototransistors.
 
-    The modules that find it state its type: ``guided_emission`` is a `GuidedEmission`; ``guide`` holds the vertices for
-    which it was found, and a `Guide`, or None where it does not pay; ``recorded`` are the `RecordedPaths`; ``checked``
-    is the `KnownScene` since the last check.
+    It also caches properties of its scene, which are None until they are computed: ``guided_emission`` is a
+    `GuidedEmission`; ``guide`` is the vertices of a mesh and the `Guide` for these, or None where a guide does not pay;
+    ``recorded`` is the `RecordedPaths`; ``checked`` is the `KnownScene` of the last check.
     """
 
     specification: Phototransistor
@@ -101,8 +104,8 @@ class PhototransistorSensor(TaxelEnd, Protocol):
 
 
 class PackageShape(Protocol):
-    """A `photo_reflector`: the extent of its ``body``, the ``sides`` with dies and windows, by name, and the index of
-    the resin in these, None if dies lie in its top."""
+    """A `photo_reflector`: the extent of its ``body``, its dies and windows ``sides`` by name, and the refractive index
+    of the resin above the dies; None for dies in the top of the body."""
 
     body: np.ndarray
     sides: dict[str, Side]
@@ -114,9 +117,8 @@ class PackageShape(Protocol):
 
 
 class PadShape(Protocol):
-    """A `deformable_pad`: the solid ``pad``, the ``value`` of its load and its ``history`` (times and values, the last
-    ones at present), its ``state`` (None if it is only read) and ``surface`` under load, and the codes of the regions
-    that are ``mirrors``."""
+    """A `deformable_pad`: the undeformed ``pad``, the ``value`` of its load and its ``history`` (times and values, the
+    current ones last), ``state`` and ``surface`` under the load, and the codes of the regions that are ``mirrors``."""
 
     specification: DeformablePad
     pad: Pad | PadFile
@@ -166,8 +168,8 @@ class RegionBsdf(Protocol):
 
 
 class WallBsdf(Protocol):
-    """A `wall`: the name of its ``scattering``, whether that ``is_directed`` (like a mirror, at least in part), and its
-    ``reflectance``, None while its ``table`` waits for a wavelength."""
+    """A `wall`: the name of its ``scattering``, whether that has a specular or glossy component (``is_directed``), and
+    its ``reflectance``, None until the wavelength for its ``table`` is set."""
 
     specification: Wall
     scattering: str
@@ -182,37 +184,45 @@ class WallBsdf(Protocol):
 
 
 def is_led(emitter: mi.Emitter) -> TypeGuard[LedEmitter]:
+    """Whether an emitter is an `annular_led`."""
     return plugin_of(emitter) == "annular_led"
 
 
 def is_phototransistor(sensor: mi.Sensor) -> TypeGuard[PhototransistorSensor]:
+    """Whether a sensor is a `phototransistor`."""
     return plugin_of(sensor) == "phototransistor"
 
 
 def has_faces(end: mi.Endpoint) -> TypeGuard[TaxelEnd]:
+    """Whether an endpoint is an `annular_led` or a `phototransistor`."""
     return is_led(end) or is_phototransistor(end)
 
 
 def is_package(shape: mi.Shape) -> TypeGuard[PackageShape]:
+    """Whether a shape is a `photo_reflector`."""
     return plugin_of(shape) == "photo_reflector"
 
 
 def is_pad(shape: mi.Shape) -> TypeGuard[PadShape]:
+    """Whether a shape is a `deformable_pad`."""
     return plugin_of(shape) == "deformable_pad"
 
 
 def is_region(bsdf: mi.BSDF) -> TypeGuard[RegionBsdf]:
+    """Whether a BSDF is a `region`."""
     return plugin_of(bsdf) == "region"
 
 
 def is_wall(bsdf: mi.BSDF) -> TypeGuard[WallBsdf]:
+    """Whether a BSDF is a `wall`."""
     return plugin_of(bsdf) == "wall"
 
 
 def is_owen_sobol(sampler: mi.Sampler) -> bool:
+    """Whether a sampler is an `owen_sobol`."""
     return plugin_of(sampler) == "owen_sobol"
 
 
 def plugin_of(made: mi.Object) -> str | None:
-    """Name of the plugin that made an object, None if that is not ours."""
+    """Name of the plugin of an object; None if the plugin is not of this package."""
     return getattr(getattr(made, "specification", None), "plugin", None)

@@ -1,8 +1,8 @@
-"""Whether a loaded scene is as it was: all variables of Dr.Jit, and all other values in Python objects of its plugins.
+"""State of a loaded scene: all variables of Dr.Jit, and all other values in the Python objects of its plugins.
 
-A variable that is held is never written to, and its number not given to another, so that equal numbers mean equal
-values. What Mitsuba does not let anyone change, in its own shapes, needs no watch. A scene that holds an object of a
-kind that is not known has no state.
+Two states are equal if nothing was changed in between. A variable with a reference is never written to, and its index
+is not reused, so that equal indices mean equal values. Values in Mitsuba's own shapes that cannot be changed are not
+recorded. A scene with an object of an unknown kind has no state.
 """
 
 from __future__ import annotations
@@ -19,21 +19,22 @@ from mitsuba_taxel.specification.specification import Specification
 
 
 class UnknownState(Exception):
-    """An object whose state is not known."""
+    """The state of an object is unknown."""
 
 
 class SceneState:
-    """The state of a scene and further objects, equal to another if nothing was changed in between.
+    """The state of a scene and additional objects; two states are equal if nothing was changed in between.
 
     Raises
     ------
     UnknownState
-        unless LEDs, phototransistors, walls and ``objects`` are of this package, and shapes of it or Mitsuba's own.
+        unless LEDs, phototransistors, walls and ``objects`` are of this package, and shapes of this package or of
+        Mitsuba.
 
     Attributes
     ----------
     variables : list
-        Of Dr.Jit, in Python objects.
+        Variables of Dr.Jit in Python objects.
     """
 
     def __init__(self, scene: mi.Scene, *objects: Any) -> None:
@@ -52,14 +53,14 @@ class SceneState:
 
 
 class KnownScene:
-    """What is known of a scene, None if that cannot be told from another one.
+    """Cached properties of a scene.
 
     Attributes
     ----------
     state : SceneState or None
-        When it was checked.
+        State of the scene for which they are valid; None if the state is unknown.
     points : dict[float, int]
-        Points per taxel and replicate for relative errors of the light.
+        Points per taxel and replicate that reach a relative error of the light, by that error.
     """
 
     def __init__(self, state: SceneState | None) -> None:
@@ -68,6 +69,7 @@ class KnownScene:
 
 
 def _known(scene: mi.Scene, plugins: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The plugins; raises `UnknownState` if a plugin, wall or shape is of another package."""
     shapes = (shape for shape in scene.shapes() if type(shape) not in (mi.Shape, mi.Mesh))
     if not all(map(_is_ours, (*plugins, *walls_of(scene), *shapes))):
         raise UnknownState
@@ -75,9 +77,9 @@ def _known(scene: mi.Scene, plugins: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 class _Collector:
-    """What is in objects and in what they hold: variables of Dr.Jit, and other values.
+    """Collects the variables of Dr.Jit and the other values in objects and, recursively, in their attributes.
 
-    Arrays of numpy and specifications are left out: kernels use only what was made of them.
+    Arrays of numpy and specifications are left out: kernels only use variables that were derived from them.
     """
 
     def __init__(self) -> None:
@@ -86,7 +88,7 @@ class _Collector:
         self._seen: set[int] = set()
 
     def visit(self, value: Any) -> None:
-        """Add what is in an object; raises `UnknownState`."""
+        """Add the contents of an object; raises `UnknownState`."""
         kind = type(value)
         if dr.is_jit_v(kind) or (hasattr(kind, "DRJIT_STRUCT") and kind.__module__ == "mitsuba"):
             self.variables.append(value)
@@ -94,12 +96,12 @@ class _Collector:
             self.constants.append(value)
         elif isinstance(value, (list, tuple)):
             self.constants.append(len(value))
-            for part in value:
-                self.visit(part)
+            for item in value:
+                self.visit(item)
         elif kind is dict:
             self.constants.append(tuple(value))
-            for part in value.values():
-                self.visit(part)
+            for item in value.values():
+                self.visit(item)
         elif isinstance(value, (np.ndarray, Specification)) or id(value) in self._seen:
             return
         elif not _is_ours(value):
@@ -108,13 +110,14 @@ class _Collector:
             self._seen.add(id(value))
             self.constants.append(kind.__qualname__)
             learned = getattr(kind, "LEARNED", ())
-            self.visit({name: part for name, part in vars(value).items() if name not in learned})
+            self.visit({name: item for name, item in vars(value).items() if name not in learned})
 
 
 def _is_scalar_array(value: Any) -> bool:
-    """Whether it is a vector of Mitsuba's for sizes and the like, which no path depends on."""
+    """Whether a value is a scalar vector of Mitsuba, such as a size, on which no path depends."""
     return dr.is_array_v(value) and not dr.is_jit_v(value)
 
 
 def _is_ours(value: Any) -> bool:
+    """Whether the class of a value is of this package."""
     return type(value).__module__.startswith("mitsuba_taxel.")

@@ -1,4 +1,4 @@
-"""Tables in CSV files, and their interpolation against the polar angle inside kernels."""
+"""Tables in CSV files, and their interpolation in kernels."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from mitsuba_taxel.base.files.table import separated
 from mitsuba_taxel.base.files.text import read_text
 
 NODES = 4096
-"""Points of a table inside kernels, the same for every file, so that another file needs no new kernel."""
+"""Nodes of a table in kernels; the number is the same for every file, so that another file needs no new kernel."""
 
 SMALLEST_STEP = 1e-3
-"""Degrees between two rows: closer angles are nearly equal in single precision."""
+"""Least step in degrees between two rows: closer angles are nearly equal in single precision."""
 
 RIGHT_ANGLE, NARROW = 1.571, 0.2
-"""In radians, rounded up. A table that ends between the two is taken to be in radians: hardly any part has so narrow a
-beam in degrees, and many end there in radians, from 11 to 90 degrees."""
+"""In radians, rounded up. A table that ends between the two is considered to be in radians: hardly any part has such a
+narrow beam in degrees, while many tables end there in radians, at 11 to 90 degrees."""
 
 
 class Interpolant:
@@ -31,9 +31,9 @@ class Interpolant:
     Parameters
     ----------
     nodes : (NODES,) ndarray
-        Strictly increasing.
+        Nodes, strictly increasing.
     values : (NODES,) ndarray
-        At the nodes.
+        Values at the nodes.
     """
 
     def __init__(self, nodes: np.ndarray, values: np.ndarray) -> None:
@@ -42,10 +42,10 @@ class Interpolant:
 
     def __call__(self, x: mi.Float) -> mi.Float:
         cell = find_cell(self.nodes, x)
-        left, right = dr.gather(mi.Float, self.nodes, cell), dr.gather(mi.Float, self.nodes, cell + 1)
+        lower, upper = dr.gather(mi.Float, self.nodes, cell), dr.gather(mi.Float, self.nodes, cell + 1)
         low, high = dr.gather(mi.Float, self.values, cell), dr.gather(mi.Float, self.values, cell + 1)
-        inside = (x >= left) & (x <= right)
-        return dr.select(inside, dr.lerp(low, high, (x - left) / (right - left)), 0)
+        inside = (x >= lower) & (x <= upper)
+        return dr.select(inside, dr.lerp(low, high, (x - lower) / (upper - lower)), 0)
 
 
 def find_cell(nodes: mi.Float, x: mi.Float) -> mi.UInt32:
@@ -54,36 +54,36 @@ def find_cell(nodes: mi.Float, x: mi.Float) -> mi.UInt32:
 
 
 def refine(angles: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same function, linear between the rows of a table, at ``NODES`` angles.
+    """Refine a table, whose function is linear between rows, to ``NODES`` rows.
 
-    All rows are kept; the remaining nodes subdivide the intervals between them as evenly as possible, so that
-    neighbours are at most 90 / (NODES - rows) degrees apart.
+    All rows are kept. The additional nodes subdivide the intervals between rows as evenly as possible, so that
+    neighbours differ by at most 90 / (NODES - rows) degrees.
 
     Parameters
     ----------
     angles, values : (n,) ndarray
-        With n of at most ``NODES``; angles start at 0.
+        The table, with n of at most ``NODES``; angles start at 0.
 
     Returns
     -------
-    angles, values : ndarray
-        (NODES,).
+    angles, values : (NODES,) ndarray
+        The refined table.
     """
     rows = len(angles)
-    place = np.arange(rows) + np.floor((NODES - rows) * (angles / angles[-1]))
+    row_nodes = np.arange(rows) + np.floor((NODES - rows) * (angles / angles[-1]))
     nodes = np.arange(NODES)
-    return np.interp(nodes, place, angles), np.interp(nodes, place, values)
+    return np.interp(nodes, row_nodes, angles), np.interp(nodes, row_nodes, values)
 
 
 def read_angular_table(file: str) -> tuple[np.ndarray, np.ndarray]:
-    """The table in the CSV file of the parameter ``file``, resolved like a scene's other files.
+    """Read the table in the CSV file of the parameter ``file``.
 
-    Two columns: polar angle in degrees, value. Empty lines and text after a ``#`` are ignored.
+    The file has two columns: polar angle in degrees, value. Empty lines and text after a ``#`` are ignored.
 
     Parameters
     ----------
     file : str
-        Its name in the scene.
+        Name of the file, relative to the scene file.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def read_angular_table(file: str) -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     InputError
-        if the file cannot be read, or holds anything else.
+        if the file cannot be read, or has other contents.
     """
     angles, values = read_columns("file", file, fewest=2).T
     _check_angles(file, angles)
@@ -104,27 +104,50 @@ def read_angular_table(file: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
-    """The numbers in the CSV file of a parameter, two columns, (n, 2) with n from ``fewest`` to ``NODES``."""
-    given = f"{parameter} = {file!r}"
-    lines = [words for line in read_text(given, found(file)).splitlines() if (words := line.split("#")[0].strip())]
-    mark, fields = separated(given, lines)
-    if mark != ",":  # decimal commas
+    """Read the numbers in the CSV file of a parameter.
+
+    Parameters
+    ----------
+    parameter : str
+        Name of the parameter, for messages.
+    file : str
+        Name of the file, relative to the scene file.
+    fewest : int
+        Least number of rows.
+
+    Returns
+    -------
+    (n, 2) ndarray
+        Two columns of at most ``NODES`` rows.
+
+    Raises
+    ------
+    InputError
+        if the file cannot be read, or has other contents.
+    """
+    label = f"{parameter} = {file!r}"
+    lines = [words for line in read_text(label, found(file)).splitlines() if (words := line.split("#")[0].strip())]
+    separator, fields = separated(label, lines)
+    # Numbers may have decimal commas, and the first row may be a heading.
+    if separator != ",":
         fields = [[word.replace(",", ".") for word in row] for row in fields]
     if fields and not _is_pair(fields[0]) and all(re.match(r"[^\W\d]", word) for word in fields[0]):
-        fields = fields[1:]  # a heading
+        fields = fields[1:]
     for row, pair in enumerate(fields, start=1):
-        if not _is_pair(pair):  # it is not quoted: a scene may name any file
-            raise InputError(f"{given}: row {row} is not allowed: two columns of numbers are needed.")
+        # The message does not quote the row, as a scene may name any file.
+        if not _is_pair(pair):
+            raise InputError(f"{label}: row {row} is not allowed: two columns of numbers are needed.")
     table = np.array(fields, dtype=float).reshape(-1, 2)
     rows, columns = table.shape
     if columns != 2 or not fewest <= rows <= NODES:
         raise InputError(
-            f"{given} has {rows} rows and {columns} columns: from {fewest} to {NODES} rows and 2 columns are needed."
+            f"{label} has {rows} rows and {columns} columns: from {fewest} to {NODES} rows and 2 columns are needed."
         )
     return table
 
 
 def _is_pair(words: list[str]) -> bool:
+    """Whether words are two numbers."""
     try:
         return len([float(word) for word in words]) == 2
     except ValueError:
@@ -132,6 +155,7 @@ def _is_pair(words: list[str]) -> bool:
 
 
 def _check_angles(file: str, angles: np.ndarray) -> None:
+    """Raise `InputError` for angles that are not allowed."""
     with np.errstate(invalid="ignore"):
         steps = np.diff(angles, prepend=-SMALLEST_STEP)
     allowed = np.isfinite(angles) & (steps >= SMALLEST_STEP * (1 - 1e-6)) & (angles <= 90)
@@ -150,6 +174,7 @@ def _check_angles(file: str, angles: np.ndarray) -> None:
 
 
 def _check_values(file: str, values: np.ndarray) -> None:
+    """Raise `InputError` for values that are not allowed."""
     allowed = np.isfinite(values) & (values >= 0)
     if not allowed.all():
         row = int(np.argmin(allowed))

@@ -11,17 +11,17 @@ from mitsuba_taxel.kernels.protocols import LedEmitter, WallBsdf, is_led, is_reg
 
 
 def walls_of(scene: mi.Scene) -> Iterator[mi.BSDF]:
-    """Each BSDF of each shape; those nested in a `region` individually.
+    """All BSDFs of all shapes, including those nested in a `region`.
 
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
 
     Yields
     ------
     mi.BSDF
-        As often as it is used.
+        A BSDF, as often as it is used.
     """
     for shape in scene.shapes():
         bsdf = shape.bsdf()
@@ -34,36 +34,36 @@ def walls_by_region(bsdf: mi.BSDF) -> Mapping[str, mi.BSDF]:
     Parameters
     ----------
     bsdf : mi.BSDF
-        Of a shape.
+        BSDF of a shape.
 
     Returns
     -------
     Mapping[str, mi.BSDF]
-        At least one if it is no `region`.
+        BSDFs by name of the region.
     """
     return bsdf.walls if is_region(bsdf) else {"": bsdf}
 
 
 def wall_at(bsdf: mi.BSDF, region: str) -> mi.BSDF | None:
-    """The BSDF of a region of a shape; None if a `region` has none for it.
+    """The BSDF of a region of a shape.
 
     Parameters
     ----------
     bsdf : mi.BSDF
-        Of a shape.
+        BSDF of the shape; unless it is a `region`, it covers all regions.
     region : str
-        One of `REGIONS`.
+        Name of a region.
 
     Returns
     -------
     mi.BSDF or None
-        Any BSDF that is no `region` is that of all regions.
+        None if a `region` has no BSDF for that region.
     """
     return bsdf.walls.get(region) if is_region(bsdf) else bsdf
 
 
 def scatters_evenly(bsdf: mi.BSDF) -> bool:
-    """Whether a part of its walls scatters light isotropically.
+    """Whether any wall scatters light isotropically, entirely or as a component.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def scatters_evenly(bsdf: mi.BSDF) -> bool:
     Returns
     -------
     bool
-        Whether one of its walls does, at least in part.
+        True if there is such a wall.
     """
     walls = (wall for wall in walls_by_region(bsdf).values() if is_wall(wall))
     return any(wall.scattering == "isotropic" or bool(wall.specification.isotropic) for wall in walls)
@@ -85,44 +85,47 @@ def set_wavelength(scene: mi.Scene, leds: Sequence[LedEmitter]) -> None:
     Parameters
     ----------
     scene : mi.Scene
-        With the walls.
+        Scene with the walls.
     leds : sequence of LedEmitter
-        At least one.
+        LEDs, at least one.
 
     Raises
     ------
     InputError
-        if a table does not cover it.
+        if a table does not cover that wavelength.
     """
     for wall in _walls_with_table(scene):
         wall.set_wavelength(leds[0].wavelength)
 
 
 def refuse_unknown_wavelength(scene: mi.Scene, one_by_one: bool) -> None:
-    """Raise if the reflectance of a wall with a table is not defined.
+    """Raise if the reflectance of a wall with a table is undefined.
 
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
     one_by_one : bool
-        Whether LEDs are traced individually, and so may have different wavelengths.
+        Whether LEDs are traced individually, so that their wavelengths may differ.
 
     Raises
     ------
     InputError
-        if LEDs of several wavelengths light such a wall at once, an emitter has none, or a table does not cover it.
+        if LEDs of several wavelengths illuminate such a wall together, an emitter has no wavelength, or a table does
+        not cover a wavelength.
     """
     tables = [wall.table for wall in _walls_with_table(scene) if wall.table]
     if not tables:
         return
     if not all(is_led(emitter) for emitter in scene.emitters()):
-        raise InputError("wall: a reflectance_table needs the wavelength of an annular_led, and other emitters shine.")
+        raise InputError(
+            "wall: a reflectance_table needs the wavelength of the light: every emitter must be an annular_led."
+        )
     wavelengths = sorted({led.wavelength for led in scene.emitters()})
     if len(wavelengths) > 1 and not one_by_one:
         raise InputError(
-            f"wall: LEDs of {', '.join(f'{nm:g}' for nm in wavelengths)} nm shine at once on a wall with a "
-            "reflectance_table: only taxel_tracer, taxel_path and analog_tracer take them one by one."
+            f"wall: LEDs of {', '.join(f'{nm:g}' for nm in wavelengths)} nm illuminate a wall with a reflectance_table "
+            "together: use taxel_tracer, taxel_path or analog_tracer, which trace them individually."
         )
     for table in tables:
         for nm in wavelengths:
@@ -130,18 +133,19 @@ def refuse_unknown_wavelength(scene: mi.Scene, one_by_one: bool) -> None:
 
 
 def _walls_with_table(scene: mi.Scene) -> Iterator[WallBsdf]:
+    """Walls of a scene with a table of reflectance."""
     return (wall for wall in walls_of(scene) if is_wall(wall) and wall.needs_wavelength)
 
 
 def scatters(bsdf: mi.BSDF | None, law: str) -> bool:
-    """Whether it is a `wall` with this ``scattering``.
+    """Whether a BSDF is a `wall` with a scattering law.
 
     Parameters
     ----------
     bsdf : mi.BSDF or None
-        Of a shape or a region.
+        BSDF of a shape or a region.
     law : str
-        Such as ``lambertian``.
+        Name of the law, such as ``lambertian``.
 
     Returns
     -------
@@ -152,28 +156,28 @@ def scatters(bsdf: mi.BSDF | None, law: str) -> bool:
 
 
 def reflectance_of(bsdf: mi.BSDF | None) -> float | None:
-    """Reflectance of a `wall`; None for other BSDFs, and before the wavelength for its table is known.
+    """Reflectance of a `wall`.
 
     Parameters
     ----------
     bsdf : mi.BSDF or None
-        Of a shape or a region.
+        BSDF of a shape or a region.
 
     Returns
     -------
     float or None
-        From 0 to 1.
+        From 0 to 1; None for other BSDFs, and until the wavelength for a table is set.
     """
     return float(bsdf.reflectance[0]) if is_wall(bsdf) and bsdf.reflectance is not None else None
 
 
 def absorbs(bsdf: mi.BSDF | None) -> bool:
-    """Whether it is a `wall` that reflects nothing; None stands for a region without a BSDF.
+    """Whether a BSDF is a `wall` that reflects no light.
 
     Parameters
     ----------
     bsdf : mi.BSDF or None
-        Of a shape or a region.
+        BSDF of a shape or a region; None for a region without a BSDF.
 
     Returns
     -------
@@ -184,34 +188,34 @@ def absorbs(bsdf: mi.BSDF | None) -> bool:
 
 
 def has_mirrors(scene: mi.Scene) -> bool:
-    """Whether a `wall` of a scene reflects as a mirror does, at least in part.
+    """Whether any `wall` of a scene has a specular or glossy component.
 
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
 
     Returns
     -------
     bool
-        Whether one does.
+        True if there is such a wall.
     """
     return any(is_wall(wall) and wall.is_directed for wall in walls_of(scene))
 
 
 def is_bounded_from_detector(wall: mi.BSDF) -> bool:
-    """Whether weights of paths from the detector stay bounded at this wall.
+    """Whether weights of paths from the detector are bounded at a wall.
 
     An isotropic wall is not reciprocal: from the detector its weight is 1 / (2 cos(theta)), see `wall`.
 
     Parameters
     ----------
     wall : mi.BSDF
-        Of any law.
+        A wall of any law.
 
     Returns
     -------
     bool
-        True but for isotropic walls.
+        False for isotropic walls and walls with an isotropic component.
     """
-    return not (scatters(wall, "isotropic") or (scatters(wall, "mixed") and float(wall.law.shares[2][0]) > 0))
+    return not (scatters(wall, "isotropic") or (scatters(wall, "mixed") and float(wall.law.fractions[2][0]) > 0))

@@ -143,7 +143,7 @@ class Wall(mi.BSDF):
 
     def eval_diffuse_reflectance(self, si, active=True):
         """Fraction of the light that is reflected, except specular reflection."""
-        return mi.Spectrum(self._known_reflectance() * self.law.smooth_share()) & mi.Bool(active)
+        return mi.Spectrum(self._known_reflectance() * self.law.smooth_fraction()) & mi.Bool(active)
 
     def _known_reflectance(self) -> mi.Float:
         """The reflectance; raises `InputError` if a table has no wavelength yet."""

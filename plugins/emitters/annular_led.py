@@ -84,7 +84,7 @@ class AnnularLed(mi.Emitter):
         """Density [1/sr] of :meth:`sample_direction_of_emission` at the world direction ``d``."""
         return self.law.density(self.faces.frame.to_local(d))
 
-    def share_of_direction(self, d: mi.Vector3f) -> mi.Float:
+    def emitted_fraction(self, d: mi.Vector3f) -> mi.Float:
         """Fraction of the power per solid angle [1/sr] that leaves an open window in world direction ``d``."""
         return self.density_of_direction(d) * self._passed(dr.dot(d, self.faces.frame.n))
 
@@ -121,7 +121,7 @@ class AnnularLed(mi.Emitter):
         if not self._is_nested:
             return mi.Spectrum(0)
         cosine = dr.dot(d, self.faces.frame.n)
-        value = self.power / self._annulus.area * self.share_of_direction(d) / cosine
+        value = self.power / self._annulus.area * self.emitted_fraction(d) / cosine
         return mi.Spectrum(dr.select(cosine > 0, value, 0))
 
     # Interface of the integrators of Mitsuba: all LEDs together. Dr.Jit records these calls for every LED object that
@@ -178,7 +178,7 @@ class AnnularLed(mi.Emitter):
         ps, index = self._sample_position(it.time, sample)
         sight = self.window.sight(index, it.p, ps.p)
         ds = mi.DirectionSample3f(ps)
-        ds.p, ds.d, ds.dist = sight.place, sight.direction, dr.norm(sight.place - it.p)
+        ds.p, ds.d, ds.dist = sight.crossing, sight.direction, dr.norm(sight.crossing - it.p)
         cos_theta = -dr.dot(ds.d, ds.n)
         active &= (cos_theta > 0) & sight.is_open
         ds.pdf = dr.select(active, ps.pdf * sight.squared_distance / cos_theta, 0)

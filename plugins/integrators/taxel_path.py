@@ -101,7 +101,7 @@ class TaxelPath(mi.CppADIntegrator):
             distance_squared = led.window.apparent(dr.squared_norm(si.p - vertex), cosine)
             connection = distance_squared / (density * cosine * led.area)
             weight = dr.select(specular, 1, dr.rcp(1 + dr.square(connection)))
-            radiance = led.power * led.share_of_direction(-direction) / (led.area * cosine)
+            radiance = led.power * led.emitted_fraction(-direction) / (led.area * cosine)
             result += dr.select(hits, throughput * radiance * weight, 0)
 
             active &= depth < most_reflections
@@ -112,10 +112,12 @@ class TaxelPath(mi.CppADIntegrator):
             sight = led.window.sight(led_index, vertex, target)
             wo, distance_squared = sight.direction, sight.squared_distance
             cosine = -dr.dot(wo, led.faces.frame.n)
-            intensity = led.power * led.share_of_direction(-wo)
+            intensity = led.power * led.emitted_fraction(-wo)
             value, bsdf_density = bsdf.eval_pdf(context, si, si.to_local(wo), active)
             visible = active & (cosine > 0) & (intensity > 0) & (value[0] > 0) & sight.is_open
-            visible &= ~scene.ray_test(between(vertex, normal, wo, clearance, sight.place, led.faces.frame.n), visible)
+            visible &= ~scene.ray_test(
+                between(vertex, normal, wo, clearance, sight.crossing, led.faces.frame.n), visible
+            )
             hit = bsdf_density * led.area * cosine / distance_squared
             value = throughput * value[0] * intensity / (distance_squared * (1 + dr.square(hit)))
             result += dr.select(visible, value, 0)

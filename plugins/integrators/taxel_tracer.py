@@ -190,7 +190,7 @@ class TaxelTracer(mi.CppADIntegrator):
 
 def _emit(led, wo: mi.Vector3f) -> tuple[mi.Float, mi.Float]:
     """Fraction of an LED's power that leaves per solid angle, and the density of its rays."""
-    return led.share_of_direction(wo), led.density_of_direction(wo)
+    return led.emitted_fraction(wo), led.density_of_direction(wo)
 
 
 def _scatter(context, si, bsdf, active, wo: mi.Vector3f) -> tuple[mi.Float, mi.Float]:

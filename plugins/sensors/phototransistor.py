@@ -230,7 +230,7 @@ class Phototransistor(mi.Sensor):
         y, offset = self.sample_point(index, mi.Point2f(scaled - mi.Float(index), sample.y))
         sight = self.window.sight(index, it.p, y)
         ds = dr.zeros(mi.DirectionSample3f)
-        ds.p, ds.d, ds.dist = sight.place, sight.direction, dr.norm(sight.place - it.p)
+        ds.p, ds.d, ds.dist = sight.crossing, sight.direction, dr.norm(sight.crossing - it.p)
         ds.n = self.normal
         ds.uv = self.pixel(index, offset)
         ds.time = it.time

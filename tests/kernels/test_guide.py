@@ -37,7 +37,7 @@ def test_load_steps_share_the_order_of_their_triangles(llvm_mono, roof):
     """The same leaves under any load; their shares are those of the areas there."""
     rest, loaded = guide_of(domed(0.0, roof)), guide_of(domed(-3.0, roof))
     assert np.array_equal(np.array(rest.leaves), np.array(loaded.leaves))
-    assert not np.array_equal(np.array(rest.shares), np.array(loaded.shares))
+    assert not np.array_equal(np.array(rest.splits), np.array(loaded.splits))
     assert loaded.area[0] != rest.area[0]
 
 

@@ -42,7 +42,7 @@ def test_members_are_drawn_by_weight_and_their_places_are_known(llvm_mono, sizes
     weight = 0.1 + rng.random(len(tree))
     weight[-5:-1] = 0
     trees = MemberTrees(rng.random((len(tree), 2)), tree, 2)
-    shares = trees.shares(weight)
+    shares = trees.splits(weight)
     boxes = trees.boxes(shares)
     total = np.bincount(tree, weight)[tree]
     assert np.allclose(boxes[:, 2] * boxes[:, 3], weight / total, rtol=1e-4)

@@ -245,7 +245,7 @@ def test_a_point_below_a_window_is_seen_where_snells_law_says(llvm_mono, distanc
 
     def angle(across):
         sight = window.sight(mi.UInt32(0), mi.Point3f(0.6 * across, 0.8 * across, height), mi.Point3f(0, 0, -depth))
-        d, place = np.array(sight.direction).ravel(), np.array(sight.place).ravel()
+        d, place = np.array(sight.direction).ravel(), np.array(sight.crossing).ravel()
         assert sight.is_open[0] and place[2] == pytest.approx(0, abs=1e-6)
         return np.arctan2(np.hypot(*d[:2]), -d[2]), float(np.hypot(*place[:2])), sight.squared_distance[0]
 

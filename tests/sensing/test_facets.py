@@ -111,7 +111,7 @@ def test_round_mirrors_of_few_triangles_are_refused(llvm_mono, cell):
     walls = {"type": "region", "side": {"type": "wall", "scattering": "mirror"}}
     coarse = scene(cell, {}, subdivision=2)
     coarse.source["pad"]["walls"] = walls
-    with pytest.raises(InputError, match="subdivision = 2 is not allowed: the side is a mirror and may be round"):
+    with pytest.raises(InputError, match="subdivision = 2 is not allowed: the side is a mirror and may be curved"):
         coarse.load()
 
 

@@ -1,1 +1,1 @@
-"""Paths of light: how directions are drawn, what guides them to small detectors, how they are traced and recorded."""
+"""Paths of light: sampling of directions, guiding to small detectors, tracing, and recorded kernels."""

@@ -1,8 +1,9 @@
-"""Emission guiding: directions of LED rays drawn so that more of them return by way of mirrors.
+"""Emission guiding: directions of LED rays sampled so that more rays return from mirrors.
 
-Light that a mirror reflects onto a small phototransistor is found by unidirectional hits alone, and most rays miss. A
-pilot run learns from which part of the law's unit square light arrives; rays are then drawn from there more often, with
-smaller weights. One ray in five is still drawn from the law alone, so that no weight exceeds five.
+Light that a mirror reflects onto a small phototransistor is only sampled by unidirectional hits, and most rays miss. A
+pilot run learns which area of the unit square, which the emission law maps to directions, contributes light. Rays are
+then sampled there more often, with smaller weights. One ray in five is still sampled from the law alone, so that no
+weight exceeds five.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ import numpy as np
 
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.kernels.paths.guide import guide_for
-from mitsuba_taxel.kernels.paths.sample_warping import descend, shares_of_grid
+from mitsuba_taxel.kernels.paths.sample_warping import descend, grid_splits
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import has_mirrors
 
 _DEPTH = 10  # levels of the tree: 32 x 32 cells
-_PILOT = 1 << 14
-_DEFENSIVE = 0.2
+_PILOT = 1 << 14  # paths of the pilot run per taxel
+_DEFENSIVE = 0.2  # fraction of rays that are sampled from the law alone
 LARGEST_WEIGHT = 1 / _DEFENSIVE
-"""Of a ray drawn from the learned density, relative to one drawn from the law."""
+"""Largest weight of a ray that is sampled from the learned density, relative to a ray sampled from the law."""
 
 
 class GuidedEmission:
@@ -30,18 +31,19 @@ class GuidedEmission:
     Parameters
     ----------
     density : (T, 32, 32) ndarray
-        Positive, row along the second coordinate; each mean is 1.
+        Positive, rows along the second coordinate; the mean of each taxel is 1.
     """
 
     def __init__(self, density: np.ndarray) -> None:
-        self.shares = mi.Float(in_packets(shares_of_grid(density)))
+        self.splits = mi.Float(in_packets(grid_splits(density)))
         self.density = mi.Float(in_packets(density))
 
     def sample(self, taxel: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point2f, mi.Float]:
-        """A point of the unit square, and its density."""
-        leaf, rest = descend(self.shares, mi.UInt32(_DEPTH), taxel, sample)
+        """A point of the unit square sampled from the density of a taxel, and that density."""
+        leaf, rest = descend(self.splits, mi.UInt32(_DEPTH), taxel, sample)
         x, y = mi.UInt32(0), mi.UInt32(0)
-        for level in range(_DEPTH):  # bits of the two coordinates alternate
+        # The bits of a leaf's number alternate between the two coordinates.
+        for level in range(_DEPTH):
             bit = (leaf >> (_DEPTH - 1 - level)) & 1
             x, y = (2 * x + bit, y) if level % 2 == 0 else (x, 2 * y + bit)
         side = 1 << (_DEPTH // 2)
@@ -50,19 +52,19 @@ class GuidedEmission:
 
 
 def guided_emission(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> GuidedEmission | None:
-    """The emission learned by a pilot run in a scene with mirrors; None without them.
+    """The emission density learned by a pilot run in a scene with mirrors.
 
-    The pilot's random numbers are always the same and enter no result. The density is cached with the phototransistor:
-    if the scene is changed, it is still valid, only less efficient.
+    The random numbers of the pilot run are always the same and are not used for results. The density is cached with the
+    phototransistor: after a change of the scene it is still valid, but less efficient.
 
     Parameters
     ----------
     integrator : mi.Integrator
-        That traces the pilot run.
+        Integrator of the pilot run.
     scene : mi.Scene
-        In which it does.
+        The scene.
     pair : TaxelPair
-        Whose LED emits.
+        LED and phototransistor.
 
     Returns
     -------
@@ -78,6 +80,8 @@ def guided_emission(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair)
 
 
 def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.ndarray:
+    """The density (T, 32, 32) from a pilot run."""
+    # Power of each path of the pilot run.
     sampler = pair.sensor.sampler().fork()
     sampler.set_sample_count(_PILOT)
     lanes = pair.count * _PILOT
@@ -85,6 +89,8 @@ def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.nd
     taxel = mi.UInt32(sampler.sequence)
     guide = guide_for(scene, pair)
     power = integrator.sample_guided(scene, pair, taxel, taxel, sampler, None, None, guide).numpy()
+
+    # The second pair of random numbers of each path again, which the law maps to its direction.
     sampler.seed(0, lanes)
     sampler.next_2d()
     u = np.array(sampler.next_2d())
@@ -96,15 +102,15 @@ def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.nd
 
 
 def _density(square: np.ndarray) -> np.ndarray:
-    """The density proportional to the root of summed squared powers in each cell, smoothed over neighbouring cells."""
-    # The second coordinate is an angle for every law, so it wraps; the first does not.
+    """Density proportional to the root of the sum of squared powers in each cell, smoothed over neighbouring cells."""
+    # The second coordinate is an angle for every law, so it is periodic; the first is not.
     wrapped = np.pad(np.pad(square, ((0, 0), (1, 1), (0, 0)), mode="wrap"), ((0, 0), (0, 0), (1, 1)))
-    near = sum(
+    smoothed = sum(
         wrapped[:, i : i + square.shape[1], j : j + square.shape[2]] * (1.0 if i == j == 1 else 0.25)
         for i in range(3)
         for j in range(3)
     )
-    wish = np.sqrt(near)
-    mean = wish.mean(axis=(1, 2), keepdims=True)
-    wish = np.divide(wish, mean, out=np.ones_like(wish), where=mean > 0)
-    return _DEFENSIVE + (1 - _DEFENSIVE) * wish
+    target = np.sqrt(smoothed)
+    mean = target.mean(axis=(1, 2), keepdims=True)
+    target = np.divide(target, mean, out=np.ones_like(target), where=mean > 0)
+    return _DEFENSIVE + (1 - _DEFENSIVE) * target

@@ -1,4 +1,4 @@
-"""Rays that leave a surface, with the smallest offset that single precision allows."""
+"""Rays that start at a surface, with the smallest offset that single precision allows."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 
 def leave(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Ray3f:
-    """A ray from a point of a surface in direction ``d``, clear of that surface.
+    """A ray from a point of a surface in direction ``d`` that does not hit that surface.
 
-    Mitsuba moves the origin by 9e-5 (1 + max|p|): a plate at 0.1 mm then reads half a percent too much, and a scene in
-    metres is wrong altogether. Here the offset is only what single precision requires: ``clearance`` (see
+    Mitsuba moves the origin by 9e-5 (1 + max|p|): the reading of a plate at 0.1 mm is then half a percent too large,
+    and a scene in metres is entirely wrong. Here the offset is what single precision requires: ``clearance`` (see
     :func:`clearance_of`) plus 1e-6 of the distance from the scene's origin. It is along the normal, since a step along
-    the ray may lead through the adjacent wall at an edge.
+    the ray may pass through the adjacent wall at an edge.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def leave(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) ->
     Returns
     -------
     mi.Ray3f
-        Without an end.
+        An unbounded ray.
     """
     return mi.Ray3f(_cleared(p, n, d, clearance), d)
 
@@ -36,7 +36,7 @@ def leave(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) ->
 def between(
     p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float, target: mi.Point3f, target_n: mi.Vector3f
 ) -> mi.Ray3f:
-    """As :func:`leave`, up to a point of another surface with normal ``target_n``, and clear of that as well.
+    """A ray between points of two surfaces that does not hit these surfaces; see :func:`leave`.
 
     Parameters
     ----------
@@ -47,12 +47,12 @@ def between(
     clearance : mi.Float
         See :func:`clearance_of`.
     target, target_n : mi.Point3f, mi.Vector3f
-        The other point and normal.
+        Point of the other surface and its normal there.
 
     Returns
     -------
     mi.Ray3f
-        That ends before the target.
+        A ray that ends just before the target.
     """
     origin = _cleared(p, n, d, clearance)
     rest = _cleared(target, target_n, -d, clearance) - origin
@@ -61,7 +61,7 @@ def between(
 
 
 def release(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Ray3f:
-    """As :func:`leave` for a ray from a flat face with no wall beside it: the ray stays on its line, without bias.
+    """A ray from a flat face without adjacent walls: its origin is moved along the ray, which causes no bias.
 
     Parameters
     ----------
@@ -75,33 +75,35 @@ def release(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) 
     Returns
     -------
     mi.Ray3f
-        Without an end.
+        An unbounded ray.
     """
     offset = _offset(p, clearance)
     return mi.Ray3f(p + d * dr.minimum(offset / dr.abs(dr.dot(n, d)), 20 * offset), d)
 
 
 def _cleared(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Point3f:
-    """A point of a surface, offset to the side into which ``d`` points."""
+    """A point of a surface, offset along the normal to the side into which ``d`` points."""
     return p + n * dr.mulsign(_offset(p, clearance), dr.dot(n, d))
 
 
 def _offset(p: mi.Point3f, clearance: mi.Float) -> mi.Float:
+    """Offset of a ray's origin at ``p``."""
     return dr.fma(1e-6, dr.max(dr.abs(p)), clearance)
 
 
 def clearance_of(scene: mi.Scene, pair: TaxelPair) -> mi.Float:
-    """The part of a ray's offset that scales with the size of the parts, independent of the unit of length.
+    """The fraction of a ray's offset that is proportional to the size of the faces, whatever the unit of length.
 
-    The precision of OptiX's intersections is relative to the triangle's size: a plate of 140 mm shades points up to
-    6e-6 mm below itself. No shape is larger than the scene.
+    The precision of intersections by OptiX is relative to the size of the triangle: a plate of 140 mm shades points up
+    to 6e-6 mm below itself. On a GPU the extent of the scene, which is the largest possible size of a triangle, adds to
+    the clearance.
 
     Parameters
     ----------
     scene : mi.Scene
-        Of which the extent counts on a GPU.
+        The scene.
     pair : TaxelPair
-        Of which the area of the faces counts.
+        LED and phototransistor.
 
     Returns
     -------

@@ -1,8 +1,8 @@
-"""Paths that Dr.Jit traces once, to launch their kernels again with other random numbers.
+"""Recorded kernels: paths that Dr.Jit traces once and launches again with other random numbers.
 
-Tracing a path in Python takes longer than a short wavefront of it. So from the second wavefront of a size on, its
-kernels are recorded (``dr.freeze``), as long as nothing in the scene is changed: what was read from memory of numpy's,
-such as vertices that were moved, would else be read from there again.
+Tracing a path in Python takes longer than computing a short wavefront of it. From the second wavefront of a size on,
+kernels are therefore recorded (``dr.freeze``). Recordings are valid as long as the scene does not change: a recorded
+kernel reads arrays of numpy, such as moved vertices, from the memory of its first launch.
 """
 
 from __future__ import annotations
@@ -16,21 +16,22 @@ import mitsuba as mi
 from mitsuba_taxel.kernels.scene_state import SceneState, UnknownState
 
 MOST_SIZES = 8
-"""Most sizes of wavefronts that are kept for one phototransistor array."""
+"""Most sizes of wavefronts whose recordings are kept for a phototransistor array."""
 MOST_LANES = 1 << 18
-"""Of a wavefront that is worth it: larger ones take far longer than tracing, and a tenth longer still where their
-kernel reads from memory which point each lane takes, which it else computes."""
+"""Largest wavefront that is recorded: larger wavefronts take far longer than tracing. A recorded kernel is a tenth
+slower, as it reads from memory the number of the point of each lane, which a traced kernel computes."""
 
 Trace = Callable[[Any, Any, Any, Any], Any]
-"""Scene, sampler, phototransistor and LED of each path -> its power."""
+"""Function of scene, sampler, phototransistor and LED of each path that returns its power."""
 
 
 class RecordedPaths:
-    """Recorded wavefronts of a scene, kept with the phototransistor that they are read by."""
+    """Recorded wavefronts of a scene, an attribute of the phototransistor that reads them."""
 
     def __init__(self) -> None:
         self.state: SceneState | None = None
-        self.sizes: dict[tuple[int, int], _Recording | None] = {}  # lanes and points; None: it cannot be recorded
+        # By lanes and points; None for a size that cannot be recorded.
+        self.sizes: dict[tuple[int, int], _Recording | None] = {}
 
     def power(
         self,
@@ -41,23 +42,40 @@ class RecordedPaths:
         led_index: mi.UInt32,
         *objects: Any,
     ) -> mi.Float:
-        """What ``trace`` returns, which depends on the scene and ``objects``."""
+        """The result of ``trace``, recorded if possible.
+
+        Parameters
+        ----------
+        trace : Trace
+            Function that traces the paths.
+        scene, sampler, index, led_index
+            Arguments of ``trace``.
+        *objects : Any
+            Other objects on which the result depends.
+
+        Returns
+        -------
+        mi.Float
+            Power of each path, W.
+        """
         if dr.width(index) > MOST_LANES:
             return trace(scene, sampler, index, led_index)
-        dr.eval(sampler.index, sampler.sequence_seed, index, led_index)  # so that the kernel is the same
+        # Evaluated inputs give the same kernel each time.
+        dr.eval(sampler.index, sampler.sequence_seed, index, led_index)
         recording = self._of(scene, (dr.width(index), sampler.sample_count()), objects)
         if recording is not None:
             try:
                 assert self.state is not None
                 return recording(trace, scene, sampler, index, led_index, self.state.variables)
-            except RuntimeError as error:  # of Dr.Jit: foreign objects of other scenes, too, are part of its kernels
+            except RuntimeError as error:
+                # Dr.Jit cannot record: its kernels also contain objects of other packages in other scenes.
                 if isinstance(error.__cause__, KeyboardInterrupt):
                     raise error.__cause__ from None
                 self.sizes = dict.fromkeys(self.sizes)
         return trace(scene, sampler, index, led_index)
 
     def _of(self, scene: mi.Scene, size: tuple[int, int], objects: tuple[Any, ...]) -> _Recording | None:
-        """The recording of wavefronts of a size, if there was one before."""
+        """The recording for a size of wavefronts; None for the first wavefront of a size, or if it is impossible."""
         if dr.backend_v(mi.Float) != dr.JitBackend.LLVM or not isinstance(scene, mi.Scene):
             return None
         try:
@@ -75,7 +93,7 @@ class RecordedPaths:
 
 
 class _Recording:
-    """A wavefront of one size; it holds no scene, so that this can be given up."""
+    """The recording of a wavefront; it has no reference to the scene, which can therefore be deleted."""
 
     def __init__(self) -> None:
         self.trace: Trace | None = None
@@ -90,4 +108,5 @@ class _Recording:
 
     def _traced(self, scene, sampler, index, led_index, variables):
         assert self.trace is not None
-        return self.trace(scene, sampler.clone(), index, led_index)  # whose state is no result
+        # A clone, so that the state of the sampler is not an output of the kernel.
+        return self.trace(scene, sampler.clone(), index, led_index)

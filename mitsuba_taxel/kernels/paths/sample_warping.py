@@ -1,7 +1,7 @@
 """Hierarchical sample warping: sampling of members by a tree that preserves the locality of samples.
 
-A tree of depth d has 2**d leaves and is stored as the shares of its 2**d inner nodes, numbered from 1: the share of a
-node's weight in its left subtree. The two coordinates of a sample decide alternately, the first one first.
+A tree of depth d has 2**d leaves. It is stored as the split of each of its inner nodes, numbered from 1: the fraction
+of the node's weight in its left subtree. The two coordinates of a sample decide alternately, starting with the first.
 """
 
 from __future__ import annotations
@@ -12,53 +12,60 @@ import numpy as np
 
 
 @dr.syntax
-def descend(shares: mi.Float, depth: mi.UInt32, tree: mi.UInt32, sample: mi.Point2f) -> tuple[mi.UInt32, mi.Point2f]:
-    """The leaf that a sample leads to, and the sample rescaled to be uniform again.
+def descend(splits: mi.Float, depth: mi.UInt32, tree: mi.UInt32, sample: mi.Point2f) -> tuple[mi.UInt32, mi.Point2f]:
+    """The leaf of a sample, and the sample rescaled so that it is uniform within the leaf.
 
     Parameters
     ----------
-    shares : mi.Float
-        (trees * 2**depth,) shares of the inner nodes, tree after tree.
+    splits : mi.Float
+        Splits (trees * 2**depth,) of the inner nodes, tree after tree.
     depth : mi.UInt32
-        Common depth of all trees; opaque, so that trees of every depth share a kernel.
+        Common depth of all trees; opaque, so that trees of all depths use the same kernel.
     tree : mi.UInt32
-        Number of the tree to walk down.
+        Number of the tree.
+    sample : mi.Point2f
+        Uniform random numbers.
+
+    Returns
+    -------
+    leaf, sample : mi.UInt32 and mi.Point2f
+        Number of the leaf, and the rescaled sample.
     """
-    deciding, other = mi.Float(sample.x), mi.Float(sample.y)
+    deciding, next_coordinate = mi.Float(sample.x), mi.Float(sample.y)
     node, level = mi.UInt32(1), mi.UInt32(0)
     while level < depth:
-        share = dr.gather(mi.Float, shares, (tree << depth) + node)
-        right = deciding >= share
-        left_over = dr.select(right, (deciding - share) / (1 - share), deciding / share)
-        deciding, other = other, dr.clip(left_over, 0, dr.one_minus_epsilon(mi.Float))
+        split = dr.gather(mi.Float, splits, (tree << depth) + node)
+        right = deciding >= split
+        rescaled = dr.select(right, (deciding - split) / (1 - split), deciding / split)
+        deciding, next_coordinate = next_coordinate, dr.clip(rescaled, 0, dr.one_minus_epsilon(mi.Float))
         node = 2 * node + dr.select(right, mi.UInt32(1), mi.UInt32(0))
         level += 1
     even = (depth & 1) == 0
-    rest = mi.Point2f(dr.select(even, deciding, other), dr.select(even, other, deciding))
+    rest = mi.Point2f(dr.select(even, deciding, next_coordinate), dr.select(even, next_coordinate, deciding))
     return node - (mi.UInt32(1) << depth), rest
 
 
-def shares_of_grid(weight: np.ndarray) -> np.ndarray:
-    """(T, n * n) shares of trees over grids of ``weight`` (T, n, n), n a power of two; columns are split first."""
+def grid_splits(weight: np.ndarray) -> np.ndarray:
+    """Splits (T, n * n) of trees over grids of ``weight`` (T, n, n), n a power of two; columns are split first."""
     trees, side, _ = weight.shape
-    shares = np.ones((trees, side * side), np.float32)
+    splits = np.ones((trees, side * side), np.float32)
     rows, columns = 1, 1
     for level in range(2 * (side.bit_length() - 1)):
         columns, rows = (2 * columns, rows) if level % 2 == 0 else (columns, 2 * rows)
-        part = weight.reshape(trees, rows, side // rows, columns, side // columns).sum(axis=(2, 4))
+        sums = weight.reshape(trees, rows, side // rows, columns, side // columns).sum(axis=(2, 4))
         node = _interleaved(rows, columns, level + 1)
         below = np.zeros((trees, 2 << level))
-        below[:, node] = part
-        whole = below[:, 0::2] + below[:, 1::2]
-        shares[:, 1 << level : 2 << level] = np.divide(below[:, 0::2], whole, out=np.ones_like(whole), where=whole > 0)
-    return shares
+        below[:, node] = sums
+        total = below[:, 0::2] + below[:, 1::2]
+        splits[:, 1 << level : 2 << level] = np.divide(below[:, 0::2], total, out=np.ones_like(total), where=total > 0)
+    return splits
 
 
 def _interleaved(rows: int, columns: int, levels: int) -> np.ndarray:
-    """(rows, columns) index within its level of the node over each block of the grid: interleaved column and row
-    bits."""
+    """Index (rows, columns) of the node of each block of the grid within its level: interleaved bits of column and
+    row."""
     row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
-    place = np.zeros_like(row)
+    index = np.zeros_like(row)
     row_bits, column_bits = rows.bit_length() - 1, columns.bit_length() - 1
     for level in range(levels):
         if level % 2 == 0:
@@ -67,8 +74,8 @@ def _interleaved(rows: int, columns: int, levels: int) -> np.ndarray:
         else:
             row_bits -= 1
             bit = row >> row_bits & 1
-        place = 2 * place + bit
-    return place
+        index = 2 * index + bit
+    return index
 
 
 class MemberTrees:
@@ -86,7 +93,7 @@ class MemberTrees:
     Attributes
     ----------
     depth : int
-        Of all trees.
+        Depth of all trees.
     leaves : (trees, 2**depth) ndarray
         Number of the member in each leaf; 0 if empty.
     """
@@ -97,33 +104,34 @@ class MemberTrees:
         ranks = np.argsort(np.argsort(position, axis=0), axis=0)
         node = np.ones(count, dtype=np.int64)
         for level in range(self.depth):
-            place = (tree << level) + node - (1 << level)  # one number for each node of this level
-            order = np.argsort(place * count + ranks[:, level % 2])
-            size = np.bincount(place, minlength=trees << level)
+            # Members of each node of this level, sorted along an axis, are halved.
+            group = (tree << level) + node - (1 << level)
+            order = np.argsort(group * count + ranks[:, level % 2])
+            size = np.bincount(group, minlength=trees << level)
             rank = np.empty_like(node)
-            rank[order] = np.arange(count) - (np.cumsum(size) - size)[place[order]]
-            node = 2 * node + (rank >= size[place] // 2)
+            rank[order] = np.arange(count) - (np.cumsum(size) - size)[group[order]]
+            node = 2 * node + (rank >= size[group] // 2)
         self._leaf = (tree << self.depth) + node - (1 << self.depth)
         self.leaves = np.zeros((trees, 1 << self.depth), np.uint32)
         self.leaves.ravel()[self._leaf] = np.arange(count)
 
-    def shares(self, weight: np.ndarray) -> np.ndarray:
-        """(trees, 2**depth) shares for members of ``weight`` (M,), not negative."""
-        shares, below = np.ones(self.leaves.shape, np.float32), np.zeros(self.leaves.shape)
+    def splits(self, weight: np.ndarray) -> np.ndarray:
+        """Splits (trees, 2**depth) for members of ``weight`` (M,), not negative."""
+        splits, below = np.ones(self.leaves.shape, np.float32), np.zeros(self.leaves.shape)
         below.ravel()[self._leaf] = weight
         for level in reversed(range(self.depth)):
-            left = below[:, 0::2]
-            below = left + below[:, 1::2]
-            shares[:, 1 << level : 2 << level] = np.divide(left, below, out=np.ones_like(left), where=below > 0)
-        return shares
+            lower = below[:, 0::2]
+            below = lower + below[:, 1::2]
+            splits[:, 1 << level : 2 << level] = np.divide(lower, below, out=np.ones_like(lower), where=below > 0)
+        return splits
 
-    def boxes(self, shares: np.ndarray) -> np.ndarray:
-        """(M, 4) the part of the unit square that ``shares`` map to each member: lower corner and size."""
-        low, size = np.zeros((2, len(shares), 1)), np.ones((2, len(shares), 1))
+    def boxes(self, splits: np.ndarray) -> np.ndarray:
+        """Rectangle of the unit square that ``splits`` map to each member: lower corner and size (M, 4)."""
+        low, size = np.zeros((2, len(splits), 1)), np.ones((2, len(splits), 1))
         for level in range(self.depth):
-            axis, share = level % 2, shares[:, 1 << level : 2 << level].astype(float)
+            axis, split = level % 2, splits[:, 1 << level : 2 << level].astype(float)
             low, size = np.repeat(low, 2, axis=2), np.repeat(size, 2, axis=2)
-            low[axis, :, 1::2] += share * size[axis, :, 1::2]
-            size[axis, :, 0::2] *= share
-            size[axis, :, 1::2] *= 1 - share
+            low[axis, :, 1::2] += split * size[axis, :, 1::2]
+            size[axis, :, 0::2] *= split
+            size[axis, :, 1::2] *= 1 - split
         return np.concatenate([low, size]).reshape(4, -1).T[self._leaf]

@@ -34,12 +34,12 @@ DIMENSIONS = len(_JOE_KUO) + 1
 
 
 def sobol_points(count: int) -> np.ndarray:
-    """The first ``count`` Sobol' points, a power of two.
+    """The first Sobol' points.
 
     Parameters
     ----------
     count : int
-        A power of two.
+        Number of points, a power of two.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def sobol_points(count: int) -> np.ndarray:
 
 
 def _direction_numbers(dimension: int) -> np.ndarray:
-    """The 32 direction numbers of one dimension, left-aligned in 32 bits."""
+    """The 32 direction numbers of a dimension, left-aligned in 32 bits."""
     if dimension == 0:
         return np.array([1 << (31 - bit) for bit in range(32)], dtype=np.uint32)
     polynomial, initial = _JOE_KUO[dimension - 1]

@@ -1,4 +1,4 @@
-"""Our integrators, told from Mitsuba's own and from third-party ones."""
+"""Predicates that identify the integrators of this package."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 
 class TaxelIntegrator(Protocol):
-    """One of our integrators, which trace a pair of LED and phototransistor."""
+    """An integrator of this package, which traces pairs of LED and phototransistor."""
 
     def sample_paths(
         self,
@@ -25,8 +25,10 @@ class TaxelIntegrator(Protocol):
 
 
 def traces_taxels(integrator: mi.Integrator) -> TypeGuard[TaxelIntegrator]:
+    """Whether an integrator traces pairs of LED and phototransistor."""
     return plugin_of(integrator) in ("taxel_tracer", "taxel_path", "analog_tracer")
 
 
 def guides_emission(integrator: mi.Integrator) -> bool:
+    """Whether an integrator learns the directions of emission."""
     return plugin_of(integrator) == "taxel_tracer"

@@ -1,4 +1,4 @@
-"""Three techniques to read the light that leaves a vertex of a path, and their weights (multiple importance sampling).
+"""Three techniques that estimate the light from a vertex of a path, and their weights (multiple importance sampling).
 
 A path of n reflections has the vertices LED, x1 .. xn and a point y of the phototransistor. It can be sampled as
 
@@ -7,8 +7,9 @@ A path of n reflections has the vertices LED, x1 .. xn and a point y of the phot
   response;
 * a *unidirectional hit*: x1 .. xn and y by scattering.
 
-The three densities share the factor of x1 .. x(n-1), so their ratios, and with them the weights of the power heuristic,
-depend on xn alone (E. Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997, chapters 9 and 10).
+The factor of x1 .. x(n-1) is common to the three densities. Their ratios, and with them the weights of the power
+heuristic, therefore depend on xn alone (E. Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997,
+chapters 9 and 10).
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from mitsuba_taxel.kernels.paths.ray_offsets import between, release
 from mitsuba_taxel.kernels.taxels.windows import Sight, straight
 
 Scattering = Callable[[mi.Vector3f], tuple[mi.Float, mi.Float]]
-"""World direction -> scattered share per solid angle [1/sr, cosine included], and its density [1/sr]."""
+"""Function of a world direction that returns the scattered fraction per solid angle [1/sr, with the cosine] and the
+density of the direction [1/sr]."""
 
 
 @dataclass
@@ -35,36 +37,44 @@ class Vertex:
     n: mi.Normal3f
     throughput: mi.Float  # W
     guided: mi.Float  # probability that the guide samples the next direction
-    place: mi.Point2f  # of the vertex on the guide's unit square
-    inverse: mi.Float  # mm²: one over the area density of this vertex; 0 if no sensor subpath could have sampled it
+    uv: mi.Point2f  # position of the vertex on the guide's unit square
+    inverse: mi.Float  # mm²: reciprocal area density of this vertex; 0 if no sensor subpath can sample it
 
 
 @dataclass
 class View:
-    """A point of the phototransistor and what it sees along one ray."""
+    """A point y of the phototransistor, and the first point z on a ray from it."""
 
     y: mi.Point3f
-    offset: mi.Point2f  # of y from the centre of the phototransistor
-    si: mi.SurfaceInteraction3f  # at the point z that it sees
+    offset: mi.Point2f  # offset of y from the centre of the phototransistor
+    si: mi.SurfaceInteraction3f  # at z
     bsdf: mi.BSDFPtr
     valid: mi.Bool
     weight: mi.Float  # sr: response times cosine over the density of the direction
     to_y: mi.Vector3f  # direction from z to y, in the frame of z
     cosine: mi.Float  # at z
-    density: mi.Float  # 1/mm²: of z
-    solid_angle: mi.Float  # of the phototransistor, seen from z
-    member: mi.Bool  # whether the guide could have sampled z
-    guided: mi.Float  # probability that the guide samples the direction that leaves z
-    place: mi.Point2f  # of z on the guide's unit square
+    density: mi.Float  # 1/mm²: area density of z
+    solid_angle: mi.Float  # sr: solid angle of the phototransistor, seen from z
+    member: mi.Bool  # whether the guide can sample z
+    guided: mi.Float  # probability that the guide samples the next direction at z
+    uv: mi.Point2f  # position of z on the guide's unit square
 
 
 class Techniques:
-    """The techniques on one scene, for the phototransistors of ``index``.
+    """The techniques in a scene, for the phototransistors of ``index``.
 
     Parameters
     ----------
     strategy : str
         ``all``, or a single technique: ``connections``, ``sensor_subpath_connections`` or ``unidirectional_hits``.
+    scene : mi.Scene
+        The scene.
+    sensor : mi.Sensor
+        The phototransistor array.
+    index : mi.UInt32
+        Number of the phototransistor of each path.
+    guide : Guide or None
+        Guide of the directions between walls.
     clearance : mi.Float
         See :func:`mitsuba_taxel.kernels.paths.ray_offsets.leave`.
     """
@@ -83,24 +93,35 @@ class Techniques:
         self.scene, self.sensor, self.index, self.guide, self.clearance = scene, sensor, index, guide, clearance
         self.area = sensor.faces.area
         self.detector = mi.ShapePtr(sensor.get_shape())
-        dr.make_opaque(self.detector)  # another phototransistor needs no new kernel
+        dr.make_opaque(self.detector)  # so that another phototransistor needs no new kernel
         self.context = mi.BSDFContext(mi.TransportMode.Importance)
 
     def look(self, position: mi.Point2f, direction: mi.Point2f) -> View:
-        """What one point of each phototransistor sees along a direction that is distributed as its response."""
+        """Sample a point of each phototransistor and a direction distributed as its response, and trace a ray.
+
+        Parameters
+        ----------
+        position, direction : mi.Point2f
+            Uniform random numbers.
+
+        Returns
+        -------
+        View
+            The point, and the first surface point on the ray.
+        """
         y, offset = self.sensor.sample_point(self.index, position)
         local, of_direction = self.sensor.sample_view(direction)
         d = self.sensor.faces.frame.to_world(local)
         if not self.sensor_subpaths:
             nothing = dr.zeros(mi.SurfaceInteraction3f)
             return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *[None] * 8)
-        place, is_open = self.sensor.window.leave(self.index, y, d)
-        ray = release(place, mi.Normal3f(self.sensor.normal), d, self.clearance)
+        exit_point, is_open = self.sensor.window.leave(self.index, y, d)
+        ray = release(exit_point, mi.Normal3f(self.sensor.normal), d, self.clearance)
         si = self.scene.ray_intersect(ray)
         valid = si.is_valid() & (local.z > 0) & (of_direction > 0) & is_open
-        distance_squared = self.sensor.window.apparent(dr.squared_norm(si.p - place), local.z)
+        distance_squared = self.sensor.window.apparent(dr.squared_norm(si.p - exit_point), local.z)
         cosine = dr.abs(dr.dot(si.n, d))
-        member, guided, place = self.guidance(si, valid)
+        member, guided, uv = self.guidance(si, valid)
         return View(
             y,
             offset,
@@ -114,38 +135,61 @@ class Techniques:
             self.area * local.z / distance_squared,
             member,
             guided,
-            place,
+            uv,
         )
 
-    def connect(self, view: View, here: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
-        """Power [W] of a connection from ``here`` to the point of ``view``."""
+    def connect(self, view: View, vertex: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
+        """Power [W] of a connection from a vertex to the point y of a view.
+
+        Parameters
+        ----------
+        view : View
+            The point of the phototransistor.
+        vertex : Vertex
+            The vertex.
+        scatter : Scattering
+            Scattering or emission at the vertex.
+        active : mi.Bool
+            Active lanes.
+        """
         if not self.connections:
             return mi.Float(0)
-        sight = self.sensor.window.sight(self.index, here.p, view.y)
+        sight = self.sensor.window.sight(self.index, vertex.p, view.y)
         wo, distance_squared = sight.direction, sight.squared_distance
         cosine = -dr.dot(wo, self.sensor.normal)
         active = active & (cosine > 0) & (distance_squared > 0) & sight.is_open
         value, density = scatter(wo)
         active &= value > 0
-        ray = between(here.p, here.n, wo, self.clearance, sight.place, self.sensor.normal)
+        ray = between(vertex.p, vertex.n, wo, self.clearance, sight.crossing, self.sensor.normal)
         active &= ~self.scene.ray_test(ray, active)
         solid_angle = self.area * cosine / distance_squared
-        hit = (1 - here.guided) * density * solid_angle
-        subpath = self.sensor.density_of_view(-wo) * dr.abs(dr.dot(here.n, wo)) / distance_squared * here.inverse
+        hit = (1 - vertex.guided) * density * solid_angle
+        subpath = self.sensor.density_of_view(-wo) * dr.abs(dr.dot(vertex.n, wo)) / distance_squared * vertex.inverse
         weight = self._weight((self.unidirectional, hit), (self.sensor_subpaths, subpath))
-        value *= here.throughput * solid_angle * self.sensor.response(cosine) * weight
+        value *= vertex.throughput * solid_angle * self.sensor.response(cosine) * weight
         return dr.select(active, value, 0)
 
     def connect_subpath(
-        self, view: View, here: Vertex, scatter: Scattering, active: mi.Bool, sight: Sight | None = None
+        self, view: View, vertex: Vertex, scatter: Scattering, active: mi.Bool, sight: Sight | None = None
     ) -> mi.Float:
-        """Power [W] of a connection from ``here`` to the point that ``view`` sees, and on to the phototransistor.
+        """Power [W] of a connection from a vertex through the point z of a view to the phototransistor.
 
-        ``sight`` is how ``here`` appears from that point, by default straight.
+        Parameters
+        ----------
+        view : View
+            The point z, and the ray from the phototransistor.
+        vertex : Vertex
+            The vertex.
+        scatter : Scattering
+            Scattering or emission at the vertex.
+        active : mi.Bool
+            Active lanes.
+        sight : Sight, optional
+            Line of sight from z to the vertex; by default a straight line.
         """
         if not self.sensor_subpaths:
             return mi.Float(0)
-        sight = sight or straight(view.si.p, here.p)
+        sight = sight or straight(view.si.p, vertex.p)
         wo, distance_squared = -sight.direction, sight.squared_distance
         active = active & view.valid & (distance_squared > 0) & sight.is_open
         value, density = scatter(wo)
@@ -155,76 +199,89 @@ class Techniques:
         si.wi = si.to_local(-wo)
         passed_on, onward = view.bsdf.eval_pdf(self.context, si, view.to_y, active)
         active &= (passed_on[0] > 0) & (cosine > 0)
-        ray = between(sight.place, here.n, wo, self.clearance, view.si.p, view.si.n)
+        ray = between(sight.crossing, vertex.n, wo, self.clearance, view.si.p, view.si.n)
         active &= ~self.scene.ray_test(ray, active)
 
-        drawn = self.drawn(density, here, view.member, view.place, distance_squared / cosine)
+        drawn = self.drawn(density, vertex, view.member, view.uv, distance_squared / cosine)
         connection = drawn * cosine / (distance_squared * view.density)
         hit = connection * (1 - view.guided) * onward * view.solid_angle
         weight = self._weight((self.connections, connection), (self.unidirectional, hit))
-        value *= here.throughput * passed_on[0] * cosine / (distance_squared * view.cosine)
+        value *= vertex.throughput * passed_on[0] * cosine / (distance_squared * view.cosine)
         return dr.select(active, value * self.area * view.weight * weight, 0)
 
     def hit(
-        self, si: mi.SurfaceInteraction3f, d: mi.Vector3f, before: Vertex, density: mi.Float, specular: mi.Bool
+        self, si: mi.SurfaceInteraction3f, d: mi.Vector3f, previous: Vertex, density: mi.Float, specular: mi.Bool
     ) -> tuple[mi.Float, mi.Point2f]:
         """Power [W] of rays that arrive at ``si`` in direction ``d``, and their offset on the phototransistor.
 
         Parameters
         ----------
-        before : Vertex
-            The previous vertex, with the present throughput of the ray.
+        si : mi.SurfaceInteraction3f
+            Hit of the ray.
+        d : mi.Vector3f
+            World direction of the ray.
+        previous : Vertex
+            The previous vertex, with the current throughput of the ray.
         density : mi.Float
-            Of the direction ``d`` [1/sr]; unused where ``specular``.
+            Density of the direction ``d`` [1/sr]; not used where ``specular``.
+        specular : mi.Bool
+            Whether the direction was sampled by a mirror.
         """
         inside, offset = self.sensor.contains(self.index, si.p, d)
         if not self.unidirectional:
             return mi.Float(0), offset
         cosine = -dr.dot(d, self.sensor.normal)
-        here = si.is_valid() & (si.shape == self.detector) & inside & (cosine > 0)
-        distance_squared = self.sensor.window.apparent(dr.squared_norm(si.p - before.p), cosine)
+        hits = si.is_valid() & (si.shape == self.detector) & inside & (cosine > 0)
+        distance_squared = self.sensor.window.apparent(dr.squared_norm(si.p - previous.p), cosine)
         connection = distance_squared / (density * self.area * cosine)
-        subpath = connection * before.inverse * self.sensor.density_of_view(-d)
-        subpath *= dr.abs(dr.dot(before.n, d)) / distance_squared
+        subpath = connection * previous.inverse * self.sensor.density_of_view(-d)
+        subpath *= dr.abs(dr.dot(previous.n, d)) / distance_squared
         weight = dr.select(specular, 1, self._weight((self.connections, connection), (self.sensor_subpaths, subpath)))
-        return dr.select(here, before.throughput * self.sensor.response(cosine) * weight, 0), offset
+        return dr.select(hits, previous.throughput * self.sensor.response(cosine) * weight, 0), offset
 
     def guidance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Bool, mi.Float, mi.Point2f]:
-        """Whether the guide could have sampled ``si``, the probability that it samples the next direction, and its
-        place."""
+        """Whether the guide can sample ``si``, the probability that it samples the next direction there, and the
+        position of ``si`` on its unit square."""
         if self.guide is None:
             return mi.Bool(False), mi.Float(0), mi.Point2f(0)
         member = self.guide.contains(self.index, si, active)
-        return member, dr.select(member, self.guide.share, 0), self.guide.place(si, member)
+        return member, dr.select(member, self.guide.probability, 0), self.guide.uv(si, member)
 
-    def draw(self, here: Vertex, sample: mi.Point2f, nearness: mi.Float) -> tuple[mi.Point3f, mi.UInt32]:
-        """A point sampled by the guide, and its triangle."""
+    def draw(self, vertex: Vertex, sample: mi.Point2f, nearness: mi.Float) -> tuple[mi.Point3f, mi.UInt32]:
+        """A point sampled by the guide, and the number of its triangle."""
         assert self.guide is not None
-        return self.guide.sample(self.index, here.place, sample, nearness)
+        return self.guide.sample(self.index, vertex.uv, sample, nearness)
 
     def drawn(
-        self, density: mi.Float, before: Vertex, member: mi.Bool, place: mi.Point2f, area_per_angle: mi.Float
+        self, density: mi.Float, previous: Vertex, member: mi.Bool, uv: mi.Point2f, area_per_angle: mi.Float
     ) -> mi.Float:
-        """Density [1/sr] of a ray from ``before``, sampled by scattering with ``density`` or by the guide.
+        """Density [1/sr] of a ray from a vertex, sampled by scattering or by the guide.
 
         Parameters
         ----------
-        member, place : mi.Bool and mi.Point2f
-            Of the point that the ray meets.
+        density : mi.Float
+            Density of scattering [1/sr].
+        previous : Vertex
+            The vertex.
+        member, uv : mi.Bool and mi.Point2f
+            Whether the guide can sample the hit of the ray, and its position on the unit square.
         area_per_angle : mi.Float
-            Distance squared over cosine there, mm².
+            Distance squared over cosine at the hit, mm².
         """
-        total = (1 - before.guided) * density
+        total = (1 - previous.guided) * density
         if self.guide is not None:
-            guide_density = self.guide.density(self.index, before.place, place) * area_per_angle
-            total += dr.select(member, before.guided * guide_density, 0)
+            guide_density = self.guide.density(self.index, previous.uv, uv) * area_per_angle
+            total += dr.select(member, previous.guided * guide_density, 0)
         return total
 
     @staticmethod
-    def _weight(*others: tuple[bool, mi.Float]) -> mi.Float:
-        """Weight of a technique, from the densities of the others in use, relative to its own."""
+    def _weight(*alternatives: tuple[bool, mi.Float]) -> mi.Float:
+        """Weight of a technique by the power heuristic.
+
+        Each alternative is a technique: whether it is in use, and its density relative to that of the weighted one.
+        """
         total = mi.Float(1)
-        for in_use, ratio in others:
+        for in_use, ratio in alternatives:
             if in_use:
                 total += dr.square(ratio)
         return dr.rcp(total)

@@ -1,4 +1,4 @@
-"""Wavefronts: paths of many readings and replicates traced at once, with sums in a fixed order."""
+"""Wavefronts: paths of many readings and replicates that are traced together, with sums in a fixed order."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 LARGEST_WAVEFRONT = 1 << 22
-"""Largest number of paths traced at once."""
+"""Largest number of paths that are traced together."""
 
 
 def trace(
@@ -29,20 +29,20 @@ def trace(
     Parameters
     ----------
     integrator : mi.Integrator
-        Its ``sample_paths(scene, pair, index, led_index, sampler, pixels)`` returns the power that one path from each
-        LED of ``led_index`` brings to the phototransistor of ``index``, and adds it to the map ``pixels``.
+        Integrator whose ``sample_paths(scene, pair, index, led_index, sampler, pixels)`` returns the power of a path
+        from each LED of ``led_index`` to the phototransistor of ``index``, and adds it to the map ``pixels``.
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
     pair : TaxelPair
         The arrays.
     points : int
         Paths for each reading and replicate; rounded up to a power of two.
     seed : int
-        Of the random numbers.
+        Seed of the random numbers.
     replicates : int
-        Independent randomisations.
+        Number of independent randomisations.
     first : int
-        Number of the first of them, 0 or a multiple of ``points``, to continue an earlier run.
+        Number of the first point, 0 or a multiple of ``points``, to continue an earlier run.
     image : bool
         Whether to accumulate the irradiance map.
     crosstalk : bool
@@ -63,26 +63,28 @@ def trace(
     taxels = pair.count
     readings = taxels**2 if crosstalk else taxels
     film_size = pair.sensor.film().crop_size()
-    collected = np.zeros(film_size[0] * film_size[1])  # double precision over wavefronts in single
+    # Sums over wavefronts are in double precision, within a wavefront in single precision.
+    image_sums = np.zeros(film_size[0] * film_size[1])
     sums = np.empty(readings * replicates)
-    share = max(1, LARGEST_WAVEFRONT // points)
-    for start in range(0, len(sums), share):
-        sequences = min(share, len(sums) - start)
+    sequences_at_once = max(1, LARGEST_WAVEFRONT // points)
+    for start in range(0, len(sums), sequences_at_once):
+        sequences = min(sequences_at_once, len(sums) - start)
         sampler.place(first, start)
         sampler.seed(seed, sequences * points)
         reading = sampler.sequence % dr.opaque(mi.UInt32, readings)
         index = reading % dr.opaque(mi.UInt32, taxels)
         led_index = reading // dr.opaque(mi.UInt32, taxels) if crosstalk else index
-        pixels = dr.zeros(mi.Float, len(collected)) if image else None
+        pixels = dr.zeros(mi.Float, len(image_sums)) if image else None
         power = integrator.sample_paths(scene, pair, index, led_index, sampler, pixels)
         sums[start : start + sequences] = sum_blocks(power, points)
         if pixels is not None:
-            collected += pixels.numpy()
+            image_sums += pixels.numpy()
+
     power = (sums / points).reshape(replicates, *((taxels, taxels) if crosstalk else (taxels,)))
     if not image:
         return power, None, points
-    pixel_area = pair.sensor.faces.area * taxels / len(collected)
-    irradiance = collected / (pixel_area * points * replicates)
+    pixel_area = pair.sensor.faces.area * taxels / len(image_sums)
+    irradiance = image_sums / (pixel_area * points * replicates)
     return power, irradiance.reshape(film_size[1], film_size[0]), points
 
 
@@ -94,13 +96,13 @@ def splat(sensor: mi.Sensor, index: mi.UInt32, offset: mi.Point2f, value: mi.Flo
     sensor : mi.Sensor
         A `phototransistor`, whose film has the size of the map.
     index : mi.UInt32
-        Of the phototransistor in the array.
+        Number of the phototransistor in the array.
     offset : mi.Point2f
-        Where the light meets it, from its centre, mm.
+        Position of the light relative to the centre of the phototransistor, mm.
     value : mi.Float
         Power, W.
     pixels : mi.Float or None
-        The map, row by row; None without one.
+        The map, row by row; None without a map.
     """
     if pixels is not None:
         position = mi.Point2u(sensor.pixel(index, offset))
@@ -110,7 +112,7 @@ def splat(sensor: mi.Sensor, index: mi.UInt32, offset: mi.Point2f, value: mi.Flo
 def sum_blocks(values: mi.Float, count: int) -> np.ndarray:
     """Sums over consecutive blocks of ``count`` values, in double precision and in a fixed order.
 
-    Single-precision partial sums have at most 256 values; their rounding is far below a standard error.
+    Partial sums in single precision have at most 256 values; their rounding error is far below a standard error.
     """
     block = 256 if count % 256 == 0 else 1
     partial = dr.block_sum(values, block) if block > 1 else values

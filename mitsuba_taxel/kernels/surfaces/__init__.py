@@ -1,1 +1,1 @@
-"""Walls and pads as surfaces: laws of scattering, regions, triangles of a mesh."""
+"""Surfaces of pads and walls: scattering laws, regions, meshes."""

@@ -1,4 +1,4 @@
-"""The undeformed surface of a pad, which orders its triangles independently of the load."""
+"""The undeformed surface of a pad, which gives its triangles an order that is independent of the load."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class CellSurface:
-    """Triangles with the cell that each belongs to; caches identify a surface by its object identity.
+    """Triangles of a surface with their regions and cells; caches identify a surface by its object identity.
 
     Attributes
     ----------
     vertices : (V, 3) ndarray
-        In mm, in the world.
+        World coordinates, mm.
     triangles : (N, 3) ndarray
-        Vertex numbers.
+        Numbers of vertices.
     region, cell : (N,) ndarray
         Code of the region and number of the cell of each triangle; cells count from 1.
     """
@@ -29,7 +29,7 @@ class CellSurface:
 
     @cached_property
     def middles(self) -> np.ndarray:
-        """(largest cell + 1, 3) mean position of the triangles of each cell."""
+        """Mean position of the triangles of each cell (largest cell + 1, 3)."""
         cell = np.maximum(self.cell, 0)
         count = np.maximum(np.bincount(cell), 1)
         columns = self.vertices[self.triangles].mean(axis=1).T

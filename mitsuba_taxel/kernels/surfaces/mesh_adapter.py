@@ -1,4 +1,4 @@
-"""The only place that touches the interface of ``mi.Mesh``, which changes between Mitsuba releases."""
+"""Access to ``mi.Mesh``, whose interface changes between Mitsuba releases; no other module uses that interface."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Places(NamedTuple):
     vertices : (V, 3) ndarray
         World coordinates.
     normals : (V, 3) ndarray or None
-        Unit normals that triangles interpolate, None for flat triangles.
+        Unit normals, which triangles interpolate; None for flat triangles.
     region : (T,) ndarray or None
-        Region codes of the triangles, where these depend on the places; None if not.
+        Region codes of the triangles, if these depend on the deformation; None otherwise.
     """
 
     vertices: np.ndarray
@@ -34,13 +34,13 @@ def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangl
     Parameters
     ----------
     mesh : mi.Mesh
-        Under construction.
+        The mesh under construction.
     props : mi.Properties
-        Of the plugin.
+        Properties of the plugin.
     places : Places
-        Of the vertices, mm.
-    triangles : (T, 3) ndarray
-        Int, counter-clockwise seen from outside.
+        Vertices and normals.
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle, counter-clockwise seen from outside.
     """
     smooth = places.normals is not None
     props["face_normals"] = not smooth
@@ -50,14 +50,14 @@ def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangl
 
 
 def give_geometry(mesh: mi.Mesh, places: Places, triangles: np.ndarray) -> None:
-    """Set the geometry of a mesh allocated for as many vertices and triangles.
+    """Set the geometry of a mesh that is allocated for the number of vertices and triangles.
 
     Parameters
     ----------
     mesh : mi.Mesh
-        The allocated one.
+        The mesh.
     places : Places
-        Of the vertices, mm.
+        Vertices and normals.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
     """
@@ -67,17 +67,17 @@ def give_geometry(mesh: mi.Mesh, places: Places, triangles: np.ndarray) -> None:
 
 
 def places_of(mesh: mi.Mesh) -> Places:
-    """The present vertices of a mesh.
+    """The current vertices of a mesh.
 
     Parameters
     ----------
     mesh : mi.Mesh
-        An initialised one.
+        An initialised mesh.
 
     Returns
     -------
     Places
-        In mm.
+        Vertices and normals.
     """
     parameters = mi.traverse(mesh)
     vertices, normals = (np.array(parameters[f"vertex_{name}"]).reshape(-1, 3) for name in ("positions", "normals"))
@@ -85,51 +85,54 @@ def places_of(mesh: mi.Mesh) -> Places:
 
 
 def move_vertices(mesh: mi.Mesh, places: Places) -> None:
-    """Set new vertices of an initialised mesh, as many as before; triangles are unchanged.
+    """Move the vertices of an initialised mesh; their number and the triangles are unchanged.
 
     Parameters
     ----------
     mesh : mi.Mesh
-        The initialised one.
+        The mesh.
     places : Places
-        Of the vertices, mm.
+        New vertices and normals.
     """
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = in_packets(places.vertices)
     parameters.update()
-    if places.normals is not None:  # after the positions, from which Mitsuba computes its own normals
+    # Normals are set after the positions, from which Mitsuba computes its own normals.
+    if places.normals is not None:
         parameters["vertex_normals"] = in_packets(places.normals)
         parameters.update()
-    if places.region is not None and "face_region" in parameters:  # not before the attribute is added
+    # A mesh under construction has no attributes yet.
+    if places.region is not None and "face_region" in parameters:
         parameters["face_region"] = in_packets(places.region)
         parameters.update()
 
 
 def add_face_attribute(mesh: mi.Mesh, name: str, values: np.ndarray) -> None:
-    """Attach a number to each triangle, readable as ``si.shape.eval_attribute_1('face_' + name, si)``.
+    """Add a number for each triangle, which ``si.shape.eval_attribute_1('face_' + name, si)`` returns.
 
     Parameters
     ----------
     mesh : mi.Mesh
-        With T triangles.
+        Mesh with T triangles.
     name : str
-        Without the prefix ``face_``.
+        Name of the attribute without the prefix ``face_``.
     values : (T,) ndarray
-        One for each triangle.
+        The numbers.
     """
-    mesh.add_attribute(f"face_{name}", 1, np.ravel(values).tolist())  # Mitsuba takes arrays apart number by number
+    # A list, as Mitsuba reads arrays element by element.
+    mesh.add_attribute(f"face_{name}", 1, np.ravel(values).tolist())
 
 
 def add_vertex_attribute(mesh: mi.Mesh, name: str, values: np.ndarray) -> None:
-    """Attach a number to each vertex, as :func:`add_face_attribute` does to triangles.
+    """Add a number for each vertex; see :func:`add_face_attribute`.
 
     Parameters
     ----------
     mesh : mi.Mesh
-        With V vertices.
+        Mesh with V vertices.
     name : str
-        Without the prefix ``vertex_``.
+        Name of the attribute without the prefix ``vertex_``.
     values : (V,) ndarray
-        One for each vertex.
+        The numbers.
     """
     mesh.add_attribute(f"vertex_{name}", 1, np.ravel(values).tolist())

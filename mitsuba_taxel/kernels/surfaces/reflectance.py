@@ -11,15 +11,20 @@ _NAME = "reflectance_table"
 
 
 class ReflectanceTable:
-    """Reflectance against wavelength from a CSV file, resolved like a scene's other files, with linear interpolation.
+    """Reflectance against wavelength from a CSV file, with linear interpolation.
 
-    Two columns: wavelength in nm, finite, above 0 and increasing; reflectance from 0 to 1. Empty lines and text after a
-    ``#`` are ignored.
+    The file has two columns: wavelength in nm, finite, above 0 and increasing; reflectance from 0 to 1. Empty lines and
+    text after a ``#`` are ignored. Its name is relative to the scene file.
+
+    Parameters
+    ----------
+    file : str
+        Name of the file.
 
     Raises
     ------
     InputError
-        if the file cannot be read or holds anything else.
+        if the file cannot be read or has other contents.
     """
 
     def __init__(self, file: str) -> None:
@@ -39,11 +44,12 @@ class ReflectanceTable:
         if not first <= nm <= last:
             raise InputError(
                 f"{_NAME} = {self.file!r} has no reflectance at the wavelength of {nm:g} nm: "
-                f"it holds {first:g} to {last:g} nm."
+                f"it covers {first:g} to {last:g} nm."
             )
         return float(np.interp(nm, self.wavelengths, self.reflectances))
 
     def _check(self) -> None:
+        """Raise `InputError` for the first row that is not allowed."""
         steps = np.diff(self.wavelengths, prepend=0.0)
         bad = ~(np.isfinite(self.wavelengths) & (steps > 0) & (self.reflectances >= 0) & (self.reflectances <= 1))
         if bad.any():

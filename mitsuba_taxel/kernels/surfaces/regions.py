@@ -8,7 +8,7 @@ BODY_REGIONS = {"body": 6, "led": 7, "phototransistor": 8}
 """Codes of the regions of a photo-reflector's surface."""
 
 CONTACT = 0
-"""Code of the walls of a pad that touch a package: no light passes between, and `region` absorbs it."""
+"""Code of the walls of a pad that touch a package: no light passes between, and a `region` absorbs there."""
 
 ALL_REGIONS = {**REGIONS, **BODY_REGIONS}
-"""Codes of all regions that our meshes may have."""
+"""Codes of all regions of the meshes of this package."""

@@ -1,6 +1,6 @@
 """Scattering laws of walls, per unit of reflectance.
 
-Directions are unit vectors in the local frame of the wall, with z along its normal, both above it. ``from_light`` is
+Directions are unit vectors in the local frame of the wall, with z along its normal and positive. ``from_light`` is
 the direction of tracing: from the light a path carries power, from a detector radiance. Only non-reciprocal laws differ
 between the two.
 """
@@ -15,11 +15,11 @@ import mitsuba as mi
 
 _BOTH_SIDES = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
 _SMALLEST_COSINE = 1e-7
-"""Mitsuba's sampling of normals divides by the cosine of incidence, which gives NaN at 0."""
+"""Least cosine of incidence: Mitsuba's sampling of normals divides by the cosine, which gives NaN at 0."""
 
 
 class Sample(NamedTuple):
-    """A sampled direction, its density [1/sr] (a probability for a mirror), value over density, and the component."""
+    """A sampled direction, its density [1/sr] (a probability for a mirror), value over density, and its component."""
 
     direction: mi.Vector3f
     density: mi.Float
@@ -28,22 +28,22 @@ class Sample(NamedTuple):
 
 
 class Scattering(Protocol):
-    """A law; ``components`` are Mitsuba's flags of its components."""
+    """A scattering law; ``components`` are the flags of its components in Mitsuba."""
 
     components: list[int]
 
     def sample(self, wi: mi.Vector3f, sample1: mi.Float, sample2: mi.Point2f, from_light: bool) -> Sample:
-        """A direction for three uniform numbers."""
+        """Sample a direction by three uniform random numbers."""
 
     def eval_pdf(self, wi: mi.Vector3f, wo: mi.Vector3f, from_light: bool) -> tuple[mi.Float, mi.Float]:
         """Value f |cos(theta_o)| [1/sr] and density [1/sr] of a direction, both without delta components."""
 
-    def smooth_share(self) -> mi.Float | float:
-        """Share of the reflected light that is not specular."""
+    def smooth_fraction(self) -> mi.Float | float:
+        """Fraction of the reflected light that is not specular."""
 
 
 class Absorbing:
-    """Nothing is reflected."""
+    """An absorbing wall."""
 
     def __init__(self) -> None:
         self.components = [+mi.BSDFFlags.Empty | _BOTH_SIDES]
@@ -54,7 +54,7 @@ class Absorbing:
     def eval_pdf(self, wi, wo, from_light):
         return mi.Float(0), mi.Float(0)
 
-    def smooth_share(self):
+    def smooth_fraction(self):
         return 0.0
 
 
@@ -70,7 +70,7 @@ class SmoothMirror:
     def eval_pdf(self, wi, wo, from_light):
         return mi.Float(0), mi.Float(0)
 
-    def smooth_share(self):
+    def smooth_fraction(self):
         return 0.0
 
 
@@ -88,14 +88,14 @@ class Lambertian:
         value = dr.inv_pi * wo.z
         return value, value
 
-    def smooth_share(self):
+    def smooth_fraction(self):
         return 1.0
 
 
 class Isotropic:
-    """Equal power into equal solid angles, whatever the direction of incidence: f = 1 / (2 pi cos(theta_o)).
+    """Equal power into equal solid angles for every direction of incidence: f = 1 / (2 pi cos(theta_o)).
 
-    Not reciprocal. From a detector the roles are exchanged, f = 1 / (2 pi cos(theta_i)); directions are then sampled by
+    The law is not reciprocal. From a detector the directions are exchanged, f = 1 / (2 pi cos(theta_i)), and sampled by
     the cosine law, with the weight 1 / (2 cos(theta_i)).
     """
 
@@ -113,28 +113,28 @@ class Isotropic:
             return mi.Float(dr.inv_two_pi), mi.Float(dr.inv_two_pi)
         return dr.inv_two_pi * wo.z / wi.z, dr.inv_pi * wo.z
 
-    def smooth_share(self):
+    def smooth_fraction(self):
         return 1.0
 
 
 class Mixed:
-    """A mixture of mirror, Lambertian and isotropic wall, each with its share of the reflected light.
+    """A mixture of mirror, Lambertian and isotropic wall, which reflect given fractions of the reflected light.
 
-    Each is sampled in proportion to its share; a smooth direction has the density of both smooth components together,
-    so that from the light every weight is 1.
+    Components are sampled in proportion to their fractions. The density of a non-specular direction is the sum of both
+    non-specular components, so that from the light every weight is 1.
     """
 
-    DRJIT_STRUCT: ClassVar = {"shares": list}  # for recorded kernels
+    DRJIT_STRUCT: ClassVar = {"fractions": list}  # variables of recorded kernels
 
     def __init__(self, specular: float, lambertian: float, isotropic: float) -> None:
         self.mirror, self.lambertian, self.isotropic = SmoothMirror(), Lambertian(), Isotropic()
         total = specular + lambertian + isotropic
-        shares = (specular / total, lambertian / total, isotropic / total)
-        self.shares = [dr.opaque(mi.Float, share) for share in shares]
+        fractions = (specular / total, lambertian / total, isotropic / total)
+        self.fractions = [dr.opaque(mi.Float, fraction) for fraction in fractions]
         self.components = [self.mirror.components[0], self.lambertian.components[0]]
 
     def sample(self, wi, sample1, sample2, from_light) -> Sample:
-        specular, lambertian, _ = self.shares
+        specular, lambertian, _ = self.fractions
         mirrored = self.mirror.sample(wi, sample1, sample2, from_light)
         by_cosine = self.lambertian.sample(wi, sample1, sample2, from_light)
         isotropic = self.isotropic.sample(wi, sample1, sample2, from_light)
@@ -149,14 +149,14 @@ class Mixed:
         )
 
     def eval_pdf(self, wi, wo, from_light):
-        _, lambertian, isotropic = self.shares
+        _, lambertian, isotropic = self.fractions
         by_cosine, cosine_density = self.lambertian.eval_pdf(wi, wo, from_light)
         uniform, uniform_density = self.isotropic.eval_pdf(wi, wo, from_light)
         value = lambertian * by_cosine + isotropic * uniform
         return value, lambertian * cosine_density + isotropic * uniform_density
 
-    def smooth_share(self):
-        return self.shares[1] + self.shares[2]
+    def smooth_fraction(self):
+        return self.fractions[1] + self.fractions[2]
 
 
 class RoughMirror:
@@ -169,7 +169,7 @@ class RoughMirror:
     which leaves the weight G1(wo).
     """
 
-    DRJIT_STRUCT: ClassVar = {"alpha": float}  # for recorded kernels
+    DRJIT_STRUCT: ClassVar = {"alpha": float}  # variables of recorded kernels
 
     def __init__(self, rms_slope: float) -> None:
         self.components = [+mi.BSDFFlags.GlossyReflection | _BOTH_SIDES]
@@ -186,17 +186,17 @@ class RoughMirror:
         density = self._density(wi, dr.normalize(wi + wo))
         return density * self._visible(wo), density
 
-    def smooth_share(self):
+    def smooth_fraction(self):
         return 1.0
 
     def _normals(self) -> mi.MicrofacetDistribution:
         return mi.MicrofacetDistribution(mi.MicrofacetType.Beckmann, self.alpha, True)
 
     def _density(self, wi: mi.Vector3f, normal: mi.Vector3f) -> mi.Float:
-        """Density of the reflection of ``wi`` at a facet sampled among the visible ones."""
+        """Density [1/sr] of the reflection of ``wi`` at a facet that is sampled among the visible facets."""
         return self._normals().eval(normal) * self._visible(wi) / (4 * wi.z)
 
     def _visible(self, direction: mi.Vector3f) -> mi.Float:
-        """Smith's G1: share of the facets towards ``direction`` that are not hidden by others."""
+        """Smith's G1: fraction of the facets towards ``direction`` that are not hidden by other facets."""
         a = direction.z / (self.alpha * dr.sqrt(dr.square(direction.x) + dr.square(direction.y)))
         return 2 / (1 + dr.erf(a) + dr.exp(-dr.square(a)) * dr.rsqrt(dr.pi) / a)

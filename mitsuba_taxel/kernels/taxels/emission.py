@@ -19,10 +19,10 @@ from mitsuba_taxel.specification.annular_led import AnnularLed
 
 
 class EmissionLaw(Protocol):
-    """A probability density over directions, in the frame in which the LED faces +z."""
+    """A probability density of directions, in a frame with the normal of the LED along +z."""
 
     def sample(self, sample: mi.Point2f) -> mi.Vector3f:
-        """A direction for a point of the unit square."""
+        """Sample a direction by a point of the unit square."""
 
     def density(self, direction: mi.Vector3f) -> mi.Float:
         """Probability per solid angle [1/sr] of a unit direction; 0 outside the law's support."""
@@ -91,24 +91,24 @@ class CosinePower:
 
 
 class Tabulated:
-    """Radiant intensity from a table, linear in the polar angle between its rows and zero beyond the last.
+    """Radiant intensity from a table, linear in the polar angle between its rows and zero beyond the last row.
 
-    The table is refined to 4096 nodes that include all of its rows, at most 0.044 degrees apart for up to 2048 rows.
-    Between nodes, the intensity is linear in 1 - cos(theta): this is sampled, by inversion, and returned by
-    :meth:`density`. It equals the intensity of the table at an angle that is wrong by at most 0.011 degrees, next to
-    the axis, and by less than 0.0002 degrees from 2 degrees on.
+    The table is refined to 4096 nodes that include all of its rows; for up to 2048 rows, neighbours differ by at most
+    0.044 degrees. Between nodes, the intensity is linear in 1 - cos(theta). This intensity is sampled by inversion, and
+    :meth:`density` returns it. It equals the intensity of the table at an angle with an error of at most 0.011 degrees
+    near the axis, and of less than 0.0002 degrees above 2 degrees.
 
     Parameters
     ----------
     angles : (n,) ndarray
-        In degrees, strictly increasing from 0 to at most 90.
+        Polar angles in degrees, strictly increasing from 0 to at most 90.
     intensities : (n,) ndarray
-        Relative radiant intensity, not all 0.
+        Relative radiant intensities, not all 0.
 
     Attributes
     ----------
     table : tuple of (NODES,) ndarray
-        Cosines, which increase, and density [1/sr] at the nodes.
+        Increasing cosines, and densities [1/sr], at the nodes.
     """
 
     def __init__(self, angles: np.ndarray, intensities: np.ndarray) -> None:
@@ -123,7 +123,7 @@ class Tabulated:
 
     def sample(self, sample: mi.Point2f) -> mi.Vector3f:
         cell = find_cell(self.cumulative, sample.x)
-        (below, above), (left, right), (low, high) = (
+        (below, above), (lower, upper), (low, high) = (
             (dr.gather(mi.Float, table, cell), dr.gather(mi.Float, table, cell + 1))
             for table in (
                 self.cumulative,
@@ -131,11 +131,11 @@ class Tabulated:
                 self.density_of_one_minus_cosine.values,
             )
         )
-        share = (sample.x - below) / (above - below)
-        # The root of low t + (high - low) t**2 / 2 = share (low + high) / 2, in the form without cancellation.
-        divisor = low + dr.sqrt(dr.lerp(dr.square(low), dr.square(high), share))
-        t = dr.select(divisor > 0, dr.minimum(share * (low + high) / divisor, 1), 0)
-        one_minus_cosine = dr.lerp(left, right, t)
+        fraction = (sample.x - below) / (above - below)
+        # Root of low t + (high - low) t**2 / 2 = share (low + high) / 2, in a form without cancellation.
+        divisor = low + dr.sqrt(dr.lerp(dr.square(low), dr.square(high), fraction))
+        t = dr.select(divisor > 0, dr.minimum(fraction * (low + high) / divisor, 1), 0)
+        one_minus_cosine = dr.lerp(lower, upper, t)
         return _direction(_sine(one_minus_cosine), 1 - one_minus_cosine, sample.y)
 
     def density(self, direction: mi.Vector3f) -> mi.Float:
@@ -144,7 +144,7 @@ class Tabulated:
 
 
 def _direction(sin_theta: mi.Float, cos_theta: mi.Float, turn: mi.Float) -> mi.Vector3f:
-    """A unit vector of given polar angle; ``turn`` in [0, 1) goes once round the axis."""
+    """A unit vector by its polar angle and its azimuth, ``turn`` in [0, 1) times two pi."""
     sin_phi, cos_phi = dr.sincos(dr.two_pi * turn)
     return mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta)
 
@@ -155,26 +155,27 @@ def _one_minus_cosine(direction: mi.Vector3f) -> mi.Float:
 
 
 def _sine(one_minus_cosine: mi.Float) -> mi.Float:
+    """Sine of an angle, without cancellation near the axis."""
     return dr.sqrt(one_minus_cosine * (2 - one_minus_cosine))
 
 
 def law_of(led: AnnularLed) -> EmissionLaw:
-    """The law by which an LED emits.
+    """The emission law of an LED.
 
     Parameters
     ----------
     led : AnnularLed
-        With the name or the table of the law.
+        Parameters of the LED.
 
     Returns
     -------
     EmissionLaw
-        Its density and sampling.
+        Density and sampling of directions.
 
     Raises
     ------
     InputError
-        if its table is not allowed.
+        if the table of the law is not allowed.
     """
     if led.cone_angle is not None:
         cone = UniformSolidAngle if led.law == "uniform_solid_angle" else UniformPolarAngle

@@ -1,6 +1,6 @@
 """Grids of small rectangular faces: LEDs or phototransistors.
 
-Emitter and sensor both use them for points on a face and the face under a point, and so agree on the numbers of taxels.
+Emitter and sensor use them for points on a face and for the face at a point, so that the numbers of taxels agree.
 """
 
 from __future__ import annotations
@@ -21,13 +21,15 @@ class FaceGrid:
     Parameters
     ----------
     to_world : mi.ScalarTransform4f
-        Rigid motion and uniform scale from the carrier's frame; the faces look along its +z.
+        Rigid motion and uniform scale from the frame of the carrier; normals of the faces are along its +z.
     centre : (3,) ndarray
-        Centre of face 1 when the grid has one face, else of the grid, in the carrier's frame.
+        Centre of the grid in the frame of the carrier.
     size : (2,) ndarray
-        Extent of a face along the carrier's x and y.
-    rows, columns, pitch : int and float
-        The grid; rows run from +y to -y, columns along +x.
+        Extent of a face along x and y of the carrier.
+    rows, columns : int
+        Size of the grid; rows run from +y to -y, columns along +x.
+    pitch : float
+        Distance between neighbours.
     """
 
     def __init__(self, to_world, centre, size, rows: int = 1, columns: int = 1, pitch: float = 0.0) -> None:
@@ -43,7 +45,7 @@ class FaceGrid:
         self.rows, self.columns = rows, columns
         self.count = rows * columns
         self.scale = scale
-        # No kernels are launched here: one of Mitsuba's integrators may call this while it records a kernel.
+        # No kernels are launched here: an integrator of Mitsuba may call this while it records a kernel.
         self.centres = mi.Point3f(*(mi.Float(in_packets(c)) for c in world.T))
         axes = matrix[:3, :3].T / scale
         self.frame = mi.Frame3f(*(_opaque(mi.Vector3f, axis) for axis in axes))
@@ -54,7 +56,7 @@ class FaceGrid:
         self.last = (columns - 1, rows - 1)
 
     def point(self, index: mi.UInt32, offset: mi.Point2f) -> mi.Point3f:
-        """World position at ``offset`` (world lengths along the face's x and y) from the centre of face ``index``."""
+        """World position at ``offset``, in world lengths along x and y, from the centre of face ``index``."""
         centre = dr.gather(mi.Point3f, self.centres, index)
         return centre + self.frame.to_world(mi.Vector3f(offset.x, offset.y, 0))
 
@@ -67,7 +69,7 @@ class FaceGrid:
         return mi.UInt32(row) * self.columns + mi.UInt32(column), offset
 
     def offset(self, index: mi.UInt32, p: mi.Point3f) -> mi.Point2f:
-        """Offset of ``p`` along the face's x and y from the centre of face ``index``."""
+        """Offset of ``p`` along x and y of the face from the centre of face ``index``."""
         local = self.frame.to_local(p - dr.gather(mi.Point3f, self.centres, index))
         return mi.Point2f(local.x, local.y)
 
@@ -76,9 +78,10 @@ class FaceGrid:
         return dr.abs(self.frame.to_local(p - self.origin).z) <= 1e-3 * self.size.y
 
     def _nearest(self, distance: mi.Float, last: int) -> mi.Float:
+        """Index, from 0 to ``last``, of the grid line nearest to a distance from the first line."""
         return dr.clip(dr.round(distance / self.pitch), 0, last)
 
 
 def _opaque(kind: type, values) -> Any:
-    """A vector whose components are kernel parameters, not literals: other values need no new kernel."""
+    """A vector whose components are inputs of kernels, not literals, so that other values need no new kernel."""
     return kind(*(dr.opaque(mi.Float, float(value)) for value in values))
