@@ -29,7 +29,6 @@ from mitsuba_taxel.sensing.reading.mechanics_error import combined, mechanics_de
 from mitsuba_taxel.sensing.reading.pad_results import pad_results
 from mitsuba_taxel.sensing.reading.prepared_scenes import (
     FLAT,
-    FacetsEstimate,
     MechanicsEstimate,
     PreparedFor,
     Settings,
@@ -65,8 +64,6 @@ from mitsuba_taxel.sensing.targets import (
 )
 
 if TYPE_CHECKING:
-    import mitsuba as mi
-
     from mitsuba_taxel.sensing.derivatives.scene_rates import Rates
     from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
 
@@ -87,10 +84,10 @@ def measure(
     continued: Readings | None = None,
     derivatives: Sequence[str] = (),
 ) -> Readings:
-    """Readings of all taxels of a scene; concurrent calls from several threads are serialised.
+    """Readings of all taxels of a scene; calls from several threads run one after the other.
 
-    Where all walls of the cells are diffuse, light is computed without random numbers, unless points, an irradiance map
-    or a time budget without a target ask for paths, or the scene's integrator is not a `taxel_tracer` of all paths.
+    Where all walls of the cells are diffuse, light is computed without random numbers, unless ``points``, an irradiance
+    map or a time budget without a target require paths, or the scene's integrator is not a `taxel_tracer` of all paths.
 
     Parameters
     ----------
@@ -98,40 +95,40 @@ def measure(
         A :class:`Scene`, a path or name of an XML scene, a dictionary, a loaded ``mi.Scene``, or the result of
         :func:`prepare`.
     target_error : float, optional
-        Relative total error, of mechanics and light, that the worst taxel should reach: pads whose mesh a `Scene` does
-        not fix get one that is fine enough. The number of points is chosen by a pilot run with other random numbers,
-        which do not enter the result. Without target, points and budget, the light alone is computed to 0.005.
+        Relative total error, of mechanics and light, that the worst taxel should reach. Pads whose mesh a `Scene` does
+        not fix get a mesh that is fine enough. A pilot run chooses the number of points; its random numbers do not
+        enter the result. Without target, points and budget, the error of the light alone is at most 0.005.
     points : int, optional
         Light paths for each taxel and replicate, instead of a target; rounded up to a power of two.
     time_budget : float, optional
-        Seconds after which no finer mesh and no further points are started. Alone, it is used up; with a target or a
+        Seconds after which no finer mesh and no more points are started. Alone, it is used up; with a target or a
         number of points the run ends at whichever comes first. At least 256 points are traced in any case.
     seed : int
         Whole number from 0 to 2**32 - 1.
     irradiance : bool
         Whether to return the irradiance map.
     mechanics_error : bool
-        Whether to estimate the errors of the readings due to those of the pads' shape, by short traces.
+        Whether to estimate the errors of readings by the errors of the pads' shape, by short traces.
     continued : Readings, optional
         Readings of the same scene and seed, of 256 points or more, that this run extends: with ``points`` the result
         equals that of a single run of as many points (under Mitsuba's own integrators it is an equally good estimate).
     derivatives : Sequence[str]
         Parameters with respect to which the readings are differentiated: those of the scene, components of the load
         (fx, fy, fz, ux, uy, uz), or parameters of its plugins, such as ``youngs_modulus`` or ``annular_led.power``.
-        They are without noise where all walls of the cells are diffuse, else differences of random paths, as their
-        ``method`` tells. The scene must be a `Scene`, a path or a name.
+        They are without noise where all walls of the cells are diffuse, else differences of random paths; see their
+        ``method``. The scene must be a `Scene`, a path or a name.
 
     Returns
     -------
     Readings
-        Power of each taxel in W, with its errors, and what was asked for beside.
+        Power of each taxel in W, with its errors, and the map and derivatives if requested.
 
     Raises
     ------
     InputError
         if a value is not allowed, the scene cannot be built or read, or a derivative does not exist.
     ComputationError
-        if a pad cannot be deformed as asked.
+        if a pad cannot bear its load.
     """
     return measured(
         scene, target_error, points, time_budget, seed, irradiance, mechanics_error, continued, derivatives
@@ -196,83 +193,101 @@ def measured(
         raise InputError("continued must be readings with the same seed, of 256 points or more, and without a map.")
     clock = Clock(time_budget)
     changes = _changes(scene, derivatives)
+
+    # Light: without random numbers, or by random paths up to the number of points, the target or the time budget.
     with stages.record() as seconds, stages.stage("optics"):
         random = points is not None or irradiance or (time_budget is not None and target_error is None)
         prepared = _prepared(scene, target_error, points, seed, clock, mechanics_error, continued, random)
         run = Run(prepared.ready, seed, irradiance, continued)
         if prepared.errors.power is None:
             run.extend_to(prepared.settings.points, clock)
-            if not is_touched(prepared.ready.scene):  # what passes where a roof rests on a package is little
+            if not is_touched(prepared.ready.scene):  # little light passes where a roof rests on a package
                 run.extend_to_error(prepared.light_error, clock)
     result = _result(prepared, run, seconds, mechanics_error)
     if prepared.alternative is not None:
         exact = _result(prepared.alternative, Run(prepared.alternative.ready, seed), seconds, mechanics_error)
         if _rank(exact) <= _rank(result):
             result, prepared = exact, prepared.alternative
+
+    # Results of the pads, and derivatives.
     with stages.record() as taken, stages.stage("mechanics"):
         states = [pad.state for pad in deformed_pads(prepared.ready.scene)]
         result = replace(result, pads=pad_results(states, mechanics_error))
     _add_seconds(result, taken)
     if changes:
         result = replace(result, derivatives=_derivatives(scene, changes, prepared, result, points is not None))
+
+    # Remarks: notes on the scene, of which that on the chosen integrator holds for random paths only; limits reached.
+    by_paths = prepared.errors.power is None
+    result.remarks.extend(note for note in prepared.ready.notes if by_paths or note != CHOSEN_INTEGRATOR)
     bare = target_error is None and points is None and time_budget is None and not is_touched(prepared.ready.scene)
-    result.remarks.extend([*_notes(prepared), *_remarks(result, LIGHT_ERROR if bare else None, target_error, points)])
+    result.remarks.extend(_remarks(result, LIGHT_ERROR if bare else None, target_error, points))
     if time_budget is not None and target_error is None and points is None and result.points < MOST_POINTS:
         result.remarks.append(f"time budget used up after {result.points} points")
     return result, prepared.ready
 
 
 def _result(prepared: PreparedFor, run: Run, seconds: dict[str, float], mechanics_error: bool) -> Readings:
-    """Readings by random paths, or those of a scene that is known without."""
-    errors, live = prepared.errors, prepared.ready.scene
+    """Readings of a prepared scene, by the random paths of a run or without random numbers."""
+    ready, errors = prepared.ready, prepared.errors
     powers = run.powers if errors.power is None else np.tile(errors.power, (REPLICATES, 1))
     if not np.all(np.isfinite(powers)):
         raise ComputationError("readings are not finite: sizes or powers in the scene differ too much.")
+    replicates, taxels = powers.shape
+    # Light that paths may have missed on dark taxels.
+    dark_error = None
+    if run.points and not powers.any(axis=0).all():
+        dark_error = dark_errors(ready.scene, ready.integrator, run.points * replicates, taxels)
+    facets = None
+    if mechanics_error or errors.power is not None:
+        facets = np.zeros(taxels) if errors.geometry.facets is None else errors.geometry.facets
+    try:
+        pairs = taxels_of(ready.scene)
+    except InputError:  # LEDs and phototransistors cannot be paired
+        responsivity = None
+    else:
+        in_order = [np.full(pair.count, pair.sensor.responsivity(pair.led.wavelength)) for pair in pairs]
+        responsivity = np.concatenate(in_order)
     return Readings(
         powers,
         run.points,
         run.seed,
         seconds,
-        parameters=prepared.ready.parameters,
+        parameters=ready.parameters,
         irradiance=run.image,
-        responsivity=_responsivity(live),
+        responsivity=responsivity,
         deviation=errors.mechanics.deviation,
-        dark_error=_dark_error(prepared.ready, powers, run.points),
-        facets=_facets(errors.geometry, powers.shape[1]) if mechanics_error or errors.power is not None else None,
+        dark_error=dark_error,
+        facets=facets,
         mesh_size=prepared.settings.mesh_size,
-        roof_errors=roof_errors(live) if mechanics_error else [],
+        roof_errors=roof_errors(ready.scene) if mechanics_error else [],
     )
 
 
 def _rank(result: Readings) -> tuple[bool, float]:
-    """The smaller, the better: largest relative error, without that of the mechanics where that is unknown."""
+    """Rank of readings, smaller is better: the largest relative error, without the mechanics if that is unknown."""
     budget = result.error_budget
     unknown = math.isnan(budget["total"])
     return unknown, math.hypot(budget["light"], budget["geometry"]) if unknown else budget["total"]
 
 
-def _notes(prepared: PreparedFor) -> list[str]:
-    """Notes on the scene, and on the integrator if it was chosen and is used."""
-    return [note for note in prepared.ready.notes if prepared.errors.power is None or note != CHOSEN_INTEGRATOR]
-
-
 def _changes(scene: AnyScene, names: Sequence[str]) -> list[Rates]:
     """Rates of change of the scene with some of its parameters."""
-    wanted = names_of("derivatives", names)
-    if not wanted:
+    parameters = names_of("derivatives", names)
+    if not parameters:
         return []
     from mitsuba_taxel.sensing.derivatives.scene_rates import rates  # needed for derivatives only
 
     scene = described(scene)
     if not isinstance(scene, Scene):
         raise InputError("derivatives need the description of a scene: a Scene, a path or a name.")
-    return [rates(scene, name) for name in wanted]
+    return [rates(scene, name) for name in parameters]
 
 
 def _derivatives(
     scene: AnyScene, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
 ) -> Derivatives:
-    """Derivatives without random numbers if possible, else by paths, if ``fixed`` of as many points as readings."""
+    """Derivatives without random numbers if possible, else by paths; if ``fixed``, by as many points as readings."""
     from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
     from mitsuba_taxel.sensing.diffuse.diffuse_cells import NotFollowed
     from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
@@ -281,26 +296,21 @@ def _derivatives(
         try:
             result = derivatives_by(changes, prepared.ready.scene)
         except (NotDiffuse, NotFollowed):
-            result = _derivatives_of_paths(scene, changes, prepared, readings, fixed)
+            from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
+
+            # Rates on the mesh of the readings.
+            scene, size = described(scene), prepared.settings.mesh_size
+            assert isinstance(scene, Scene)  # or there were no changes
+            if scene.mesh_size != size:
+                changes = _changes(scene.with_mesh_size(size), [change.name for change in changes])
+            points = readings.points or FIRST_POINTS
+            result = derivatives_of_paths(changes, prepared.ready, readings.replicates, readings.seed, points, fixed)
     _add_seconds(readings, taken)
     return result
 
 
 def _add_seconds(readings: Readings, taken: dict[str, float]) -> None:
     readings.seconds.update({stage: readings.seconds.get(stage, 0.0) + more for stage, more in taken.items()})
-
-
-def _derivatives_of_paths(
-    scene: AnyScene, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
-) -> Derivatives:
-    from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
-
-    scene, size = described(scene), prepared.settings.mesh_size
-    assert isinstance(scene, Scene)  # or there were no changes
-    if scene.mesh_size != size:
-        changes = _changes(scene.with_mesh_size(size), [change.name for change in changes])
-    points = readings.points or FIRST_POINTS
-    return derivatives_of_paths(changes, prepared.ready, readings.replicates, readings.seed, points, fixed)
 
 
 def _prepared(
@@ -313,22 +323,27 @@ def _prepared(
     continued: Readings | None,
     random: bool,
 ) -> PreparedFor:
-    """The prepared scene, with the mesh and the number of points needed, or its readings without ``random`` paths."""
+    """The scene with the mesh and the number of points that are needed, or with readings without random numbers.
+
+    ``random`` requires random paths.
+    """
     scene = described(scene)
     if continued is not None and isinstance(scene, Scene):
         scene = scene.with_mesh_size(continued.mesh_size)
     elif target_error is not None:
         return prepare_for(scene, target_error, seed, clock, random)
+    # Without a target, the mesh stays as it is. Light without random numbers is preferred if it is accurate enough.
     ready = prepare(scene)
     alternative = None
     if not (random or continued) and (certain := without_random_numbers(ready, mechanics_error)):
         alternative = prepared_without_random_numbers(ready, scene, certain)
         if certain.light_share <= LIGHT_ERROR:
             return alternative
+    # Else the error by facets, the number of points, and the error by mechanics follow from short traces.
     geometry = FLAT
     if mechanics_error:
-        wanted = 0.0 if points else target_error or LIGHT_ERROR
-        geometry = geometry_of(ready, seed, geometry_points(points or MOST_POINTS), NEGLIGIBLE * wanted)
+        tolerance = NEGLIGIBLE * (0.0 if points else target_error or LIGHT_ERROR)
+        geometry = geometry_of(ready, seed, geometry_points(points or MOST_POINTS), tolerance)
     light_error = math.inf
     if points is None and (target_error is not None or clock.end == math.inf):
         light_error = target_error or LIGHT_ERROR
@@ -345,7 +360,7 @@ def _prepared(
 def crosstalk(
     scene: AnyScene, *, target_error: float | None = None, points: int | None = None, seed: int = 0
 ) -> Crosstalk:
-    """Power that each LED brings to each phototransistor.
+    """Power from each LED on each phototransistor.
 
     Parameters
     ----------
@@ -396,40 +411,22 @@ def crosstalk(
     return Crosstalk(powers, count, seed, np.broadcast_to(dark, powers.shape[1:]), deviation)
 
 
-def _dark_error(ready: Prepared, powers: np.ndarray, points: int) -> np.ndarray | None:
-    """(T,) W, as in `Readings`; None if light came to all taxels, or without random numbers."""
-    if not points or powers.any(axis=0).all():
-        return None
-    return dark_errors(ready.scene, ready.integrator, points * len(powers), powers.shape[1])
-
-
-def _facets(geometry: FacetsEstimate, taxels: int) -> np.ndarray:
-    """(T,) W, as in `Readings`, if requested."""
-    return np.zeros(taxels) if geometry.facets is None else geometry.facets
-
-
-def _responsivity(live: mi.Scene) -> np.ndarray | None:
-    """(T,) A/W; None if LEDs and phototransistors cannot be paired."""
-    try:
-        pairs = taxels_of(live)
-    except InputError:
-        return None
-    return np.concatenate([np.full(pair.count, pair.sensor.responsivity(pair.led.wavelength)) for pair in pairs])
-
-
 def _remarks(result: Readings, light_error: float | None, target_error: float | None, points: int | None) -> list[str]:
+    """Remarks on targets that were missed, the mesh that was chosen, the time budget and dark taxels."""
     notes = []
     if light_error is not None and light_error < result.relative_error < math.inf:
         notes.append(
             f"target error {light_error:g} not reached: {result.relative_error:.2g} with {result.points} points"
         )
     if target_error is not None and not result.relative_total_error <= target_error:
-        parts = f"light {_share(result.relative_error)} with {result.points} points" if result.points else "light 0"
+        reached = (
+            f"light {_in_words(result.relative_error)} with {result.points} points" if result.points else "light 0"
+        )
         if result.deviation is not None:
-            parts += f", mechanics {_share(result.error_budget['mechanics'])}"
+            reached += f", mechanics {_in_words(result.error_budget['mechanics'])}"
         if result.geometry_error.any():
-            parts += f", geometry {result.error_budget['geometry']:.2g}"
-        notes.append(f"target error {target_error:g} not reached: {parts}")
+            reached += f", geometry {result.error_budget['geometry']:.2g}"
+        notes.append(f"target error {target_error:g} not reached: {reached}")
     if target_error is not None and result.mesh_size is not None:
         notes.append(f"finite elements of {result.mesh_size:.3g} mm chosen for the target error")
     if points is not None and result.points < points:
@@ -437,20 +434,15 @@ def _remarks(result: Readings, light_error: float | None, target_error: float | 
     dark = result.power <= 0
     if dark.any():
         missed = float(np.max(result.standard_error[dark]))
-        notes.append(f"no light found on taxel {', '.join(map(str, result.taxel[dark]))}{_may_receive(missed)}")
+        limit = f": it may receive {missed:.1e} W (1 sigma)" if missed else ""
+        limit = ": how much was missed is unknown" if math.isnan(missed) else limit
+        notes.append(f"no light found on taxel {', '.join(map(str, result.taxel[dark]))}{limit}")
     return notes
 
 
-def _share(error: float) -> str:
+def _in_words(error: float) -> str:
     """A relative error in words."""
     return f"{error:.2g}" if math.isfinite(error) else "unknown"
-
-
-def _may_receive(missed: float) -> str:
-    """How much light may have been missed, in W, in words; empty if none."""
-    if math.isnan(missed):
-        return ": how much was missed is unknown"
-    return f": it may receive {missed:.1e} W (1 sigma)" if missed else ""
 
 
 def check_request(
@@ -482,8 +474,8 @@ def check_request(
     """
     if time_budget is not None and len(derivatives):
         raise InputError(
-            "time_budget and derivatives (which a force without a step takes too) exclude each other: their time is "
-            "not foreseen."
+            "time_budget and derivatives (a force without a step has derivatives, too) exclude each other: the time of "
+            "derivatives cannot be limited."
         )
     if target_error is not None and points is not None:
         raise InputError("target_error and points exclude each other: give one of them.")

@@ -1,9 +1,10 @@
 """Mesh size and number of points for a target error.
 
-The target applies to the root of the sum of squares of both errors. Elements, and with them the triangles of curved
-walls, are refined until the shape's error is within its share; the light gets the rest. Light without random numbers
-needs none, and a pad without a load has no error of the mechanics: a target is shared among the errors that exist.
-Both are determined by pilot runs, whose random numbers do not enter the result.
+The target is a bound of the total error, the root of the sum of squares of the errors of shape and light. Elements, and
+with them the triangles of curved walls, are refined until the error of the shape is within its fraction of the target;
+the light gets the rest. Light without random numbers has no noise, and a pad without a load has no error of mechanics:
+the target is divided among the errors that exist. Mesh size and number of points follow from pilot runs, whose random
+numbers do not enter the result.
 """
 
 from __future__ import annotations
@@ -46,47 +47,50 @@ from mitsuba_taxel.sensing.reading.runs import (
 )
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, is_touched, loaded_pads
-from mitsuba_taxel.sensing.validity.checked import found_points
+from mitsuba_taxel.sensing.validity.checked import known_points
 from mitsuba_taxel.specification.taxel_tracer import TaxelTracer
 
 TRUSTED = 0.01
 """Relative error above which light without random numbers is not used: the response on a wall close above its package
-is not resolved, and errors of 15 % are taken for 6 %."""
+is not resolved then, and an error of 15 % is estimated as 6 %."""
 MECHANICS_SHARE = 0.85
-"""Share of the shape in a target error where light has noise. More points cost little: the error of a scrambled net
-falls nearly as 1/points."""
+"""Fraction of a target error for the shape, where light has noise. More points cost little: the error of a scrambled
+net falls nearly as 1/points."""
 DARK_POINTS = 1 << 16
-"""Points per taxel and replicate after which a scene in which no light was found counts as dark, and most of them where
-a roof rests on a package: what still passes is little."""
+"""Points per taxel and replicate after which a scene without light counts as dark. Where a roof rests on a package, no
+more points are traced, as little light still passes."""
 DEVIATION_POINTS, MOST_DEVIATION_POINTS = 256, 1 << 14
-"""Points per taxel and replicate of the traces for the mechanics' error, first and at most: domes need many."""
+"""Points per taxel and replicate of the first and the longest traces for the error of mechanics: domes need many."""
 DEVIATION_SHARE = 4
-"""A reading's points over the most in these traces: a change has a fifth of the noise of a reading."""
+"""Points of a reading, relative to those of the longest of these traces: a change has a fifth of the noise of a
+reading."""
 GEOMETRY_POINTS = 64
-"""Least points of the traces for the facets' error: those of the first pilot run, which continues from them."""
+"""Points of the first traces for the error by facets, which the first pilot run continues."""
 GEOMETRY_SHARE = 8
-"""A reading's points over the most in each of the two traces for the facets' error."""
+"""Points of a reading, relative to those of each of the two longest traces for the error by facets."""
 CLEAR, NEGLIGIBLE = 1 / 3, 0.2
-"""Allowed uncertainty of the error of mechanics or facets, relative to itself, or to a target error."""
+"""Largest uncertainty of the error by mechanics or facets, relative to this error, and relative to a target error."""
 _MOST_MORE = 16
-"""Largest factor on the points from one of these traces to the next."""
+"""Largest factor of the number of points from one of these traces to the next."""
 COST_ORDER = 4.0
-"""Power of the element size with which the time of the mechanics grows."""
+"""Power of the inverse element size with which the time of the mechanics grows."""
 RUNG, MOST_RUNGS = 0.9, 7
-"""Element sizes form a ladder, so that studies share solutions; largest number of rungs per step. A rung changes the
-error by a seventh, so that the mesh is not much finer than needed."""
+"""Element sizes form a ladder with this ratio, so that studies reuse solutions; largest number of rungs in a step. A
+rung changes the error by a seventh, so that a mesh is not much finer than needed."""
 MOST_MESHES = 4
+"""Largest number of refinements."""
 MOST_ELEMENTS = 250_000
-"""Most elements of a pad; a quarter of the paper's with as many takes about four gigabytes."""
+"""Largest number of elements of a pad; a quarter of the paper's pad with this number takes about four gigabytes."""
 
 _SCATTER, _SAFETY = 0.13, 1.3
-"""A standard error from 32 replicates is itself known to 13 %, and should stay below the target in nearly all
-scenes."""
+"""Relative standard deviation of a standard error from 32 replicates, and the factor by which it stays below the target
+in nearly all scenes."""
 
 
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> FacetsEstimate:
-    """Error of a scene's readings by facets: of their positions, from two short traces, of as many points as in
-    :func:`mechanics_of`, and of their tilts.
+    """Error of a scene's readings by facets: by their positions, from two short traces, and by their tilts.
+
+    The number of points is chosen as in :func:`mechanics_of`.
 
     Parameters
     ----------
@@ -95,14 +99,14 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
     seed : int
         Of the random numbers.
     most : int
-        Points that are traced at most.
+        Largest number of points per taxel and replicate.
     tolerance : float
-        Relative error at which more points are not needed.
+        Relative noise at which no more points are needed.
 
     Returns
     -------
     FacetsEstimate
-        Changes of readings in W with that of tilts, their relative error, and the pilot run.
+        Changes of readings in W by positions and tilts, the relative error, and the pilot run.
     """
     if not curved_pads(ready.scene):
         return FLAT
@@ -115,18 +119,18 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
             chords.extend_to(points)
         changes, power = chords.powers - pilot.powers, pilot.powers.mean(axis=0)
         facets = changes.mean(axis=0)
-        share, noise = (geometry_share(change, power) for change in (facets, standard_error(changes)))
-        more = _more_points(share, noise, tolerance)
-        if more == 1 or points >= most:
+        error, noise = (geometry_share(change, power) for change in (facets, standard_error(changes)))
+        factor = _factor_of_points(error, noise, tolerance)
+        if factor == 1 or points >= most:
             both = np.copysign(np.hypot(facets, tilt / FACETS_SHARE * power), facets)
             return FacetsEstimate(both, geometry_share(both, power), pilot)
-        points = min(points * more, most)
+        points = min(points * factor, most)
 
 
 def without_random_numbers(ready: Prepared, mechanics_error: bool = True) -> ShapeErrors | None:
-    """Readings of diffuse cells and their errors; None if the scene needs random paths.
+    """Readings of diffuse cells and their errors, without random numbers.
 
-    What discretises the light is part of the geometry.
+    Errors by the discretisation of the light count as errors of the geometry.
 
     Parameters
     ----------
@@ -140,25 +144,39 @@ def without_random_numbers(ready: Prepared, mechanics_error: bool = True) -> Sha
     ShapeErrors or None
         None if the scene needs random paths.
     """
-    stated = getattr(ready.integrator, "specification", None)
-    followed = isinstance(stated, TaxelTracer) and stated.max_depth < 0 and stated.strategy == "all"
-    if not followed or len(deformed_pads(ready.scene)) != 1:
+    tracer = getattr(ready.integrator, "specification", None)
+    all_paths = isinstance(tracer, TaxelTracer) and tracer.max_depth < 0 and tracer.strategy == "all"
+    if not all_paths or len(deformed_pads(ready.scene)) != 1:
         return None
     from mitsuba_taxel.sensing.diffuse.deterministic_light import deterministic_light  # imports the solvers
 
-    found = deterministic_light(ready.scene, mechanics_error)
-    if found is None or not np.all(found.error <= TRUSTED * found.power):
+    light = deterministic_light(ready.scene, mechanics_error)
+    if light is None or not np.all(light.error <= TRUSTED * light.power):
         return None
-    mechanics, facets = MechanicsEstimate(None, 0.0), found.error / FACETS_SHARE
-    if found.deviation is not None:
-        mechanics = MechanicsEstimate(found.deviation, mechanics_share(found.deviation, found.power))
-    return ShapeErrors(mechanics, FacetsEstimate(facets, geometry_share(facets, found.power), None), found.power)
+    mechanics, facets = MechanicsEstimate(None, 0.0), light.error / FACETS_SHARE
+    if light.deviation is not None:
+        mechanics = MechanicsEstimate(light.deviation, mechanics_share(light.deviation, light.power))
+    return ShapeErrors(mechanics, FacetsEstimate(facets, geometry_share(facets, light.power), None), light.power)
 
 
 def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> MechanicsEstimate:
-    """Error of a scene's readings by that of the mechanics, from three short traces.
+    """Error of a scene's readings by the mechanics, from three short traces.
 
-    Their number of points is chosen to resolve it, or to reach a relative ``tolerance``, up to ``most``.
+    Parameters
+    ----------
+    ready : Prepared
+        The scene.
+    seed : int
+        Of the random numbers.
+    most : int
+        Largest number of points per taxel and replicate; as many are traced as resolve the error.
+    tolerance : float
+        Relative noise at which no more points are needed.
+
+    Returns
+    -------
+    MechanicsEstimate
+        Changes of readings in W and the relative error; NaN if the error of the mechanics is unknown.
     """
     if not loaded_pads(ready.scene):
         return MechanicsEstimate(None, 0.0)
@@ -170,34 +188,49 @@ def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, toler
             return MechanicsEstimate(np.full_like(power, math.nan), math.nan)
         deviation = combined(changes.mean(axis=1))
         noise = mechanics_share(np.hypot(*map(standard_error, changes)), power)
-        share = mechanics_share(deviation, power)
+        error = mechanics_share(deviation, power)
+        # A dark taxel below a roof that rests on a package: its error is the light that the paths may have missed.
         dark = ~(before.any(axis=0) | changes.any(axis=(0, 1)))
-        more = _MOST_MORE if dark.any() and is_touched(ready.scene) else _more_points(share, noise, tolerance)
-        if more == 1 or points >= most:
-            if dark.any() and is_touched(ready.scene):  # what as many paths may have missed
+        shut = dark.any() and is_touched(ready.scene)
+        factor = _MOST_MORE if shut else _factor_of_points(error, noise, tolerance)
+        if factor == 1 or points >= most:
+            if shut:
                 missed = dark_errors(ready.scene, ready.integrator, points * len(before), len(power)) / ERROR_SHARE
                 deviation = np.where(dark, missed, deviation)
-            return MechanicsEstimate(deviation, share)
-        points = min(points * more, most)
+            return MechanicsEstimate(deviation, error)
+        points = min(points * factor, most)
 
 
-def _more_points(share: float, noise: float, tolerance: float) -> int:
-    """Factor on the points after which a share with this noise is resolved, or known to a tolerance."""
-    wanted = max(CLEAR * share, tolerance)
-    if noise <= wanted:
+def _factor_of_points(error: float, noise: float, tolerance: float) -> int:
+    """Factor of the number of points after which an error with this noise is resolved, or below a tolerance."""
+    largest = max(CLEAR * error, tolerance)
+    if noise <= largest:
         return 1
-    return min(1 << math.ceil(2 * math.log2(noise / wanted)), _MOST_MORE) if wanted else _MOST_MORE
+    return min(1 << math.ceil(2 * math.log2(noise / largest)), _MOST_MORE) if largest else _MOST_MORE
 
 
 def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
-    """Most points of the traces for the mechanics' error, for readings of this many points."""
+    """Largest number of points of the traces for the error by mechanics.
+
+    Parameters
+    ----------
+    clock : Clock or None
+        With a limit, the first traces must do.
+    points : int
+        Of the readings.
+
+    Returns
+    -------
+    int
+        Per taxel and replicate.
+    """
     if clock is not None and clock.end < math.inf:
         return DEVIATION_POINTS
     return min(points // DEVIATION_SHARE, MOST_DEVIATION_POINTS)
 
 
 def geometry_points(points: int) -> int:
-    """Most points of the traces for the facets' error, for readings of this many points."""
+    """Largest number of points of the traces for the error by facets, from the number of points of the readings."""
     return min(max(points // GEOMETRY_SHARE, GEOMETRY_POINTS), FIRST_POINTS)
 
 
@@ -217,7 +250,7 @@ def prepare_for(
     scene : AnyScene
         As for :func:`prepare`; only a `Scene` that does not fix the mesh of its pads gets a finer one.
     target_error : float
-        Relative; if the mechanics cannot reach it, the light still gets a share of it.
+        Relative; if the mechanics cannot reach it, the light still gets a fraction of it.
     seed : int
         Of the random numbers of pilot runs.
     clock : Clock, optional
@@ -228,39 +261,39 @@ def prepare_for(
     Returns
     -------
     PreparedFor
-        The scene, and what is known of its errors.
+        The scene, its errors by the shape, and the settings for the light.
     """
     scene = described(scene)
     ready, seconds = _timed(scene)
-    alternative: PreparedFor | None = None  # of the meshes so far, that with the smallest error
-    quiet = not random
-
-    def judged() -> ShapeErrors:
-        nonlocal alternative, quiet
-        certain = without_random_numbers(ready) if quiet else None
-        quiet &= bool(loaded_pads(ready.scene))  # without a load, elements do not change it
+    alternative: PreparedFor | None = None  # readings without random numbers, with the smallest error of all meshes
+    deterministic = not random
+    meshes: list[tuple[float, float]] = []
+    while True:
+        # Errors on this mesh: without random numbers if that suffices for the target, else by pilot runs of the light.
+        certain = without_random_numbers(ready) if deterministic else None
+        deterministic &= bool(loaded_pads(ready.scene))  # elements do not change readings without a load
         if certain is not None:
-            least = math.nan if alternative is None else alternative.errors.share
-            if certain.share < least or math.isnan(least):
+            smallest = math.nan if alternative is None else alternative.errors.share
+            if certain.share < smallest or math.isnan(smallest):
                 alternative = prepared_without_random_numbers(ready, scene, certain)
-            if certain.suffices(target_error):
-                return certain
-        tolerance = NEGLIGIBLE * target_error
-        mechanics = mechanics_of(ready, seed, deviation_points(clock), tolerance)
-        return ShapeErrors(mechanics, geometry_of(ready, seed, tolerance=tolerance))
+        if certain is not None and certain.suffices(target_error):
+            errors = certain
+        else:
+            tolerance = NEGLIGIBLE * target_error
+            mechanics = mechanics_of(ready, seed, deviation_points(clock), tolerance)
+            errors = ShapeErrors(mechanics, geometry_of(ready, seed, tolerance=tolerance))
 
-    errors = judged()
-    tried: list[tuple[float, float]] = []
-    for _ in range(MOST_MESHES):
-        if not isinstance(scene, Scene):
+        # The next mesh, if the error of the shape is above its fraction of the target. Elements do not change the error
+        # of light without random numbers.
+        if len(meshes) == MOST_MESHES or not isinstance(scene, Scene):
             break
         if errors.power is None:
-            wanted, share = MECHANICS_SHARE * target_error, errors.share
-        else:  # elements do not change the error of the light
-            wanted, share = math.sqrt(max(target_error**2 - errors.light_share**2, 0.0)), errors.mechanics.share
-        tried.append((smallest_mesh_size(ready), share))
-        finer = finer_mesh(scene, ready, tried, wanted)
-        if finer is None or (clock and not clock.allows(2 * seconds * (tried[-1][0] / finer) ** COST_ORDER)):
+            target, error = MECHANICS_SHARE * target_error, errors.share
+        else:
+            target, error = math.sqrt(max(target_error**2 - errors.light_share**2, 0.0)), errors.mechanics.share
+        meshes.append((smallest_mesh_size(ready), error))
+        finer = finer_mesh(scene, ready, meshes, target)
+        if finer is None or (clock and not clock.allows(2 * seconds * (meshes[-1][0] / finer) ** COST_ORDER)):
             break
         candidate = scene.with_mesh_size(finer)
         try:
@@ -268,20 +301,22 @@ def prepare_for(
         except ComputationError:  # on a finer mesh the load path may end a little earlier
             break
         scene = candidate
-        errors = judged()
+
+    # The light gets the rest of the target, by as many points as it needs, unless readings without random numbers are
+    # at least as good.
     if alternative is not None and errors.power is not None:
         return alternative
-    known = errors.known_share
-    light = math.sqrt(max(target_error**2 - known**2, (LIGHT_SHARE * target_error) ** 2))
-    at_hand = math.inf if alternative is None else math.sqrt(max(alternative.errors.known_share**2 - known**2, 0))
-    points = points_for(ready, light, clock, errors.geometry.pilot, at_hand)
+    shape = errors.known_share
+    light = math.sqrt(max(target_error**2 - shape**2, (LIGHT_SHARE * target_error) ** 2))
+    known = math.inf if alternative is None else math.sqrt(max(alternative.errors.known_share**2 - shape**2, 0))
+    points = points_for(ready, light, clock, errors.geometry.pilot, known)
     if alternative is not None and not points:
         return alternative
     return PreparedFor(ready, errors, Settings(points, mesh_size_of(scene)), light, alternative)
 
 
 def _timed(scene: AnyScene) -> tuple[Prepared, float]:
-    """A prepared scene, and the seconds that it takes without cached solutions."""
+    """A prepared scene, and the seconds that its preparation takes without cached solutions."""
     with stages.record() as seconds:
         ready = prepare(scene)
         with stages.stage("mechanics"):
@@ -295,19 +330,19 @@ def _refinable(ready: Prepared) -> list[PadShape]:
 
 
 def smallest_mesh_size(ready: Prepared, loaded: bool = False) -> float:
-    """Smallest mesh size of all pads in mm, or of them as if they were ``loaded``; infinite if there are none.
+    """Smallest mesh size of all pads that smaller elements make more accurate.
 
     Parameters
     ----------
     ready : Prepared
         The scene.
     loaded : bool
-        Whether pads count as loaded.
+        Whether to return the mesh size that pads have with a load.
 
     Returns
     -------
     float
-        In mm.
+        In mm; infinite if there are no such pads.
     """
     sizes = (
         (pad.loaded_mesh_size if loaded else pad.mesh_size) or pad.pad.default_mesh_size for pad in _refinable(ready)
@@ -316,9 +351,9 @@ def smallest_mesh_size(ready: Prepared, loaded: bool = False) -> float:
 
 
 def finer_mesh(
-    scene: Scene, ready: Prepared, tried: list[tuple[float, float]], wanted_error: float, order: float = ORDER
+    scene: Scene, ready: Prepared, meshes: list[tuple[float, float]], target: float, order: float = ORDER
 ) -> float | None:
-    """Next mesh size in mm; None if the error is not above the wanted one, or the mesh is fixed.
+    """Next mesh size for a target error.
 
     Parameters
     ----------
@@ -326,37 +361,51 @@ def finer_mesh(
         As described.
     ready : Prepared
         The same, loaded.
-    tried : list[tuple[float, float]]
-        Mesh sizes in mm and the errors found on them, the present one last.
-    wanted_error : float
-        Relative.
+    meshes : list[tuple[float, float]]
+        Mesh sizes in mm and the relative errors on them, the present mesh last.
+    target : float
+        Relative error.
     order : float
         Power of the mesh size with which errors fall.
 
     Returns
     -------
     float or None
-        In mm.
+        In mm; None if the error is within the target, the scene fixes the mesh, or the next one is too fine.
     """
-    size, error = tried[-1]
-    if not scene.leaves_mesh_open or error <= wanted_error:
+    size, error = meshes[-1]
+    if not scene.leaves_mesh_open or error <= target:
         return None
-    wanted = size * RUNG ** rungs_to(wanted_error, tried, order)
-    elements = max(len(pad.state.mesh.tets) for pad in _refinable(ready)) * (size / wanted) ** 3
-    return None if elements > MOST_ELEMENTS else wanted
+    finer = size * RUNG ** rungs_to(target, meshes, order)
+    elements = max(len(pad.state.mesh.tets) for pad in _refinable(ready)) * (size / finer) ** 3
+    return None if elements > MOST_ELEMENTS else finer
 
 
-def rungs_to(wanted_error: float, tried: list[tuple[float, float]], order: float = ORDER) -> int:
-    """Estimated number of rungs below the last of the mesh sizes ``tried`` at which the error is the wanted one.
+def rungs_to(target: float, meshes: list[tuple[float, float]], order: float = ORDER) -> int:
+    """Estimated number of rungs from the last mesh size to that with a target error.
 
-    Errors scatter from one mesh to the next: the expected one is the geometric mean of all that were found, each scaled
-    to the last size. If the last is unknown, a finer mesh is tried.
+    Errors scatter from one mesh to the next. The expected error is the geometric mean of the errors on all meshes, each
+    scaled to the last size.
+
+    Parameters
+    ----------
+    target : float
+        Relative error.
+    meshes : list[tuple[float, float]]
+        Mesh sizes in mm and the relative errors on them, NaN if unknown.
+    order : float
+        Power of the mesh size with which errors fall.
+
+    Returns
+    -------
+    int
+        From 1 to `MOST_RUNGS`, which it is if the last error is unknown.
     """
-    last = tried[-1][0]
-    known = [math.log(error) + order * math.log(last / size) for size, error in tried if not math.isnan(error)]
-    if math.isnan(tried[-1][1]):
+    last = meshes[-1][0]
+    scaled = [math.log(error) + order * math.log(last / size) for size, error in meshes if not math.isnan(error)]
+    if math.isnan(meshes[-1][1]):
         return MOST_RUNGS
-    rungs = (math.log(wanted_error) - sum(known) / len(known)) / (order * math.log(RUNG))
+    rungs = (math.log(target) - sum(scaled) / len(scaled)) / (order * math.log(RUNG))
     return min(max(math.ceil(rungs), 1), MOST_RUNGS)
 
 
@@ -367,9 +416,9 @@ def points_for(
     first: Run | None = None,
     known_error: float = math.inf,
 ) -> int:
-    """Points per taxel and replicate for a relative standard error of the light, found by a pilot run.
+    """Points per taxel and replicate for a relative standard error of the light, by a pilot run.
 
-    Where a pad touches a package, they are :data:`DARK_POINTS` at most.
+    Where a pad touches a package, they are at most :data:`DARK_POINTS`.
 
     Parameters
     ----------
@@ -380,19 +429,19 @@ def points_for(
     clock : Clock, optional
         If its time does not suffice, the result is `MOST_POINTS`, and the clock decides.
     first : Run, optional
-        The pilot run, if it has begun already. Else its random numbers are always the same, so that what it finds is
-        that of the scene, and is found once.
+        A pilot run to continue. Without it, the random numbers are always the same, and the result is remembered with
+        the scene.
     known_error : float
-        Relative error without random numbers: the result is 0 if that of paths would not fall below it in time.
+        Relative error without random numbers: the result is 0 if the error of paths would not fall below it in time.
 
     Returns
     -------
     int
         A power of two, or 0.
     """
-    found = found_points(ready.scene) if first is None else {}
-    if target_error in found:
-        return found[target_error]
+    remembered = known_points(ready.scene) if first is None else {}
+    if target_error in remembered:
+        return remembered[target_error]
     run = first or Run(ready, derived_seed(0, 1))
     points, most = FIRST_POINTS, DARK_POINTS if is_touched(ready.scene) else MOST_POINTS
     while True:
@@ -410,15 +459,15 @@ def points_for(
         # At least this many doublings are needed.
         doublings = max(1, math.floor(math.log2(min(error / target_error, 16.0))))
         points = min(points << doublings, most)
-    found[target_error] = points
+    remembered[target_error] = points
     return points
 
 
 def _safety(powers: np.ndarray) -> float:
-    """Safety factor on the error of the worst taxel, less the bias of a maximum.
+    """Safety factor of the error of the worst taxel, reduced by the bias of a maximum.
 
-    The largest of T numbers that scatter about one mean exceeds it by about Phi^-1((T - 3/8) / (T + 1/4)) times the
-    scatter (G. Blom, Statistical Estimates and Transformed Beta-Variables, 1958).
+    The largest of T numbers that scatter about a mean exceeds it by about Phi^-1((T - 3/8) / (T + 1/4)) times their
+    standard deviation (G. Blom, Statistical Estimates and Transformed Beta-Variables, 1958).
     """
     lit = max(int(np.count_nonzero(powers.mean(axis=0) > 0)), 1)
     return _SAFETY - _SCATTER * NormalDist().inv_cdf((lit - 0.375) / (lit + 0.25))

@@ -1,4 +1,4 @@
-"""Checks of a loaded scene before it is read, left out while it is as it was when last checked."""
+"""Checks of a loaded scene before it is read, which are skipped if it has not changed since they last passed."""
 
 from __future__ import annotations
 
@@ -11,10 +11,25 @@ from mitsuba_taxel.sensing.validity.probes import refuse_unreadable
 
 
 def check_readable(scene: mi.Scene, integrator: mi.Integrator) -> None:
-    """Raise as :func:`refuse_unmodelled` and :func:`refuse_unreadable` do."""
+    """Refuse a scene whose readings would be wrong, or would not end.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded scene.
+    integrator : mi.Integrator
+        The integrator that reads it.
+
+    Raises
+    ------
+    InputError
+        as :func:`refuse_unmodelled`.
+    ComputationError
+        as :func:`refuse_unmodelled` and :func:`refuse_unreadable`.
+    """
     keeper = _keeper(scene)
-    known = None if keeper is None or keeper.checked is None else keeper.checked.state
-    if known is not None and known == _state_of(scene, integrator):
+    checked = None if keeper is None or keeper.checked is None else keeper.checked.state
+    if checked is not None and checked == _state_of(scene, integrator):
         return
     refuse_unmodelled(scene, integrator)
     refuse_unreadable(scene, integrator)
@@ -22,19 +37,22 @@ def check_readable(scene: mi.Scene, integrator: mi.Integrator) -> None:
         keeper.checked = KnownScene(_state_of(scene, integrator))  # checks may move pads
 
 
-def found_points(scene: mi.Scene) -> dict[float, int]:
-    """Points per taxel and replicate for relative errors of the light, as found since the scene was checked, to be
-    added to."""
+def known_points(scene: mi.Scene) -> dict[float, int]:
+    """Points per taxel and replicate by relative error of the light, as pilot runs of the checked scene found them.
+
+    Callers add to this dictionary.
+    """
     keeper = _keeper(scene)
     return {} if keeper is None or keeper.checked is None else keeper.checked.points
 
 
 def _keeper(scene: mi.Scene) -> PhototransistorSensor | None:
-    """The first phototransistor, with which is kept what is known."""
+    """The first phototransistor, which holds the state in which the scene was checked."""
     return next((sensor for sensor in scene.sensors() if is_phototransistor(sensor)), None)
 
 
 def _state_of(scene: mi.Scene, integrator: mi.Integrator) -> SceneState | None:
+    """State of a scene, for comparison; None if it holds parts whose state is unknown."""
     try:
         return SceneState(scene, integrator)
     except UnknownState:
