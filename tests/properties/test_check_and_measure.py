@@ -126,7 +126,7 @@ CAVITY = """<scene version="3.9.0"> <integrator type="taxel_tracer"/>
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [(BACKWARDS.replace('value="0.7"', 'value="0.02"'), "hardly a path"), (CAVITY, "not absorbed anywhere")],
+    [(BACKWARDS.replace('value="0.7"', 'value="0.02"'), "hardly any path"), (CAVITY, "not absorbed anywhere")],
     ids=["narrow gap", "cavity"],
 )
 def test_what_a_few_rays_find(llvm_mono, tmp_path, text, message):

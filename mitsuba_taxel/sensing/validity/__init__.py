@@ -1,4 +1,4 @@
-"""Whether readings of a loaded scene would be right: what is not modelled is refused, with the part and its remedy.
+"""Checks that readings of a loaded scene would be right: what is not modelled is refused, with the object and a remedy.
 
-Loaded scenes enter, and nothing leaves but errors and warnings. Some checks trace a few rays through the scene.
+Loaded scenes enter; errors and warnings leave. Some checks trace a few rays through the scene.
 """

@@ -1,4 +1,4 @@
-"""Walls of Mitsuba's own that reflect on one side only, and turn the other one to an LED."""
+"""Mitsuba's own walls that reflect on one side only, and face an LED with the other side."""
 
 from __future__ import annotations
 
@@ -12,40 +12,40 @@ from mitsuba_taxel.kernels.walls import walls_by_region, walls_of
 
 _RAYS = 1024
 _NEGLIGIBLE = 0.01
-"""Share of an LED's light that may meet a back without a word."""
+"""Fraction of an LED's light that may meet a black back without a warning."""
 
 
 def dark_backs(scene: mi.Scene) -> dict[int, str]:
-    """What to say of each shape that turns a black back to an LED, by its number among the shapes of the scene.
+    """Warnings of shapes that face an LED with a black back.
 
-    Light of each LED is followed to the first wall; one is black on its back if it returns nothing there of what it
-    would return on its front.
+    Light of each LED is followed to the first wall. The back of a wall is black if it reflects nothing where the front
+    would reflect light.
 
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
 
     Returns
     -------
     dict[int, str]
-        Sentences by the number of the shape.
+        Sentences by the index of the shape in the scene.
     """
     if not any(wall is not None and _is_one_sided(wall) for wall in walls_of(scene)):
         return {}
-    said = {}
+    warnings = {}
     numbers = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in scene.shapes()]
     for led in filter(is_led, scene.emitters()):
         hits = _hits(scene, led)
-        for place, (shape, number) in enumerate(zip(scene.shapes(), numbers, strict=True)):
+        for index, (shape, number) in enumerate(zip(scene.shapes(), numbers, strict=True)):
             walls = [wall for wall in walls_by_region(shape.bsdf()).values() if _is_one_sided(wall)]
             if walls and np.mean(hits == number) > _NEGLIGIBLE:
-                which = " ".join(filter(None, (kind_of(shape), repr(shape.id()) if shape.id() else "")))
-                said[place] = (
-                    f"{which}: its back faces the LED, where {kind_of(walls[0])} is black: turn it round, or use wall "
+                name = " ".join(filter(None, (kind_of(shape), repr(shape.id()) if shape.id() else "")))
+                warnings[index] = (
+                    f"{name}: its back faces the LED, where {kind_of(walls[0])} is black: turn it round, or use wall "
                     "or twosided"
                 )
-    return said
+    return warnings
 
 
 def _is_one_sided(wall: mi.BSDF) -> bool:
@@ -53,18 +53,18 @@ def _is_one_sided(wall: mi.BSDF) -> bool:
 
 
 def _hits(scene: mi.Scene, led: LedEmitter) -> np.ndarray:
-    """(_RAYS,) number of the shape whose black back a ray of some LED meets first, 0 if it meets none."""
+    """(_RAYS,) numbers of the shapes whose black backs rays from LEDs meet first, 0 where they meet no black back."""
     sampler = make_plugin("owen_sobol", sample_count=_RAYS)
     sampler.seed(0, _RAYS)
     index = sampler.index % dr.opaque(mi.UInt32, led.faces.count)
     point, direction = led.sample_point(index, sampler.next_2d()), led.sample_direction_of_emission(sampler.next_2d())
-    place, passed = led.leave(index, point, direction)
-    ray = mi.Ray3f(place + 1e-4 * dr.sqrt(led.area) * led.faces.frame.n, direction)
+    exit_point, passed = led.leave(index, point, direction)
+    ray = mi.Ray3f(exit_point + 1e-4 * dr.sqrt(led.area) * led.faces.frame.n, direction)
     si = scene.ray_intersect(ray, passed > 0)
     behind = si.is_valid() & (si.wi.z < 0)
     context, first, second = mi.BSDFContext(mi.TransportMode.Importance), sampler.next_1d(), sampler.next_2d()
-    _, back = si.bsdf().sample(context, si, first, second, behind)
+    _, from_back = si.bsdf().sample(context, si, first, second, behind)
     si.wi.z = -si.wi.z
-    _, front = si.bsdf().sample(context, si, first, second, behind)
-    black = behind & (dr.max(back) == 0) & (dr.max(front) > 0)
+    _, from_front = si.bsdf().sample(context, si, first, second, behind)
+    black = behind & (dr.max(from_back) == 0) & (dr.max(from_front) > 0)
     return dr.select(black, dr.reinterpret_array(mi.UInt32, si.shape), 0).numpy()

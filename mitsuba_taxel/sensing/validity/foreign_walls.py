@@ -1,4 +1,4 @@
-"""Refusal of Mitsuba's own BSDFs of which readings would be wrong, or fail without a word that helps."""
+"""Refusal of Mitsuba's own BSDFs with which readings would be wrong, or fail without a helpful message."""
 
 from __future__ import annotations
 
@@ -12,16 +12,24 @@ from mitsuba_taxel.kernels.protocols import is_wall
 from mitsuba_taxel.kernels.walls import walls_of
 
 _SHARES = ("reflectance", "transmittance", "base_color")
-"""Ends of the names of parameters that are a share of the light."""
+"""Ends of the names of parameters that are fractions of the light."""
 
 
 def refuse_foreign_walls(scene: mi.Scene, plugin: str) -> None:
-    """Raise an InputError for a BSDF of Mitsuba's that makes light, cannot be evaluated, or is not read rightly.
+    """Refuse Mitsuba's own BSDFs that create light, cannot be evaluated, or that the integrator does not follow
+    rightly.
 
     Parameters
     ----------
+    scene : mi.Scene
+        A loaded scene.
     plugin : str
-        Mitsuba's integrator that reads the scene; empty for one of ours.
+        Mitsuba's integrator that reads the scene; empty for an integrator of this package.
+
+    Raises
+    ------
+    InputError
+        if there is such a BSDF; the message names it.
     """
     for wall in walls_of(scene):
         if wall is None or is_wall(wall):
@@ -31,30 +39,31 @@ def refuse_foreign_walls(scene: mi.Scene, plugin: str) -> None:
         flags = wall.flags()
         if plugin == "path" and flags & mi.BSDFFlags.Null and flags & mi.BSDFFlags.Smooth:
             raise InputError(
-                f"integrator path loses the light of a {kind_of(wall)} that lets a part of it through: use "
+                f"integrator path loses light that passes through a partly transparent {kind_of(wall)}: use "
                 "taxel_tracer or volpath.",
                 wall,
             )
 
 
 def _refuse_more_than_all(wall: mi.BSDF) -> None:
+    """Raise for a fraction of the light outside 0 to 1."""
     for name, value in mi.traverse(wall).items():
         *path, last = name.split(".")
-        if last not in ("value", "data") or not any(part.endswith(_SHARES) for part in path):
+        if last not in ("value", "data") or not any(word.endswith(_SHARES) for word in path):
             continue
         values = np.array(value, dtype=float)
         outside = values[(values < 0) | (values > 1)]
         if outside.size:
-            what = name.removesuffix(f".{last}")
+            parameter = name.removesuffix(f".{last}")
             raise InputError(
-                f"{kind_of(wall)}: {what} = {outside.flat[0]:g} is not allowed: a share of the light from 0 to 1 is "
-                "needed.",
+                f"{kind_of(wall)}: {parameter} = {outside.flat[0]:g} is not allowed: a fraction of the light from 0 to "
+                "1 is needed.",
                 wall,
             )
 
 
 def _refuse_unevaluated(wall: mi.BSDF) -> None:
-    """Raise for what Mitsuba lacks in this variant, such as the slopes of a checkerboard for a bump map."""
+    """Raise for a BSDF that Mitsuba cannot evaluate in this variant, such as a bump map with a checkerboard."""
     try:
         wall.eval(mi.BSDFContext(), dr.zeros(mi.SurfaceInteraction3f, 1), mi.Vector3f(0, 0, 1))
     except RuntimeError as error:

@@ -22,23 +22,23 @@ OF_MITSUBA = {
     "VolumetricPathIntegrator": "volpath",
     "VolpathMisIntegratorImpl": "volpathmis",
 }
-"""Class and plugin of Mitsuba's integrators that estimate the whole power; others leave some of it out."""
+"""Class and plugin of Mitsuba's integrators that estimate the entire power; others leave out some of it."""
 _THROUGH_MEDIA = ("volpath", "volpathmis")
 LARGEST_REACH = 1000.0
-"""Largest distance of LEDs and phototransistors from the origin, relative to the side of their faces. There, 250 mm
-with the NJL5908AR, rounding in single precision changes readings of a domed cell by 0.04 %."""
+"""Largest distance of LEDs and phototransistors from the origin, relative to the side of their faces. At this limit,
+250 mm with the NJL5908AR, rounding in single precision changes readings of a domed cell by 0.04 %."""
 LARGEST_STEP = 0.01
 """Largest ray offset of Mitsuba's own integrators, relative to the side of a face. It grows with the distance from the
 origin; at this limit, 27 mm with the NJL5908AR, readings of a domed cell change by 0.14 %."""
 
 
 def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
-    """Raise if readings of a scene would leave out light, or be wrong otherwise.
+    """Refuse a scene whose readings would leave out light, or would be wrong for another reason.
 
     Parameters
     ----------
     scene : mi.Scene
-        Loaded, or an object with ``shapes()``, ``emitters()`` and ``sensors()``.
+        Loaded; or any object with ``shapes()``, ``emitters()`` and ``sensors()``.
     integrator : mi.Integrator
         The integrator that reads it.
 
@@ -48,13 +48,13 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
         if the integrator does not support the scene, LEDs and phototransistors cannot be paired, or another surface
         coincides with one of them.
     ComputationError
-        if a deformed pad touches a package, unless it goes on there.
+        if a deformed pad touches a package without `self_contact`.
     """
     ours = traces_taxels(integrator)
     plugin = OF_MITSUBA.get(integrator.class_name(), "")
     if not ours and not plugin:
         raise InputError(
-            f"integrator {kind_of(integrator)} does not estimate the whole power: taxel_tracer, taxel_path, "
+            f"integrator {kind_of(integrator)} does not estimate the entire power: taxel_tracer, taxel_path, "
             f"analog_tracer or one of Mitsuba's {', '.join(OF_MITSUBA.values())} is needed.",
             integrator,
         )
@@ -76,21 +76,21 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
     refuse_shared_planes(scene)
     refuse_foreign_walls(scene, plugin)
     if plugin == "ptracer" and any(wall is not None and _is_mirror(wall) for wall in walls_of(scene)):
-        raise InputError("integrator ptracer sees no light by way of mirrors: use taxel_tracer or path.", integrator)
+        raise InputError("integrator ptracer sees no light via mirrors: use taxel_tracer or path.", integrator)
     _refuse_unseen_indenters(scene)
     _refuse_moved_packages(scene)
     refuse_unknown_wavelength(scene, one_by_one=ours)
 
 
 def _refuse_instances(scene: mi.Scene) -> None:
-    """Contents of an instance cannot be inspected: unbounded walls, tables of reflectance, media."""
+    """Raise for an instance, whose contents cannot be inspected: unbounded walls, tables of reflectance, media."""
     for shape in scene.shapes():
         if kind_of(shape) == "instance":
-            raise InputError("instance is not allowed: its walls cannot be examined; use the shape itself.")
+            raise InputError("instance is not allowed, as its walls cannot be checked: put the shape itself there.")
 
 
 def _refuse_walls_without_area(scene: mi.Scene) -> None:
-    """A rectangle or disk that is scaled by 0 along a side reflects nothing, where the other side was meant."""
+    """Raise for a rectangle or disk that is scaled by 0 in its plane, and so reflects nothing."""
     flat = (shape for shape in scene.shapes() if not is_pad(shape) and shape.class_name() in FLAT)
     for shape in flat:
         if not np.cross(*matrix_of(shape)[:3, :2].T).any():
@@ -102,10 +102,11 @@ def _is_mirror(wall: mi.BSDF) -> bool:
 
 
 def _refuse_media(scene: mi.Scene, plugin: str) -> None:
+    """Raise for a participating medium that the integrator does not see."""
     if plugin in _THROUGH_MEDIA:
         return
-    places = [shape.interior_medium() or shape.exterior_medium() for shape in scene.shapes()]
-    if any(places) or any(end.get_medium() for end in (*scene.emitters(), *scene.sensors())):
+    media = [shape.interior_medium() or shape.exterior_medium() for shape in scene.shapes()]
+    if any(media) or any(end.get_medium() for end in (*scene.emitters(), *scene.sensors())):
         raise InputError(
             "the scene holds a participating medium, which only Mitsuba's integrators volpath and volpathmis see: "
             "use one of them, or take it out."
@@ -117,22 +118,22 @@ def _refuse_other_windows(scene: mi.Scene) -> None:
     for pair in taxels_of(scene):
         if pair.is_below_windows and not pair.coplanar:
             raise InputError(
-                "photo_reflector: an LED below a window is read against a phototransistor elsewhere, which is not "
-                "modelled: state other LEDs and phototransistors in the same order."
+                "photo_reflector: an LED below a window forms a taxel with a phototransistor elsewhere, which is not "
+                "modelled: list LEDs and phototransistors in the same order."
             )
 
 
 def _refuse_unseen_emitters(scene: mi.Scene, plugin: str) -> None:
-    """Raise if Mitsuba's integrators leave out light that goes straight from an emitter to a phototransistor.
+    """Raise if Mitsuba's integrators would leave out light that goes straight from an emitter to a phototransistor.
 
-    They meet emitters by rays that start at a phototransistor, and no ray meets a point or a single direction. By
-    ``ptracer``, light from infinity was 3 % too strong.
+    Their rays start at a phototransistor, and never meet a point or follow a single direction. With ``ptracer``, light
+    from infinity was 3 % too strong.
     """
     for emitter in scene.emitters():
         flags, kind = emitter.flags(), kind_of(emitter)
         if flags & mi.EmitterFlags.Delta:
             raise InputError(
-                f"emitter {kind} shines from a point or in one direction, and what goes straight to a phototransistor "
+                f"emitter {kind} shines from a point or in one direction, so that light straight to a phototransistor "
                 "would be left out: use an annular_led, or an area emitter.",
                 emitter,
             )
@@ -141,6 +142,7 @@ def _refuse_unseen_emitters(scene: mi.Scene, plugin: str) -> None:
 
 
 def _refuse_samplers(scene: mi.Scene) -> None:
+    """Raise for a phototransistor with another sampler than owen_sobol."""
     for sensor in scene.sensors():
         sampler = sensor.sampler()
         if not is_owen_sobol(sampler):
@@ -148,7 +150,7 @@ def _refuse_samplers(scene: mi.Scene) -> None:
 
 
 def _refuse_unseen_indenters(scene: mi.Scene) -> None:
-    """Raise if light may leave a pad to where an indenter is, which is no surface of the scene."""
+    """Raise if light may leave a pad towards an indenter, which is no surface of the scene."""
     for shape in scene.shapes():
         if not is_pad(shape) or shape.specification.indenter is None:
             continue
@@ -156,8 +158,8 @@ def _refuse_unseen_indenters(scene: mi.Scene) -> None:
             wall = wall_at(shape.bsdf(), region)
             if wall is not None and wall.flags() & (mi.BSDFFlags.Transmission | mi.BSDFFlags.Null):
                 raise InputError(
-                    f"bsdf {region} of a pad under an indenter lets light through, which would not see the indenter: "
-                    "a wall that is opaque is needed."
+                    f"bsdf {region} of a pad under an indenter lets light through, which would pass the indenter: "
+                    "an opaque wall is needed."
                 )
 
 
@@ -166,25 +168,24 @@ def _refuse_moved_packages(scene: mi.Scene) -> None:
     for shape in scene.shapes():
         if is_package(shape) and not shape.is_as_built():
             raise InputError(
-                "photo_reflector: its vertex_positions or faces were changed, which LED and phototransistor do not "
-                "follow: load the scene anew with another to_world."
+                "photo_reflector: its vertex_positions or faces were changed, but LED and phototransistor do not "
+                "follow: load the scene again with another to_world."
             )
 
 
 def _refuse_far_faces(scene: mi.Scene, ours: bool) -> None:
-    for part in (*scene.emitters(), *scene.sensors()):
-        if not has_faces(part):
+    """Raise for an LED or phototransistor so far from the origin that rounding, or ray offsets, change readings."""
+    for end in (*scene.emitters(), *scene.sensors()):
+        if not has_faces(end):
             continue
-        reach = float(np.abs(np.array(part.faces.centres)).max())
-        side = float(np.sqrt(np.array(part.faces.size, dtype=float).prod()))
+        reach = float(np.abs(np.array(end.faces.centres)).max())
+        side = float(np.sqrt(np.array(end.faces.size, dtype=float).prod()))
         furthest = LARGEST_REACH * side if ours else LARGEST_STEP * side / 9e-5 - 1
         if reach > furthest:
-            what = f"{kind_of(part)} lies {reach:.3g} mm from the origin, where single precision"
-            if not ours:
-                what = f"{kind_of(part)} lies {reach:.3g} mm from the origin, where Mitsuba's own integrator"
+            limited_by = "single precision" if ours else "Mitsuba's own integrator"
             raise InputError(
-                f"{what} does not tell its face of {side:.3g} mm well enough from others: at most "
-                f"{max(furthest, 0):.3g} mm are allowed, so move the whole scene to the origin"
-                f"{'' if ours else ', scale it up, or use taxel_tracer'}.",
-                part,
+                f"{kind_of(end)} lies {reach:.3g} mm from the origin, where {limited_by} does not resolve its face of "
+                f"{side:.3g} mm well enough: at most {max(furthest, 0):.3g} mm are allowed, so move the whole scene to "
+                f"the origin{'' if ours else ', scale it up, or use taxel_tracer'}.",
+                end,
             )

@@ -1,4 +1,4 @@
-"""Test rays that detect unreadable scenes: light that never ends, and gaps that paths hardly enter."""
+"""Test rays that detect scenes without a reading: light that is never absorbed, and gaps that paths hardly enter."""
 
 from __future__ import annotations
 
@@ -16,14 +16,27 @@ from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.sensing.validity.ray_paths import PathStep, emit, follow
 
 NARROWEST_GAP = 0.14
-"""Least distance from a phototransistor to the wall before it, relative to that from its LED, for `taxel_path`: below,
-one path in a thousand finds the light, with far more weight than all others, and 256 points may miss it."""
+"""Smallest distance from a phototransistor to the wall above it, relative to that from its LED, for `taxel_path`. Below
+it, one path in a thousand finds the light, with far more weight than all others, and 256 points may miss it."""
 _PATHS, _REFLECTIONS, _LEFT = 256, 4096, 0.75
-"""If this share of the light is left after these reflections, 1e-4 is left after 131072 reflections."""
+"""If this fraction of the light remains after these reflections, 1e-4 remains after 131072 reflections."""
 
 
 def refuse_unreadable(scene: mi.Scene, integrator: mi.Integrator) -> None:
-    """Raise a ComputationError for a scene whose light never ends, or is hardly found by paths of `taxel_path`."""
+    """Refuse a scene whose light is never absorbed, or which paths of `taxel_path` hardly find.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded scene.
+    integrator : mi.Integrator
+        The integrator that reads it.
+
+    Raises
+    ------
+    ComputationError
+        if it is such a scene.
+    """
     if getattr(integrator, "max_depth", None) in (None, -1):
         _refuse_endless_light(scene)
     if kind_of(integrator) == "taxel_path":
@@ -31,20 +44,21 @@ def refuse_unreadable(scene: mi.Scene, integrator: mi.Integrator) -> None:
 
 
 def _refuse_endless_light(scene: mi.Scene) -> None:
+    """Raise if most of the light remains after many reflections."""
     ends = (*scene.emitters(), *scene.sensors())
     if not all(has_faces(end) and _may_return_all(end) for end in ends):
         return  # in a closed cavity light reaches the faces, and ends there
     for pair in taxels_of(scene):
         set_wavelength(scene, [pair.led])
-        if float(pair.led.power[0]) > 0 and _share_under_way(scene, pair) > _LEFT:
+        if float(pair.led.power[0]) > 0 and _remaining_fraction(scene, pair) > _LEFT:
             raise ComputationError(
-                f"light in a closed cavity is not absorbed anywhere: after {_REFLECTIONS} reflections most of it is "
-                "still under way, and a reading has no limit. Let LED, phototransistor or a wall reflect less."
+                f"light in a closed cavity is not absorbed anywhere: most of it remains after {_REFLECTIONS} "
+                "reflections, so that a reading has no limit. Let LED, phototransistor or a wall reflect less."
             )
 
 
 def _may_return_all(end: mi.Endpoint) -> bool:
-    """Whether the face of an LED or a phototransistor reflects all light but 1e-4, or its reflectance is unknown."""
+    """Whether the face of an LED or a phototransistor absorbs less than 1e-4, or its reflectance is unknown."""
     cover = end.get_shape().bsdf()
     name = "led" if is_led(end) else "phototransistor"
     wall = wall_at(cover, name)
@@ -54,32 +68,34 @@ def _may_return_all(end: mi.Endpoint) -> bool:
     return reflectance is None or reflectance > 1 - 1e-4
 
 
-def _share_under_way(scene: mi.Scene, pair: TaxelPair) -> float:
+def _remaining_fraction(scene: mi.Scene, pair: TaxelPair) -> float:
+    """Fraction of the light of LEDs that remains after `_REFLECTIONS` reflections."""
     sampler = make_plugin("owen_sobol", sample_count=_PATHS)
     sampler.seed(0, _PATHS)
     index = sampler.index % dr.opaque(mi.UInt32, pair.count)
-    left = dr.zeros(mi.Float, _PATHS)
+    remaining = dr.zeros(mi.Float, _PATHS)
     lane = dr.arange(mi.UInt32, _PATHS)
 
     def count(step: PathStep) -> None:
-        dr.scatter(left, 1.0, lane, step.hit & (step.onward > 0) & (step.depth >= _REFLECTIONS))
+        dr.scatter(remaining, 1.0, lane, step.hit & (step.onward > 0) & (step.depth >= _REFLECTIONS))
 
     _, ray, _ = emit(scene, pair, index, sampler)
     follow(
         scene, ray, mi.Float(1) + dr.zeros(mi.Float, _PATHS), clearance_of(scene, pair), sampler, _REFLECTIONS, 0, count
     )
-    return float(np.mean(left.numpy()))
+    return float(np.mean(remaining.numpy()))
 
 
 def _refuse_narrow_gaps(scene: mi.Scene) -> None:
+    """Raise if a wall is too close above a phototransistor for `taxel_path`."""
     for pair in taxels_of(scene):
-        places, sources = pair.sensor.window.faces.centres, pair.led.window.faces.centres
+        sensors, leds = pair.sensor.window.faces.centres, pair.led.window.faces.centres
         normal = pair.sensor.normal
-        gap = scene.ray_intersect(release(places, normal, normal, clearance_of(scene, pair))).t
-        share = np.array(gap / dr.norm(sources - places), dtype=float)
-        if pair.coplanar and np.any(share < NARROWEST_GAP):
-            taxel = int(np.argmin(share)) + 1
+        gap = scene.ray_intersect(release(sensors, normal, normal, clearance_of(scene, pair))).t
+        ratio = np.array(gap / dr.norm(leds - sensors), dtype=float)
+        if pair.coplanar and np.any(ratio < NARROWEST_GAP):
+            taxel = int(np.argmin(ratio)) + 1
             raise ComputationError(
-                f"taxel_path: before the phototransistor of taxel {taxel} lies a gap of {share.min():.2g} of its "
-                "distance from the LED, through which hardly a path finds the light: use taxel_tracer."
+                f"taxel_path: the gap above the phototransistor of taxel {taxel} is {ratio.min():.2g} of its distance "
+                "from the LED, so that hardly any path finds the light: use taxel_tracer."
             )

@@ -22,9 +22,9 @@ from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.sensing.validity.shared_places import refuse_shared_places
 
 MOST_VERTICES = 64
-"""Most vertices of a sampled path, its start included."""
+"""Largest number of vertices of a sampled path, its start included."""
 MOST_PATHS = 100_000
-"""Most paths that :func:`sample_paths` returns."""
+"""Largest number of paths that :func:`sample_paths` returns."""
 _BATCH = 1 << 14
 _MOST_BATCHES = 64
 
@@ -32,9 +32,9 @@ _MOST_BATCHES = 64
 class PathStep(NamedTuple):
     """One step of paths, to a surface or out of the scene; one entry per path.
 
-    ``active`` are those that had not ended before, and ``hit`` those of them that meet a surface; ``depth`` is the
-    number of earlier reflections. ``power`` [W] arrives along ``ray``, and ``onward`` [W] is reflected; ``weight`` is
-    the expected reflected share according to the BSDF.
+    ``active`` marks paths that have not ended, and ``hit`` those of them that meet a surface; ``depth`` is the number
+    of earlier reflections. ``power`` in W arrives along ``ray``, and ``onward`` in W is reflected; ``weight`` is the
+    expected reflected fraction according to the BSDF.
     """
 
     depth: mi.UInt32
@@ -50,11 +50,32 @@ class PathStep(NamedTuple):
 def emit(
     scene: mi.Scene, pair: TaxelPair, index: mi.UInt32, sampler: mi.Sampler
 ) -> tuple[mi.Point3f, mi.Ray3f, mi.Float]:
-    """A ray from each LED of ``index``, where it leaves the package, and the share of its power that does."""
+    """A random ray of light from each of some LEDs.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded scene.
+    pair : TaxelPair
+        The array of LEDs.
+    index : mi.UInt32
+        Of the LED of each ray, from 0.
+    sampler : mi.Sampler
+        Source of random numbers.
+
+    Returns
+    -------
+    position : mi.Point3f
+        Where the ray leaves the package, in mm.
+    ray : mi.Ray3f
+        From there.
+    passed : mi.Float
+        Fraction of its power that leaves the package.
+    """
     source = pair.led.sample_point(index, sampler.next_2d())
     direction = pair.led.sample_direction_of_emission(sampler.next_2d())
-    place, passed = pair.led.leave(index, source, direction)
-    return place, release(place, pair.led.faces.frame.n, direction, clearance_of(scene, pair)), passed
+    position, passed = pair.led.leave(index, source, direction)
+    return position, release(position, pair.led.faces.frame.n, direction, clearance_of(scene, pair)), passed
 
 
 @dr.syntax
@@ -68,23 +89,41 @@ def follow(
     weighted: int,
     visit: Callable[[PathStep], None],
 ) -> None:
-    """Follow light along ``ray`` from wall to wall, and call ``visit`` at each step.
+    """Follow light from wall to wall.
 
-    For the first ``weighted`` reflections paths carry the reflected share of their power. Later ones are reflected
-    entirely or not at all, with the share as probability: that preserves all expected powers, ends the paths, and loses
-    no power on the way. After ``most_reflections`` a path is abandoned, with its last ``onward`` unspent.
+    For the first reflections, paths carry the reflected fraction of their power. Later, they are reflected entirely or
+    not at all, with the fraction as probability: this preserves all expected powers, and ends the paths.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded scene.
+    ray : mi.Ray3f
+        Start of each path.
+    power : mi.Float
+        Of each path, in W.
+    clearance : mi.Float
+        Offset of rays from surfaces, in mm.
+    sampler : mi.Sampler
+        Source of random numbers.
+    most_reflections : int
+        After which a path is abandoned; its last ``onward`` power is then lost.
+    weighted : int
+        Number of first reflections.
+    visit : Callable[[PathStep], None]
+        Called at each step.
     """
     context = mi.BSDFContext(mi.TransportMode.Importance)
     depth = mi.UInt32(0)
     limit = dr.opaque(mi.UInt32, most_reflections)
-    first_whole = dr.opaque(mi.UInt32, weighted)
+    first_random = dr.opaque(mi.UInt32, weighted)
     active = power > 0
     while active:
         si = scene.ray_intersect(ray, active)
         hit = active & si.is_valid()
         bs, weights = si.bsdf(ray).sample(context, si, sampler.next_1d(hit), sampler.next_2d(hit), hit)
         weight = dr.select(hit, weights[0], 0)
-        survival = dr.select(depth < first_whole, 1, dr.minimum(weight, 1))
+        survival = dr.select(depth < first_random, 1, dr.minimum(weight, 1))
         reflected = (weight > 0) & (sampler.next_1d(hit) < survival)
         onward = dr.select(reflected, power * weight / survival, 0)
         visit(PathStep(depth, ray, si, active, hit, power, onward, weight))
@@ -95,7 +134,22 @@ def follow(
 
 
 def landed(pair: TaxelPair, step: PathStep) -> tuple[mi.Bool, mi.UInt32]:
-    """Whether light hits the front of a phototransistor of the pair, and which."""
+    """Whether light hits the front of a phototransistor of the pair, and the index of the phototransistor.
+
+    Parameters
+    ----------
+    pair : TaxelPair
+        The arrays.
+    step : PathStep
+        Of the paths.
+
+    Returns
+    -------
+    hit : mi.Bool
+        Whether it does.
+    index : mi.UInt32
+        Of the nearest phototransistor, from 0.
+    """
     nearest, _ = pair.sensor.window.faces.locate(step.si.p)
     inside, _ = pair.sensor.contains(nearest, step.si.p, step.ray.d)
     in_front = dr.dot(step.ray.d, pair.sensor.normal) < 0
@@ -140,8 +194,9 @@ def sample_paths(
 ) -> RayPaths:
     """Paths of light from a taxel's LED, up to half of them reaching its phototransistor.
 
-    At each wall a path is reflected or absorbed with the wall's reflectance as probability, so each represents the same
-    power: that of the LED divided by the number of paths traced. Up to 1048576 are traced to find enough that reach it.
+    At each wall a path is reflected or absorbed with the wall's reflectance as probability. Each path therefore
+    represents the same power: that of the LED divided by the number of paths traced. Up to 1048576 paths are traced to
+    find enough that reach the phototransistor.
 
     Parameters
     ----------
@@ -150,11 +205,11 @@ def sample_paths(
     taxel : int
         Number of the taxel, from 1.
     count : int
-        Paths to return, 1 to 100000; if too few reach the phototransistor, others fill up the number.
+        Paths to return, 1 to 100000; if too few reach the phototransistor, other paths fill up the number.
     seed : int
         Whole number from 0 to 2**32 - 1.
     progress : Callable[[int, int], None]
-        Called with the numbers of reaching paths found and wanted.
+        Called with the numbers of paths that reach the phototransistor: found so far, and needed.
 
     Returns
     -------
@@ -169,32 +224,32 @@ def sample_paths(
     check_whole("count", count, 1, MOST_PATHS)
     pair, index = find_taxel(scene, taxel)
     set_wavelength(scene, [pair.led])
-    wanted = max(1, count // 2)
+    needed = max(1, count // 2)
     hits: list[np.ndarray] = []
-    others: list[np.ndarray] = []
+    misses: list[np.ndarray] = []
     arrived = batch = 0
-    while batch < _MOST_BATCHES and len(hits) < wanted:
+    while batch < _MOST_BATCHES and len(hits) < needed:
         vertices, reached = _draw(scene, pair, index, int(np.random.SeedSequence([seed, batch]).generate_state(1)[0]))
         arrived += int(reached.sum())
-        hits += [vertices[i] for i in np.flatnonzero(reached)[: wanted - len(hits)]]
-        others += [vertices[i] for i in np.flatnonzero(~reached)[: count - len(others)]]
+        hits += [vertices[i] for i in np.flatnonzero(reached)[: needed - len(hits)]]
+        misses += [vertices[i] for i in np.flatnonzero(~reached)[: count - len(misses)]]
         batch += 1
-        progress(len(hits), wanted)
-    others = others[: count - len(hits)]
+        progress(len(hits), needed)
+    misses = misses[: count - len(hits)]
     drawn = batch * _BATCH
-    power = np.full(len(hits) + len(others), pair.led.power[0] / drawn)
-    return RayPaths(hits + others, np.arange(len(power)) < len(hits), power, taxel, drawn, arrived)
+    power = np.full(len(hits) + len(misses), pair.led.power[0] / drawn)
+    return RayPaths(hits + misses, np.arange(len(power)) < len(hits), power, taxel, drawn, arrived)
 
 
 def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
-    """The pair of arrays that holds a taxel, and its index in them, given its number from 1.
+    """The pair of arrays that holds a taxel, and its index in them.
 
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
     taxel : int
-        Its number, from 1.
+        Number of the taxel, from 1.
 
     Returns
     -------
@@ -223,7 +278,8 @@ def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
 
 
 def _draw(scene: mi.Scene, pair: TaxelPair, index: int, seed: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """Vertices of one batch of paths, as far as they leave the LED, and whether each reached the phototransistor."""
+    """Vertices of the paths of a batch that leave the package of the LED, and whether each reaches the
+    phototransistor."""
     sampler = make_plugin("independent")
     sampler.seed(seed, _BATCH)
     lane = dr.arange(mi.UInt32, _BATCH)
@@ -249,5 +305,5 @@ def _draw(scene: mi.Scene, pair: TaxelPair, index: int, seed: int) -> tuple[list
     follow(scene, ray, power, clearance_of(scene, pair), sampler, MOST_VERTICES - 2, 0, record)
     table = positions.numpy().reshape(_BATCH, MOST_VERTICES, 3)
     lengths = counts.numpy()
-    left = np.flatnonzero(lengths > 1)
-    return [table[i, : lengths[i]].astype(float) for i in left], reached.numpy()[left] > 0
+    complete = np.flatnonzero(lengths > 1)
+    return [table[i, : lengths[i]].astype(float) for i in complete], reached.numpy()[complete] > 0

@@ -1,4 +1,4 @@
-"""Refusal of surfaces in one place, of which a ray would hit either."""
+"""Refusal of coincident surfaces, of which a ray would hit one or the other by chance."""
 
 from __future__ import annotations
 
@@ -20,19 +20,30 @@ _CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * n
 FLAT = ("Rectangle", "Disk")
 """Classes of Mitsuba's flat shapes."""
 _ALIKE = 1e-5
-"""Largest distance from a plane, relative to the size of what lies in it, and from its normal, in rad."""
+"""Largest distance from a plane, relative to the size of the outlines in it, and largest angle between normals, in
+rad."""
 
 
 def refuse_shared_places(scene: mi.Scene) -> None:
-    """Raise an InputError if another surface overlaps an LED or a phototransistor in its plane.
+    """Refuse a surface that overlaps an LED or a phototransistor in its plane.
 
-    It would be undefined which of the two a ray hits, and light would leave an LED through what lies on it. A plate
-    face down on all of them, in contact, is allowed: no light passes between any two.
+    It would be undefined which of the two a ray hits, and light would leave an LED through a surface on it. A plate
+    that lies face down on all of them is allowed: no light passes from any LED to any phototransistor.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded scene.
+
+    Raises
+    ------
+    InputError
+        if there is such a surface; the message names both.
     """
     ends = [(end, end.window.faces) for end in (*scene.emitters(), *scene.sensors()) if has_faces(end)]
-    bare = [shape for shape in scene.shapes() if not is_pad(shape)]
-    others = [shape for shape in bare if not all(_is_lid(shape, faces) for _, faces in ends)]
-    surfaces = [(shape, *_triangles_of(shape)) for shape in others]
+    rigid = [shape for shape in scene.shapes() if not is_pad(shape)]
+    uncovering = [shape for shape in rigid if not all(_is_lid(shape, faces) for _, faces in ends)]
+    surfaces = [(shape, *_triangles_of(shape)) for shape in uncovering]
     for end, faces in ends:
         for shape, vertices, triangles in surfaces:
             if shape.ptr != end.get_shape().ptr and _lie_on(faces, vertices, triangles):
@@ -44,28 +55,38 @@ def refuse_shared_places(scene: mi.Scene) -> None:
 
 
 def refuse_shared_planes(scene: mi.Scene) -> None:
-    """Raise an InputError if two rectangles or disks of different walls overlap in one plane, or two pads in space.
+    """Refuse rectangles or disks of different walls that overlap in one plane, and pads that overlap in space.
 
-    Those that carry an LED or a phototransistor are left to `refuse_shared_places`.
+    Shapes that carry an LED or a phototransistor are checked by `refuse_shared_places`.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded scene.
+
+    Raises
+    ------
+    InputError
+        if two shapes overlap; the message names both.
     """
-    bare = (each for each in scene.shapes() if not (is_pad(each) or each.is_emitter() or each.is_sensor()))
-    flat = [each for each in bare if each.class_name() in FLAT]
-    outlines, walls = [_outline(each) for each in flat], [each.bsdf() for each in flat]
-    for first, second in _pairs_in_one_plane(outlines):
-        if walls[first] is not walls[second] and _overlap(outlines[first], outlines[second]):
-            one, other = flat[first], flat[second]
+    walls = (shape for shape in scene.shapes() if not (is_pad(shape) or shape.is_emitter() or shape.is_sensor()))
+    flat = [shape for shape in walls if shape.class_name() in FLAT]
+    outlines, bsdfs = [_outline(shape) for shape in flat], [shape.bsdf() for shape in flat]
+    for i, j in _pairs_in_one_plane(outlines):
+        if bsdfs[i] is not bsdfs[j] and _overlap(outlines[i], outlines[j]):
+            first, second = flat[i], flat[j]
             raise InputError(
-                f"the {kind_of(one)} {one.id()!r} and the {kind_of(other)} {other.id()!r} overlap in one plane: "
+                f"the {kind_of(first)} {first.id()!r} and the {kind_of(second)} {second.id()!r} overlap in one plane: "
                 "light would hit either, so move or shrink one of them.",
-                other,
+                second,
             )
-    for one, other in combinations(deformed_pads(scene), 2):
-        if not _apart(_box(one), _box(other)):
-            raise InputError("two deformable_pads are in one place: move one of them.", other)
+    for pad, second_pad in combinations(deformed_pads(scene), 2):
+        if not _boxes_separated(_box(pad), _box(second_pad)):
+            raise InputError("two deformable_pads overlap in space: move one of them.", second_pad)
 
 
 def _is_lid(shape: mi.Shape, faces: Any) -> bool:
-    """Whether a rectangle or disk faces ``faces`` and hides them where it lies in their plane."""
+    """Whether a rectangle or disk faces ``faces``, and would cover all of them if it lay in their plane."""
     if shape.class_name() not in FLAT:
         return False
     matrix, frame = matrix_of(shape), faces.frame
@@ -81,36 +102,36 @@ def _is_lid(shape: mi.Shape, faces: Any) -> bool:
 
 
 def _outline(shape: mi.Shape) -> np.ndarray:
-    """Corners (K, 3) of a rectangle, or of a disk as a polygon, in the world."""
+    """Corners (K, 3) of a rectangle, or of a disk as a polygon, in world coordinates."""
     return _triangles_of(shape)[0][:-1]
 
 
 def _pairs_in_one_plane(outlines: Sequence[np.ndarray]) -> Iterator[tuple[int, int]]:
-    """Numbers of flat outlines (K, 3) whose planes, and boxes along the axes, may be one: those that `_overlap` may
-    find."""
+    """Indices of pairs of flat outlines (K, 3) that may overlap: their planes coincide, and their bounding boxes
+    meet."""
     if not outlines:
         return
     centres = np.array([outline.mean(axis=0) for outline in outlines])
     normals = np.array([_plane(outline)[1] for outline in outlines])
     low, high = (np.array([end(outline, axis=0) for outline in outlines]) for end in (np.min, np.max))
     size = np.array([np.linalg.norm(outline - outline.mean(axis=0), axis=1).max() for outline in outlines])
-    for number in range(len(outlines) - 1):
-        others = slice(number + 1, None)
-        slack = 3 * _ALIKE * (size[number] + size[others]) + 1e-12
-        near = np.all(low[others] <= high[number] + slack[:, None], axis=1)
-        near &= np.all(high[others] >= low[number] - slack[:, None], axis=1)
-        near &= np.abs(normals[others] @ normals[number]) >= 1 - 2 * _ALIKE
-        near &= np.abs((centres[others] - centres[number]) @ normals[number]) <= slack
-        yield from ((number, number + 1 + int(other)) for other in np.flatnonzero(near))
+    for first in range(len(outlines) - 1):
+        later = slice(first + 1, None)
+        slack = 3 * _ALIKE * (size[first] + size[later]) + 1e-12
+        candidate = np.all(low[later] <= high[first] + slack[:, None], axis=1)
+        candidate &= np.all(high[later] >= low[first] - slack[:, None], axis=1)
+        candidate &= np.abs(normals[later] @ normals[first]) >= 1 - 2 * _ALIKE
+        candidate &= np.abs((centres[later] - centres[first]) @ normals[first]) <= slack
+        yield from ((first, first + 1 + int(offset)) for offset in np.flatnonzero(candidate))
 
 
-def _overlap(one: np.ndarray, other: np.ndarray) -> bool:
+def _overlap(first: np.ndarray, second: np.ndarray) -> bool:
     """Whether two flat convex outlines (K, 3) lie in one plane and overlap."""
-    centre, (sides, normal) = one.mean(axis=0), _plane(one)
-    size = max(np.abs(one - centre).max(), np.abs(other - centre).max())
-    if np.abs((other - centre) @ normal).max() > _ALIKE * size or abs(_plane(other)[1] @ normal) < 1 - _ALIKE:
+    centre, (sides, normal) = first.mean(axis=0), _plane(first)
+    size = max(np.abs(first - centre).max(), np.abs(second - centre).max())
+    if np.abs((second - centre) @ normal).max() > _ALIKE * size or abs(_plane(second)[1] @ normal) < 1 - _ALIKE:
         return False
-    flat = [(outline - centre) @ sides for outline in (one, other)]
+    flat = [(outline - centre) @ sides for outline in (first, second)]
     axes = np.concatenate([np.roll(corners, 1, axis=0) - corners for corners in flat]) @ [[0, 1], [-1, 0]]
     return not _separated(axes, *flat)
 
@@ -122,29 +143,29 @@ def _plane(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _box(pad: PadShape) -> tuple[np.ndarray, np.ndarray]:
-    """Axes (3, 3) of a pad, and the corners (8, 3) of the box round it without a load, in the world."""
+    """Axes (3, 3) of a pad, and the corners (8, 3) of its box without a load, in world coordinates."""
     axes = pad.to_world[:3, :3].T / np.cbrt(np.linalg.det(pad.to_world[:3, :3]))
     along = pad.undeformed.vertices @ axes.T
     corners = np.stack(np.meshgrid(*zip(along.min(axis=0), along.max(axis=0), strict=True)), axis=-1)
     return axes, corners.reshape(-1, 3) @ axes
 
 
-def _apart(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether two boxes do not overlap."""
-    crossed = np.cross(one[0][:, None], other[0][None]).reshape(-1, 3)
-    return _separated(np.concatenate([one[0], other[0], crossed]), one[1], other[1])
+def _boxes_separated(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> bool:
+    """Whether two boxes, by their axes and corners, do not overlap."""
+    crossed = np.cross(first[0][:, None], second[0][None]).reshape(-1, 3)
+    return _separated(np.concatenate([first[0], second[0], crossed]), first[1], second[1])
 
 
-def _separated(axes: np.ndarray, one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether one of some axes (K, D) separates two convex bodies, given by their corners (N, D)."""
+def _separated(axes: np.ndarray, first: np.ndarray, second: np.ndarray) -> bool:
+    """Whether any of the axes (K, D) separates two convex bodies, by their corners (N, D)."""
     axes = axes[np.linalg.norm(axes, axis=1) > _ALIKE * np.abs(axes).max()]
-    (low, high), (bottom, top) = ((each.min(axis=0), each.max(axis=0)) for each in (one @ axes.T, other @ axes.T))
+    (low, high), (bottom, top) = ((along.min(axis=0), along.max(axis=0)) for along in (first @ axes.T, second @ axes.T))
     slack = _ALIKE * (np.maximum(high, top) - np.minimum(low, bottom))
     return bool(np.any((low > top - slack) | (bottom > high - slack)))
 
 
 def _triangles_of(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (N, 3) in the world and triangles (K, 3) of a shape; none of one that is neither flat nor a mesh."""
+    """Vertices (N, 3) in world coordinates and triangles (K, 3) of a flat shape or a mesh; none of any other shape."""
     kind = shape.class_name()
     if kind in FLAT:
         to_world = matrix_of(shape)
@@ -161,7 +182,7 @@ def _triangles_of(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lie_on(faces: Any, vertices: np.ndarray, triangles: np.ndarray) -> bool:
-    """Whether one of the triangles (K, 3) of some vertices overlaps any of ``faces`` in their plane."""
+    """Whether any of the triangles (K, 3) overlaps any of ``faces`` in their plane."""
     frame = np.column_stack([np.array(axis).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
     half = 0.5 * np.array(faces.size, dtype=float).ravel()
     centres = np.array(faces.centres, dtype=float).T @ frame
@@ -172,14 +193,14 @@ def _lie_on(faces: Any, vertices: np.ndarray, triangles: np.ndarray) -> bool:
     low, high = centres.min(axis=0)[:2] - half, centres.max(axis=0)[:2] + half
     corners = corners[np.all((corners.min(axis=1) < high) & (corners.max(axis=1) > low), axis=1)]
     sides = np.roll(corners, -1, axis=1) - corners
-    # Separating axis theorem for two convex outlines.
+    # Separating axis theorem for two convex outlines, a triangle and a face.
     normals = np.concatenate([np.broadcast_to(np.eye(2), (len(sides), 2, 2)), sides @ [[0, 1], [-1, 0]]], axis=1)
     spans = np.einsum("kni,kci->knc", normals, corners)
     reach = np.abs(normals) @ half
     slack = 1e-5 * reach
     for middle in centres[:, :2] if len(corners) else ():
-        place = normals @ middle
-        apart = (spans.min(axis=2) > place + reach - slack) | (spans.max(axis=2) < place - reach + slack)
-        if not apart.any(axis=1).all():
+        centre = normals @ middle
+        separated = (spans.min(axis=2) > centre + reach - slack) | (spans.max(axis=2) < centre - reach + slack)
+        if not separated.any(axis=1).all():
             return True
     return False
