@@ -48,7 +48,7 @@ def test_a_wall_with_a_table_waits_for_the_wavelength(llvm_mono, table):
     ):
         with pytest.raises(InputError, match="reflectance_table needs the wavelength .* only mitsuba_taxel sets"):
             call()
-    with pytest.raises(InputError, match=r"paint.csv' has no .* wavelength of 850 nm: it holds 900 to 1000 nm"):
+    with pytest.raises(InputError, match=r"paint.csv' has no .* wavelength of 850 nm: it covers 900 to 1000 nm"):
         bsdf.set_wavelength(850.0)
     with pytest.raises(InputError, match="wavelength of nan nm"):
         bsdf.set_wavelength(float("nan"))

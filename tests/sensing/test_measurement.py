@@ -194,7 +194,7 @@ def test_a_wavelength_outside_the_table_is_refused(llvm_mono, tmp_path):
     table = write_table(tmp_path / "table.csv", [(800, 0.2), (1000, 0.8)])
     shapes = plate(llvm_mono, wall={"reflectance_table": table}, led={"wavelength": 1050.0})
     for integrator in (*TRACERS, "path", None):
-        with pytest.raises(InputError, match="no reflectance at the wavelength of 1050 nm: it holds 800 to 1000 nm"):
+        with pytest.raises(InputError, match="no reflectance at the wavelength of 1050 nm: it covers 800 to 1000 nm"):
             measure(scene(shapes, integrator), points=16)
 
 
