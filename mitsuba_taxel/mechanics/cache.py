@@ -1,6 +1,6 @@
 """Cache of arrays on disk, under a key of everything that determines them.
 
-Files are written atomically; damaged ones are ignored. A folder that cannot be written costs time only.
+Files are written atomically; damaged files are ignored. A folder that cannot be written only costs time.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from mitsuba_taxel.base.files.atomic import WriteError, reason_of, remove_stale,
 from mitsuba_taxel.base.sources import code_digest
 
 LARGEST = 10 * 10**9
-"""Bytes that the folder may have."""
+"""Largest size of the folder in bytes."""
 SPARED = 600.0
-"""Seconds for which what has been used is in use."""
+"""Seconds after the last use of an entry during which it is not removed."""
 _OURS = re.compile(r"[0-9a-f]{64}\.npz")
 ROOMS = ("parameters", "base", "geometry", "pads", "mechanics")
-"""The code that solutions depend on."""
+"""Rooms whose code determines solutions."""
 
 
 def folder() -> Path:
     """``MITSUBA_TAXEL_CACHE``, or ``mitsuba_taxel`` in the user's cache folder."""
     # `platformdirs` gives the same folder on Linux, which is all that is supported, for one dependency more.
-    chosen = os.environ.get("MITSUBA_TAXEL_CACHE")
-    if chosen:
-        return Path(chosen)
+    variable = os.environ.get("MITSUBA_TAXEL_CACHE")
+    if variable:
+        return Path(variable)
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mitsuba_taxel"
 
 
 def key(*parts: object) -> str:
-    """Hexadecimal digest of JSON values (floats exactly), and of the code that uses them."""
+    """Hexadecimal digest of JSON values, with exact floats, and of the code that uses them."""
     text = json.dumps([code_digest(*ROOMS), *parts], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -52,8 +52,8 @@ def load(name: str) -> dict[str, np.ndarray] | None:
     file = folder() / f"{name}.npz"
     try:
         content = file.read_bytes()
-        with suppress(OSError):  # one that may not be changed is another user's
-            os.utime(file, ns=(time.time_ns(), file.stat().st_mtime_ns))  # few file systems note when it is read
+        with suppress(OSError):  # a file of another user cannot be changed
+            os.utime(file, ns=(time.time_ns(), file.stat().st_mtime_ns))  # few file systems record the time of reading
     except OSError:
         return None
     return archive.unpack(content)
@@ -85,20 +85,20 @@ def alone(name: str) -> Iterator[None]:
         Path(lock.lock_file).parent.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except OSError:
-        pass  # nothing can be stored there either
+        pass  # arrays cannot be stored there either
     try:
         yield
     finally:
         if lock.is_locked:
-            # Who waits for the removed file gets its lock and finds the arrays; only if there are none, as after an
-            # error, may another process compute them beside it, which does no harm.
+            # A process that waits for the removed file gets its lock and finds the arrays. Only without arrays, as
+            # after an error, may another process compute them at the same time, which does no harm.
             with suppress(OSError):
                 os.unlink(lock.lock_file)
         lock.release()
 
 
 class _Limit:
-    """Keeps the folder below :data:`LARGEST`: it is looked through at first, and after each hundredth of that."""
+    """Keeps the folder below :data:`LARGEST`, by a check at first, and after each hundredth of it that is stored."""
 
     def __init__(self) -> None:
         self._since = LARGEST
@@ -116,8 +116,8 @@ cache_limit = _Limit()
 def remove_least_recently_used(largest: int, spared: float = SPARED) -> tuple[int, int]:
     """Remove entries, those used longest ago first, until the others have at most ``largest`` bytes together.
 
-    Entries that a process computes now, or that one has used in the last ``spared`` seconds, stay. So do their locks;
-    those that ended processes have left are removed.
+    Entries that a process computes now, or has used in the last ``spared`` seconds, stay, and so do their locks. Locks
+    of processes that have ended are removed.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def remove_least_recently_used(largest: int, spared: float = SPARED) -> tuple[in
                 lock.unlink()
     files = [(file.stat(), file) for file in entries()]
     total = sum(about.st_size for about, _ in files)
-    for about, file in sorted(files, key=lambda each: max(each[0].st_atime, each[0].st_mtime)):
+    for about, file in sorted(files, key=lambda entry: max(entry[0].st_atime, entry[0].st_mtime)):
         if total <= largest or now - max(about.st_atime, about.st_mtime) < spared:
             break
         if not is_locked(file.name.removesuffix(".npz")):
@@ -159,7 +159,7 @@ def store(name: str, arrays: dict[str, np.ndarray]) -> None:
             file.write_bytes(archive.pack(arrays))
         cache_limit.stored((folder() / f"{name}.npz").stat().st_size)
     except (OSError, WriteError) as error:
-        # Here, and not where it is called, so that it is said once.
+        # The location of the warning is here, not at the caller, so that it is shown once.
         warnings.warn(f"solutions are not kept: {folder()} cannot be written ({reason_of(error)}).", stacklevel=1)
 
 
@@ -187,9 +187,9 @@ def is_locked(name: str) -> bool:
 
 
 def arrays_of(state: Any) -> dict[str, np.ndarray]:
-    """The fields of a dataclass of arrays and numbers by name, to be stored.
+    """The fields of a dataclass of arrays and numbers by name, for :func:`store`.
 
-    Those of a group, a dataclass within it, have its name and a dot before theirs; what is None is left out.
+    Fields of a dataclass within it are named "outer.inner"; fields that are None are left out.
     """
     arrays: dict[str, np.ndarray] = {}
     for field in fields(state):
@@ -202,7 +202,7 @@ def arrays_of(state: Any) -> dict[str, np.ndarray]:
 
 
 def values_of(arrays: dict[str, np.ndarray]) -> dict[str, Any]:
-    """The inverse of :func:`arrays_of`: the arrays, and numbers as such; groups are dictionaries."""
+    """The inverse of :func:`arrays_of`: arrays and numbers by name, inner dataclasses as dictionaries."""
     values: dict[str, Any] = {}
     for name, array in arrays.items():
         group, _, inner = name.rpartition(".")

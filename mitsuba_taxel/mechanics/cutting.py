@@ -12,18 +12,33 @@ from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.regions import REGIONS
 
-PLACES = 1 << 20
-"""Barycentric coordinates are compared as whole multiples of 1 / PLACES. A power of 2: fractions k / n then never lie
-half-way between two of these, where rounding would tell coincident points of two faces apart."""
+DIVISIONS = 1 << 20
+"""Barycentric coordinates are compared as integer multiples of 1 / DIVISIONS. For a power of 2, fractions k / n never
+lie half-way between two multiples, where rounding would separate coincident points of two faces."""
 
 
 @dataclass(frozen=True)
 class Cut:
-    """Triangles, and the ``faces`` (T,) they belong to. Points of several faces that coincide are one vertex.
+    """A subdivided surface. Coincident points of several faces are one vertex.
 
-    A point has ``weights`` (P, 6) at the ``nodes`` (P, 6) of its ``face`` (P,); ``slopes`` (2, P, 6) are the
-    derivatives of these weights along two sides of it. ``of_vertex`` (V,) is a point of each vertex, ``vertex`` (P,)
-    the vertex of each point; ``corners`` (T, 3) are the points of triangles.
+    Attributes
+    ----------
+    nodes : (P, 6) ndarray
+        Nodes of the face of each point.
+    weights : (P, 6) ndarray
+        Weights of these nodes at the point.
+    slopes : (2, P, 6) ndarray
+        Derivatives of the weights along two sides of the face.
+    face : (P,) ndarray
+        Face of each point.
+    of_vertex : (V,) ndarray
+        A point of each vertex.
+    vertex : (P,) ndarray
+        Vertex of each point.
+    corners : (T, 3) ndarray
+        Points of the triangles.
+    faces : (T,) ndarray
+        Face of each triangle.
     """
 
     nodes: np.ndarray
@@ -45,10 +60,10 @@ class Cut:
         return weighted(self.weights[self.of_vertex], self.nodes[self.of_vertex], values)
 
     def at_nodes(self, gradient: np.ndarray, nodes: int) -> np.ndarray:
-        """(N, C) derivatives by the nodal values, from those by the values at the vertices (V, C)."""
+        """(N, C) derivatives by nodal values, from those by the values at the vertices (V, C)."""
         number, weights = self.nodes[self.of_vertex].ravel(), self.weights[self.of_vertex]
-        shares = (np.bincount(number, (weights * column[:, None]).ravel(), nodes) for column in gradient.T)
-        return np.stack(list(shares), axis=1)
+        sums = (np.bincount(number, (weights * column[:, None]).ravel(), nodes) for column in gradient.T)
+        return np.stack(list(sums), axis=1)
 
 
 def weighted(weights: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -58,41 +73,60 @@ def weighted(weights: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.n
 
 @kept(4)  # the states of a path share their mesh
 def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None = None) -> Cut:
-    """The subdivided surface of a mesh, fine in ``cells`` (None for all); see :func:`tessellate`."""
+    """Subdivide the surface of a mesh.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Undeformed mesh.
+    subdivision : int
+        Number of segments of the longest edge of a face in a cell; see :func:`tessellate`.
+    cells : tuple[int, ...], optional
+        Numbers of the cells that are subdivided finely; by default all.
+
+    Returns
+    -------
+    Cut
+        Triangles and vertices.
+    """
     in_cell = in_cells(mesh, cells)
     segments = _segments(mesh, in_cell, subdivision)
-    kinds, kind_of = np.unique(segments, axis=0, return_inverse=True)
+    kinds, kind_of_face = np.unique(segments, axis=0, return_inverse=True)
+
+    # One pattern of triangles for all faces with the same segments.
     patterns = []
     for kind, edges in enumerate(kinds.tolist()):
         cut = _grid(edges[0]) if len(set(edges)) == 1 else _snapped(edges)
-        patterns.append((np.flatnonzero(kind_of == kind), cut))
+        patterns.append((np.flatnonzero(kind_of_face == kind), cut))
 
-    keys, weights, slopes, face, corners, faces, count = [], [], [], [], [], [], 0
+    # Points and triangles of all faces, pattern by pattern.
+    keys, weights, slopes, face, corners, parents, count = [], [], [], [], [], [], 0
     for chosen, (barycentric, pattern) in patterns:
         points = len(barycentric)
-        keys.append(_keys(mesh.faces[chosen, :3], np.rint(PLACES * barycentric).astype(np.int64)))
+        keys.append(_keys(mesh.faces[chosen, :3], np.rint(DIVISIONS * barycentric).astype(np.int64)))
         weights.append(np.tile(shape_functions(barycentric), (len(chosen), 1)))
         slopes.append(np.tile(np.array(shape_slopes(barycentric)), (1, len(chosen), 1)))
         face.append(np.repeat(chosen, points))
         first = count + points * np.arange(len(chosen))
         corners.append((first[:, None, None] + pattern).reshape(-1, 3))
-        faces.append(np.repeat(chosen, len(pattern)))
+        parents.append(np.repeat(chosen, len(pattern)))
         count += points * len(chosen)
+
+    # Coincident points become one vertex. At the edge of a roof, points of sides come first.
     of_point = np.concatenate(face)
-    # At the edge of a roof, coincident points of sides come first.
     order = np.argsort(mesh.face_region[of_point] != REGIONS["side"], kind="stable")
     first, vertex = unique_rows(np.concatenate(keys)[order])
-    number = np.empty_like(order)
-    number[order] = vertex
+    vertex_of_point = np.empty_like(order)
+    vertex_of_point[order] = vertex
     return Cut(
         mesh.faces[of_point],
         np.concatenate(weights),
         np.concatenate(slopes, axis=1),
         of_point,
         order[first],
-        number.astype(np.int32),
+        vertex_of_point.astype(np.int32),
         np.concatenate(corners),
-        np.concatenate(faces),
+        np.concatenate(parents),
     )
 
 
@@ -116,42 +150,49 @@ def _grid(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _segments(mesh: VolumeMesh, in_cell: np.ndarray, subdivision: int) -> np.ndarray:
-    """(F, 3) number of segments of each edge of each face: in cells such that none is longer than those of the longest
-    edge, elsewhere two, as required by the mid-edge node."""
+    """(F, 3) number of segments of each edge of each face.
+
+    In cells, no segment is longer than those of the longest edge; other edges have two segments, as required by their
+    mid-edge nodes.
+    """
     corners = mesh.points[mesh.faces[in_cell, :3]]
     length = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-    wanted = np.ceil(subdivision * length / length.max(initial=0.0) * (1 - 1e-9)).astype(int)
+    required = np.ceil(subdivision * length / length.max(initial=0.0) * (1 - 1e-9)).astype(int)
     of_node = np.full(len(mesh.points), 2)
-    of_node[mesh.faces[in_cell, 3:]] = np.clip(wanted, min(2, subdivision), subdivision)
+    of_node[mesh.faces[in_cell, 3:]] = np.clip(required, min(2, subdivision), subdivision)
     return of_node[mesh.faces[:, 3:]]
 
 
 def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """As :func:`_grid` for the edge with most segments, with points on the other edges moved to match theirs, and
-    degenerate triangles left out: none becomes much larger, or inverted."""
+    """As :func:`_grid` for edges (3,) with different numbers of segments.
+
+    From the grid of the largest number, points on the other edges are moved to match their segments, and degenerate
+    triangles are left out. No triangle becomes much larger, or inverted.
+    """
     n = max(segments)
     points, pattern = _grid(n)
     for k, count in enumerate(segments):
         start, end = np.eye(3)[[k, (k + 1) % 3]]
         on_edge = np.flatnonzero(points[:, k - 1] == 0)
-        place = np.rint(n * points[on_edge, (k + 1) % 3]) * count / n
+        position = np.rint(n * points[on_edge, (k + 1) % 3]) * count / n
         # Ties go to the nearer end, as a triangle between two edges would degenerate otherwise.
-        place = np.where(2 * place < count, np.ceil(place - 0.5), np.floor(place + 0.5))
-        points[on_edge] = start + place[:, None] / count * (end - start)
+        position = np.where(2 * position < count, np.ceil(position - 0.5), np.floor(position + 0.5))
+        points[on_edge] = start + position[:, None] / count * (end - start)
     points, number = np.unique(points, axis=0, return_inverse=True)
     pattern = number.ravel()[pattern]
-    kept = (pattern != np.roll(pattern, 1, axis=1)).all(axis=1)
-    return points, pattern[kept]
+    proper = (pattern != np.roll(pattern, 1, axis=1)).all(axis=1)
+    return points, pattern[proper]
 
 
 def _keys(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(F * P, 6) keys that are equal for coincident points (P, 3 whole numbers) of faces (F, 3 corners).
+    """(F * P, 6) keys that are equal for coincident points.
 
-    A point is identified by the corners with non-zero weights, in order, and these weights.
+    Points have integer barycentric coordinates (P, 3) in faces with corners (F, 3). A key consists of the corners with
+    non-zero weights, in order, and these weights.
     """
     shape = (len(corners), len(weights), 3)
     weights = np.broadcast_to(weights, shape)
     used = np.where(weights > 0, corners[:, None, :], -1)
     order = np.argsort(used, axis=2)
-    keys = [np.take_along_axis(part, order, axis=2) for part in (used, weights)]
+    keys = [np.take_along_axis(array, order, axis=2) for array in (used, weights)]
     return np.concatenate(keys, axis=2).reshape(-1, 6)

@@ -18,32 +18,32 @@ from mitsuba_taxel.mechanics.contact.indenter_shape import TINY
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 
 MOST_ELEMENTS = 60_000
-"""Of the symmetric part that is solved, under an indenter."""
+"""Largest number of elements of the symmetric part that is solved under an indenter."""
 SMALL_DEPTH = 0.04
-"""Smallest depth, relative to the pad's height, for which elements are fine enough; deeper contacts are wider, and
-elements may be larger away from the centre."""
+"""Smallest depth, relative to the pad's height, for which elements are small enough. Deeper contacts are wider, and
+elements away from the centre may be larger."""
 FINENESS = 0.7
 """Size of elements, relative to the length over which the pressure of the contact changes."""
 CLOSE = 0.5
-"""Distance from where elements are small, relative to half the width of the contact, within which they are small enough
+"""Distance from a refined position, relative to half the width of the contact, within which elements are small enough
 for a body."""
 
 Leg = tuple[tuple[float, float], tuple[float, float]]
-"""Start and end in mm of a straight movement of a body along x and y, from where it is placed."""
+"""Start and end in mm of a straight movement of a body along x and y, relative to its position."""
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """Where and how much a mesh is refined under an indenter.
+    """Extent and fineness of the refinement of a mesh under an indenter.
 
     Attributes
     ----------
     relative_size : float
         Size of the elements, relative to :data:`FINENESS`.
     legs : tuple of Leg
-        Along which the body is dragged.
+        Straight movements of the body.
     depth : float
-        Smallest for which elements are small enough, relative to the pad's height.
+        Smallest depth for which elements are small enough, relative to the pad's height.
     """
 
     relative_size: float = 1.0
@@ -52,14 +52,28 @@ class Refinement:
 
 
 def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> VolumeMesh:
-    """The mesh with elements of at most half the contact's radius, times a relative size, wherever an indenter goes.
+    """Refine a mesh along the movements of an indenter, to elements of a fraction of the contact's radius.
 
     The result keeps the common symmetries of mesh, indenter and legs.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    indenter : Indenter
+        The rigid body.
+    refinement : Refinement
+        Extent and fineness.
+
+    Returns
+    -------
+    VolumeMesh
+        The refined mesh.
 
     Raises
     ------
     InputError
-        if these would be more than :data:`MOST_ELEMENTS`.
+        if more than :data:`MOST_ELEMENTS` would be needed.
     """
     depth = refinement.depth * float(np.ptp(mesh.points[:, 2]))
     body = indenter.body
@@ -89,55 +103,68 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> 
         ) from error
     for mirror in (ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y) if len(images) == len(MIRRORS) else images:
         part = _completed(part, mirror, _cells_of_images(mesh, mirror, images[mirror]))
-    corners, others = np.unique(part.tets[:, :4]), np.unique(part.tets[:, 4:])
-    order = np.concatenate([corners, others])
+    corners, middles = np.unique(part.tets[:, :4]), np.unique(part.tets[:, 4:])
+    order = np.concatenate([corners, middles])
     number = np.argsort(order)
     return replace(part, points=part.points[order], tets=number[part.tets], faces=number[part.faces])
 
 
-def swept_legs(places: Sequence[tuple[float, float, float]], reach: float) -> tuple[Leg, ...]:
-    """Legs that cover the straight ways between the ``places`` (x, y, z) of a body, in mm from where it is placed.
+def swept_legs(positions: Sequence[tuple[float, float, float]], reach: float) -> tuple[Leg, ...]:
+    """Legs that cover the straight movements of a body between successive positions.
 
-    Ways above z = 0 are left out. As places are added, legs change seldom: ways in one direction are one leg, whose
-    length is ``reach`` in mm times a power of 2; what is within :data:`CLOSE` times that of a leg is covered by it.
+    Movements above z = 0 are left out. Legs seldom change as positions are added: movements in one direction are one
+    leg, whose length is ``reach`` times a power of 2, and a movement within :data:`CLOSE` times ``reach`` of a leg is
+    covered by it.
+
+    Parameters
+    ----------
+    positions : sequence of (float, float, float)
+        In mm, relative to the position of the body.
+    reach : float
+        In mm, half the width of the contact.
+
+    Returns
+    -------
+    tuple of Leg
+        In mm.
     """
     legs: list[Leg] = []
-    for start, end in zip([(0.0, 0.0, 0.0), *places], places, strict=False):
-        way = np.array([*start[:2], *end[:2]]).reshape(2, 2)
-        if min(start[2], end[2]) >= 0 or _covers(legs, way, CLOSE * reach):
+    for start, end in zip([(0.0, 0.0, 0.0), *positions], positions, strict=False):
+        line = np.array([*start[:2], *end[:2]]).reshape(2, 2)
+        if min(start[2], end[2]) >= 0 or _covers(legs, line, CLOSE * reach):
             continue
-        if legs and _goes_on(legs[-1], way, CLOSE * reach):
-            way[0] = legs.pop()[0]
-        elif not legs and np.linalg.norm(way[0]) <= CLOSE * reach:
-            way[0] = 0.0
-        length = float(np.linalg.norm(way[1] - way[0]))
+        if legs and _continues(legs[-1], line, CLOSE * reach):
+            line[0] = legs.pop()[0]
+        elif not legs and np.linalg.norm(line[0]) <= CLOSE * reach:
+            line[0] = 0.0
+        length = float(np.linalg.norm(line[1] - line[0]))
         if length > 0:
-            whole = reach * 2.0 ** max(0, math.ceil(math.log2(length / reach) - 1e-9))
-            way[1] = np.round(way[0] + whole / length * (way[1] - way[0]), 9)
-        first, last = way.tolist()
+            extended = reach * 2.0 ** max(0, math.ceil(math.log2(length / reach) - 1e-9))
+            line[1] = np.round(line[0] + extended / length * (line[1] - line[0]), 9)
+        first, last = line.tolist()
         legs.append(((first[0], first[1]), (last[0], last[1])))
     return tuple(legs)
 
 
-def _covers(legs: Sequence[Leg], way: np.ndarray, distance: float) -> bool:
-    """Whether all of a straight way (2, 2) is within a distance in mm of the start of the body or of legs."""
-    count = 2 + int(np.linalg.norm(way[1] - way[0]) / distance)
-    points = way[0] + np.linspace(0, 1, count)[:, None] * (way[1] - way[0])
-    apart = np.linalg.norm(points, axis=1)
+def _covers(legs: Sequence[Leg], line: np.ndarray, distance: float) -> bool:
+    """Whether a straight line (2, 2) is within a distance in mm of the start of the body or of legs."""
+    count = 2 + int(np.linalg.norm(line[1] - line[0]) / distance)
+    points = line[0] + np.linspace(0, 1, count)[:, None] * (line[1] - line[0])
+    distances = np.linalg.norm(points, axis=1)
     for leg in legs:
-        np.minimum(apart, _from_leg(points, leg), out=apart)
-    return bool((apart <= distance).all())
+        np.minimum(distances, _from_leg(points, leg), out=distances)
+    return bool((distances <= distance).all())
 
 
-def _goes_on(leg: Leg, way: np.ndarray, distance: float) -> bool:
-    """Whether a straight way (2, 2) begins on a leg and ends beyond it, in its direction."""
+def _continues(leg: Leg, line: np.ndarray, distance: float) -> bool:
+    """Whether a straight line (2, 2) begins on a leg and continues in its direction."""
     start, end = np.array(leg)
     along = (end - start) / max(float(np.linalg.norm(end - start)), TINY)
-    across = way - start - np.outer((way - start) @ along, along)
+    across = line - start - np.outer((line - start) @ along, along)
     return bool(
-        _from_leg(way[:1], leg)[0] <= distance
+        _from_leg(line[:1], leg)[0] <= distance
         and np.linalg.norm(across, axis=1).max() <= 1e-6 * distance
-        and (way[1] - way[0]) @ along > 0
+        and (line[1] - line[0]) @ along > 0
     )
 
 
@@ -150,7 +177,7 @@ def _from_leg(points: np.ndarray, leg: Leg) -> np.ndarray:
 
 
 def _stops(legs: Sequence[Leg], spacing: float) -> np.ndarray:
-    """(n, 3) mm, the start and places along legs at most a spacing in mm apart."""
+    """(n, 3) mm, the start and positions along legs with at most a spacing in mm between them."""
     stops = [np.zeros((1, 3))]
     for start, end in np.array(legs).reshape(-1, 2, 2):
         count = 1 + math.ceil(float(np.linalg.norm(end - start)) / spacing)
@@ -163,22 +190,22 @@ def _keeps(mirror: Mirror, legs: Sequence[Leg]) -> bool:
     """Whether legs are symmetric in a mirror."""
     ends = np.array(legs).reshape(-1, 2, 2)
     images = mirror.image(np.append(ends, np.zeros((len(ends), 2, 1)), axis=2))[:, :, :2]
-    own, other = ({frozenset(map(tuple, leg)) for leg in each.tolist()} for each in (ends, images))
-    return own == other
+    own_legs, image_legs = ({frozenset(map(tuple, leg)) for leg in lines.tolist()} for lines in (ends, images))
+    return own_legs == image_legs
 
 
 def _completed(part: VolumeMesh, mirror: Mirror, cells: np.ndarray) -> VolumeMesh:
-    """A mesh joined with its image, whose cells get the numbers (n,) of the images of its own."""
-    whole = mirrored(part, mirror)
-    cell = whole.face_cell.copy()
+    """A mesh joined with its mirror image, in which a cell c has the number ``cells[c]``."""
+    joined = mirrored(part, mirror)
+    cell = joined.face_cell.copy()
     cell[len(part.faces) :] = cells[part.face_cell]
-    return replace(whole, face_cell=cell)
+    return replace(joined, face_cell=cell)
 
 
 def _cells_of_images(mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> np.ndarray:
-    """(cells + 1,) number of each cell's image."""
+    """(cells + 1,) number of the mirror image of each cell."""
     faces, images = (np.sort(nodes[:, :3], axis=1) for nodes in (mesh.faces, image[mesh.faces]))
-    own, other = np.lexsort(faces.T), np.lexsort(images.T)
+    own_order, image_order = np.lexsort(faces.T), np.lexsort(images.T)
     cells = np.zeros(mesh.face_cell.max() + 1, dtype=mesh.face_cell.dtype)
-    cells[mesh.face_cell[other]] = mesh.face_cell[own]
+    cells[mesh.face_cell[image_order]] = mesh.face_cell[own_order]
     return cells

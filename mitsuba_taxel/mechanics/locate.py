@@ -24,10 +24,10 @@ from mitsuba_taxel.geometry.surfaces.box_tree import BoxTree
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 
 SLACK = 1e-9
-"""Tolerance of negative barycentric coordinates inside an element, so that rounding leaves no gap between
+"""Tolerance of negative barycentric coordinates inside an element, so that rounding causes no gap between
 neighbours."""
 ROOM = 1e-6
-"""Tolerance of barycentric coordinates of points in an element beyond those of its hull: more than rounding."""
+"""Tolerance of barycentric coordinates of points in an element beyond the range of its hull: more than rounding."""
 ROUNDING = 1e-14
 """Tolerance of Newton's method, relative to the largest coordinate."""
 MOST_ITERATIONS = 30
@@ -47,9 +47,9 @@ class Location:
     element : (P,) ndarray
         Number of the element of each point.
     reference : (P, 3) ndarray
-        Reference coordinates in it, of the nearest point of the silicone for points outside.
+        Reference coordinates in the element; for points outside, those of the nearest point of the silicone.
     offset : (P, 3) ndarray
-        Vector in mm from there to the point; 0 inside.
+        Vector in mm from the nearest point of the silicone; 0 inside.
     """
 
     mesh: VolumeMesh
@@ -70,7 +70,7 @@ class Location:
         """(P, ..., 3) derivatives [1/mm] of a field by the undeformed position, from its ``values`` (N, ...) at the
         nodes.
 
-        Outside, those of the nearest point of the silicone.
+        Points outside have the derivatives at the nearest point of the silicone.
         """
         return np.einsum("pa...,paj->p...j", values[self.mesh.tets[self.element]], self._slopes)
 
@@ -103,12 +103,37 @@ class Location:
 def carried(
     mesh: VolumeMesh, displacement: np.ndarray, pressure: np.ndarray, other: VolumeMesh, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement and pressure of a state on another mesh, whose nodes lie within ``tolerance`` in mm of the silicone;
-    raises `InputError` otherwise."""
+    """Interpolate a state on another mesh of the same pad.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Undeformed mesh of the state.
+    displacement : (N, 3) ndarray
+        In mm.
+    pressure : (corners,) ndarray
+        In MPa.
+    other : VolumeMesh
+        The other undeformed mesh.
+    tolerance : float
+        Largest distance in mm of its nodes from the silicone.
+
+    Returns
+    -------
+    displacement : (N', 3) ndarray
+        On the other mesh, mm.
+    pressure : (corners',) ndarray
+        On the other mesh, MPa.
+
+    Raises
+    ------
+    InputError
+        if a node is farther away.
+    """
     at = PointLocator(mesh).locate(other.points, tolerance)
     corners = slice(other.corner_count)
-    shares, nodes = tet_coordinates(at.reference[corners]), mesh.tets[at.element[corners], :4]
-    return at.interpolate(displacement), (shares * pressure[nodes]).sum(axis=1)
+    coordinates, nodes = tet_coordinates(at.reference[corners]), mesh.tets[at.element[corners], :4]
+    return at.interpolate(displacement), (coordinates * pressure[nodes]).sum(axis=1)
 
 
 class PointLocator:
@@ -124,12 +149,19 @@ class PointLocator:
         return _Boundary(self.mesh)
 
     def locate(self, points: Sequence[Sequence[float]] | np.ndarray, tolerance: float = 0.0) -> Location:
-        """Elements and reference coordinates of ``points`` (P, 3) in mm, undeformed.
+        """Elements and reference coordinates of points.
 
         Parameters
         ----------
+        points : (P, 3) array_like
+            Undeformed, in mm.
         tolerance : float
-            Allowed distance of points from the silicone in mm, such as those on a rounder roof of a finer mesh.
+            Allowed distance of points from the silicone in mm, such as on a rounder roof of a finer mesh.
+
+        Returns
+        -------
+        Location
+            Of all points.
 
         Raises
         ------
@@ -148,29 +180,31 @@ class PointLocator:
         return Location(self.mesh, element, reference, offset)
 
     def _find(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Element, -1 if none contains the point, and reference coordinates, for points (P, 3).
+        """Element of each point (P, 3), -1 outside, and reference coordinates in it.
 
-        Of the elements whose boxes hold a point, the most likely one is tried first.
+        Of the elements whose boxes contain a point, the most likely one is tested first.
         """
         element, reference = np.full(len(x), -1), np.zeros(x.shape)
         row, candidate, start = self._likely(x, *self._boxes.overlapping(x, x))
         order = np.lexsort((_violation(start), row))
         row, candidate, start = row[order], candidate[order], start[order]
         rank = np.arange(len(row)) - np.searchsorted(row, row)
-        for turn in (rank == 0, rank > 0):  # most are in the first
-            now = np.flatnonzero(turn & (element[row] < 0))
-            xi = self._inverted(x[row[now]], candidate[now], start[now])
-            now, xi = (each[_violation(xi) <= SLACK][::-1] for each in (now, xi))  # of several, the first is set last
-            element[row[now]], reference[row[now]] = candidate[now], xi
+        for selected in (rank == 0, rank > 0):  # most points are in the most likely element
+            candidates_now = np.flatnonzero(selected & (element[row] < 0))
+            xi = self._inverted(x[row[candidates_now]], candidate[candidates_now], start[candidates_now])
+            candidates_now, xi = (
+                array[_violation(xi) <= SLACK][::-1] for array in (candidates_now, xi)
+            )  # of several elements, the first is set last
+            element[row[candidates_now]], reference[row[candidates_now]] = candidate[candidates_now], xi
         return element, reference
 
     def _likely(
         self, x: np.ndarray, row: np.ndarray, candidate: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The pairs of a point and an element that may hold it, with the point's reference coordinates (K, 3) in the
-        element with straight edges between its corners.
+        """Pairs of a point and an element that may contain it, with the reference coordinates (K, 3) of the point in
+        the straight element between its corners.
 
-        Those of a point in a curved element lie within the range of those of its hull.
+        Coordinates of a point in a curved element are within the range of those of its hull.
         """
         used, number = np.unique(candidate, return_inverse=True)
         nodes = self.mesh.points[self.mesh.tets[used]]
@@ -188,26 +222,26 @@ class PointLocator:
 
         A step changes no barycentric coordinate by more than 1, to stay where the map is one to one.
         """
-        xi, open_ = start.copy(), np.arange(len(x))
+        xi, remaining = start.copy(), np.arange(len(x))
         for _ in range(MOST_ITERATIONS):
-            nodes, here = self.mesh.points[self.mesh.tets[element[open_]]], xi[open_]
-            residual = x[open_] - np.einsum("ka,kai->ki", shape_functions(tet_coordinates(here)), nodes)
-            far = np.linalg.norm(residual, axis=1) > ROUNDING * self._size
-            open_ = open_[far]
-            if not len(open_):
+            nodes, current = self.mesh.points[self.mesh.tets[element[remaining]]], xi[remaining]
+            residual = x[remaining] - np.einsum("ka,kai->ki", shape_functions(tet_coordinates(current)), nodes)
+            is_open = np.linalg.norm(residual, axis=1) > ROUNDING * self._size
+            remaining = remaining[is_open]
+            if not len(remaining):
                 return xi
-            jacobian = np.einsum("kai,kaj->kji", shape_gradients(here[far]), nodes[far])
-            step = _solved(jacobian, residual[far])
-            xi[open_] += step / np.maximum(1, np.abs(step).max(axis=1, keepdims=True))
-        xi[open_] = np.inf
+            jacobian = np.einsum("kai,kaj->kji", shape_gradients(current[is_open]), nodes[is_open])
+            step = _solved(jacobian, residual[is_open])
+            xi[remaining] += step / np.maximum(1, np.abs(step).max(axis=1, keepdims=True))
+        xi[remaining] = np.inf
         return xi
 
     def _beside(self, x: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Element, reference coordinates of the nearest point of the silicone, and offset of points (P, 3) outside."""
         if not len(x):
             return np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))
-        far = self._boundary.are_beyond(x, tolerance)
-        x = x[: int(np.argmax(far)) + 1] if far.any() else x  # the first suffices to raise
+        is_beyond = self._boundary.are_beyond(x, tolerance)
+        x = x[: int(np.argmax(is_beyond)) + 1] if is_beyond.any() else x  # the first is enough to raise
         element, reference = self._boundary.nearest(x)
         nodes = self.mesh.points[self.mesh.tets[element]]
         offset = x - np.einsum("ka,kai->ki", shape_functions(tet_coordinates(reference)), nodes)
@@ -215,15 +249,15 @@ class PointLocator:
         wrong = np.flatnonzero(distance > tolerance)
         if not len(wrong):
             return element, reference, offset
-        place = ", ".join(f"{value:.6g}" for value in x[wrong[0]])
+        shown = ", ".join(f"{value:.6g}" for value in x[wrong[0]])
         raise InputError(
-            f"point ({place}) lies outside the silicone, {distance[wrong[0]]:.3g} mm from it: "
+            f"point ({shown}) lies outside the silicone, {distance[wrong[0]]:.3g} mm from it: "
             f"a point of the undeformed pad, or within tolerance = {tolerance:g} mm of it, is needed."
         )
 
 
 class _Boxes:
-    """Boxes of curved elements or faces with ``nodes`` (n, 10) or (n, 6), a little larger than their hulls."""
+    """Boxes of curved elements or faces with nodes (n, 10) or (n, 6), a little larger than their hulls."""
 
     def __init__(self, points: np.ndarray, nodes: np.ndarray) -> None:
         slack = SLACK * float(np.abs(points).max())
@@ -233,13 +267,14 @@ class _Boxes:
         self._levels = self._tree.levels(self.low, self.high)
 
     def overlapping(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers (K,), (K,) of the pairs of a box with corners ``low`` and ``high`` (P, 3), and one of these."""
-        others = BoxTree(low + high)
-        return others.overlapping_with(others.levels(low, high), self._tree, self._levels)
+        """Numbers (K,), (K,) of overlapping pairs of a box with corners ``low`` and ``high`` (P, 3), and one of these
+        boxes."""
+        tree = BoxTree(low + high)
+        return tree.overlapping_with(tree.levels(low, high), self._tree, self._levels)
 
 
 class _Boundary:
-    """The curved triangles of a mesh's surface, for finding nearest points."""
+    """The curved faces of a mesh's surface, for the search for nearest points."""
 
     def __init__(self, mesh: VolumeMesh) -> None:
         self._nodes = mesh.points[mesh.faces]
@@ -250,16 +285,16 @@ class _Boundary:
         self._corner = (mesh.tets[self._owner, None, :4] == mesh.faces[:, :3, None]).argmax(axis=2)
 
     def are_beyond(self, x: np.ndarray, distance: float) -> np.ndarray:
-        """(P,) whether points are certainly farther from the surface: their nearest node is by more than a face."""
+        """(P,) whether points are certainly farther from the surface than a distance in mm, by their nearest node."""
         return self._tree.query(x)[0] > distance + self._largest
 
     def nearest(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Element and reference coordinates in it of the point of the surface nearest to each of points (P, 3)."""
+        """Element and reference coordinates of the point of the surface that is nearest to each of points (P, 3)."""
         bound = self._tree.query(x)[0]
         row, face = self._boxes.overlapping(x - bound[:, None], x + bound[:, None])
-        beside = np.maximum(self._boxes.low[face] - x[row], x[row] - self._boxes.high[face])
-        kept = np.linalg.norm(np.maximum(beside, 0), axis=1) <= bound[row]
-        row, face = row[kept], face[kept]
+        excess = np.maximum(self._boxes.low[face] - x[row], x[row] - self._boxes.high[face])
+        is_near = np.linalg.norm(np.maximum(excess, 0), axis=1) <= bound[row]
+        row, face = row[is_near], face[is_near]
         foot, distance = self._feet(x[row], face)
         order = np.lexsort((distance, row))
         best = order[np.unique(row[order], return_index=True)[1]]
@@ -272,20 +307,25 @@ class _Boundary:
 
         Gauss-Newton: the nearest point of the tangent triangle, repeated while it improves.
         """
-        at, open_ = np.full((len(x), 3), 1 / 3), np.arange(len(x))
-        best, least = at.copy(), np.full(len(x), np.inf)
+        barycentric, remaining = np.full((len(x), 3), 1 / 3), np.arange(len(x))
+        best, least = barycentric.copy(), np.full(len(x), np.inf)
         for _ in range(MOST_ITERATIONS):
-            nodes = self._nodes[face[open_]]
-            place = np.einsum("ka,kai->ki", shape_functions(at), nodes)
-            distance = np.linalg.norm(x[open_] - place, axis=1)
-            better = distance < (1 - SLACK) * least[open_]
-            open_, at, nodes, place = open_[better], at[better], nodes[better], place[better]
-            if not len(open_):
+            nodes = self._nodes[face[remaining]]
+            surface_point = np.einsum("ka,kai->ki", shape_functions(barycentric), nodes)
+            distance = np.linalg.norm(x[remaining] - surface_point, axis=1)
+            better = distance < (1 - SLACK) * least[remaining]
+            remaining, barycentric, nodes, surface_point = (
+                remaining[better],
+                barycentric[better],
+                nodes[better],
+                surface_point[better],
+            )
+            if not len(remaining):
                 break
-            best[open_], least[open_] = at, distance[better]
-            slope = np.einsum("kab,kai->kbi", _triangle_slopes(at), nodes)
-            corners = place[:, None] + slope - np.einsum("kb,kbi->ki", at, slope)[:, None]
-            at = _nearest_in_triangle(corners, x[open_])
+            best[remaining], least[remaining] = barycentric, distance[better]
+            slope = np.einsum("kab,kai->kbi", _triangle_slopes(barycentric), nodes)
+            corners = surface_point[:, None] + slope - np.einsum("kb,kbi->ki", barycentric, slope)[:, None]
+            barycentric = _nearest_in_triangle(corners, x[remaining])
         return best, least
 
 
@@ -318,22 +358,34 @@ def displacement_at(
     return locator_of(mesh).locate(points, tolerance).interpolate(displacement)
 
 
-def displacement_gradient(mesh: VolumeMesh, displacement: np.ndarray, wanted: np.ndarray | None = None) -> np.ndarray:
-    """(N, 3, 3) gradient of the displacement (N, 3) at each node, the mean of those in the elements around it.
+def displacement_gradient(mesh: VolumeMesh, displacement: np.ndarray, selected: np.ndarray | None = None) -> np.ndarray:
+    """Gradient of the displacement at each node: the mean over the elements around it.
 
-    Only at the ``wanted`` nodes (N,), if they are given, and 0 at others.
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Undeformed mesh.
+    displacement : (N, 3) ndarray
+        In mm.
+    selected : (N,) ndarray of bool, optional
+        Nodes at which it is computed; by default all.
+
+    Returns
+    -------
+    (N, 3, 3) ndarray
+        Without unit; 0 at nodes that are not selected.
     """
     corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
     nodes = np.concatenate([corners, corners[np.array(TET_EDGES)].mean(axis=1)])
     reference = shape_gradients(nodes)
-    wanted = np.ones(len(mesh.points), dtype=bool) if wanted is None else wanted
-    own, gradients = [], []
+    selected = np.ones(len(mesh.points), dtype=bool) if selected is None else selected
+    owners, gradients = [], []
     for local, slopes in enumerate(reference):
-        around = mesh.tets[wanted[mesh.tets[:, local]]]
-        along, moved = (slopes.T @ values[around] for values in (mesh.points, displacement))
-        gradients.append(np.linalg.solve(along, moved))
-        own.append(around[:, local])
-    node, gradient = np.concatenate(own), np.concatenate(gradients).reshape(-1, 9)
+        around = mesh.tets[selected[mesh.tets[:, local]]]
+        jacobian, deformed = (slopes.T @ values[around] for values in (mesh.points, displacement))
+        gradients.append(np.linalg.solve(jacobian, deformed))
+        owners.append(around[:, local])
+    node, gradient = np.concatenate(owners), np.concatenate(gradients).reshape(-1, 9)
     total = np.stack([np.bincount(node, column, len(mesh.points)) for column in gradient.T], axis=1)
     number = np.maximum(np.bincount(node, minlength=len(mesh.points)), 1)
     return np.swapaxes((total / number[:, None]).reshape(-1, 3, 3), 1, 2)
@@ -403,8 +455,8 @@ def _violation(xi: np.ndarray) -> np.ndarray:
 
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solutions (K, 3) by Cramer's rule, in which a singular matrix, as far outside an element, does not affect the
-    others."""
+    """Solutions (K, 3) of linear systems by Cramer's rule: a singular matrix, as far outside an element, does not
+    affect the others."""
     a, b, c = (matrix[:, :, k] for k in range(3))
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
     determinant = np.einsum("ki,ki->k", a, cofactors[:, 0])
@@ -417,12 +469,12 @@ def _owners(mesh: VolumeMesh) -> np.ndarray:
     """(B,) element of each face of the surface."""
     sides = np.sort(mesh.tets[:, _SIDES].reshape(-1, 3), axis=1)
     count = mesh.corner_count
-    keys, wanted = (
+    keys, face_keys = (
         corners[:, 0] * count**2 + corners[:, 1] * count + corners[:, 2]
         for corners in (sides.astype(np.int64), np.sort(mesh.faces[:, :3], axis=1).astype(np.int64))
     )
     order = np.argsort(keys)
-    return order[np.searchsorted(keys, wanted, sorter=order)] // len(_SIDES)
+    return order[np.searchsorted(keys, face_keys, sorter=order)] // len(_SIDES)
 
 
 def _nearest_in_triangle(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -433,16 +485,16 @@ def _nearest_in_triangle(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
     second = np.einsum("ki,ki->k", np.cross(w, v), normal) / scale
     third = np.einsum("ki,ki->k", np.cross(u, w), normal) / scale
     result = np.stack([1 - second - third, second, third], axis=1)
-    beside = np.flatnonzero(result.min(axis=1) < 0)
-    corners, x = corners[beside], x[beside]
-    least = np.full(len(beside), np.inf)
+    outside = np.flatnonzero(result.min(axis=1) < 0)
+    corners, x = corners[outside], x[outside]
+    least = np.full(len(outside), np.inf)
     for i, j in FACE_EDGES:
-        along = corners[:, j] - corners[:, i]
-        way = x - corners[:, i]
-        t = np.clip(np.einsum("ki,ki->k", way, along) / np.einsum("ki,ki->k", along, along), 0, 1)
-        distance = np.linalg.norm(corners[:, i] + t[:, None] * along - x, axis=1)
+        edge = corners[:, j] - corners[:, i]
+        from_corner = x - corners[:, i]
+        t = np.clip(np.einsum("ki,ki->k", from_corner, edge) / np.einsum("ki,ki->k", edge, edge), 0, 1)
+        distance = np.linalg.norm(corners[:, i] + t[:, None] * edge - x, axis=1)
         nearer = distance < least
         least[nearer] = distance[nearer]
-        result[np.ix_(beside[nearer], [0, 1, 2])] = 0
-        result[beside[nearer], i], result[beside[nearer], j] = 1 - t[nearer], t[nearer]
+        result[np.ix_(outside[nearer], [0, 1, 2])] = 0
+        result[outside[nearer], i], result[outside[nearer], j] = 1 - t[nearer], t[nearer]
     return result

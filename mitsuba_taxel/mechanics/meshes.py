@@ -15,12 +15,13 @@ _IN_USE: WeakValueDictionary[str, VolumeMesh] = WeakValueDictionary()
 def pad_mesh(pad: Pad | PadFile, mesh_size: float) -> VolumeMesh:
     """The undeformed mesh of a pad, with elements of a size in mm, from disk or from the mesher.
 
-    While it is in use it is the same object for all, so that what depends on the mesh alone is found once.
+    While it is in use, all callers get the same object, so that results that depend on the mesh alone are computed
+    once.
 
     Parameters
     ----------
     pad : Pad or PadFile
-        In mm.
+        The pad.
     mesh_size : float
         Length of the edges of elements, mm.
 

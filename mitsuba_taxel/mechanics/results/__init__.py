@@ -1,1 +1,1 @@
-"""Evaluation of a solution: fields, reactions, errors, files."""
+"""Evaluation of a solution: fields, reactions, contact pressure, largest strain, and files."""

@@ -1,7 +1,7 @@
 """Balance of the board's reaction and the applied load: a check of a state that is independent of the solver.
 
-Internal forces of the elements are assembled without constraints. In equilibrium they equal those of the load at the
-nodes of its surface, those of the board at the nodes glued to it, those of contact, and zero elsewhere.
+Internal forces of the elements are assembled without constraints. In equilibrium they equal the forces of the load at
+the nodes of its surface, those of the board at the nodes glued to it, those of contact, and zero elsewhere.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from mitsuba_taxel.pads.regions import REGIONS
 
 @dataclass(frozen=True, eq=False)
 class Reactions:
-    """The board's force on a pad and the load's, with their moments about the origin.
+    """Forces of the board and of the load on a pad, with their moments about the origin.
 
-    Of a pad that is held by packages, which stand on the board, their force is part of the board's.
+    Forces of packages, which stand on the board, are included in that of the board.
 
     Attributes
     ----------
     force : (3,) ndarray
-        In N, of the board on the pad.
+        In N, force of the board on the pad.
     moment : (3,) ndarray
-        N mm, of the board's forces on the deformed pad, and what holds its feet against large rotations where their law
-        is linear.
+        N mm, moment of the board's forces on the deformed pad, and of the linear law at its feet, which resists large
+        rotations.
     applied_force : (3,) ndarray
-        In N; for the displacement of a plate or an indenter, its force.
+        In N, force of the load; for a prescribed displacement, that of the plate or the indenter.
     applied_moment : (3,) ndarray
-        N mm, on the deformed pad; including that which keeps a bonded plate from rotating.
+        N mm, moment of the load on the deformed pad, including that which prevents a bonded plate from rotating.
     size : float
         Largest distance from the origin in the undeformed pad, in mm.
     kept : float
-        In N, sum of the magnitudes of the board's nodal forces, for a viscoelastic silicone, which may have residual
+        In N, sum of the magnitudes of the board's nodal forces for a viscoelastic silicone, which may have residual
         stress without a load; else 0.
     state : State
         The deformed pad.
@@ -55,9 +55,9 @@ class Reactions:
 
     @property
     def force_error(self) -> float:
-        """In N, discretisation error of `force`; NaN if unknown.
+        """Discretisation error of `force` in N; NaN if unknown.
 
-        Of a moved plate or indenter, from a second mesh, which is solved when this is first read.
+        For a prescribed displacement, it follows from a second mesh, which is solved when this is first read.
         """
         return self.state.force_error
 
@@ -69,9 +69,9 @@ class Reactions:
         """
         force = float(np.linalg.norm(self.force + self.applied_force))
         moment = float(np.linalg.norm(self.moment + self.applied_moment)) / self.size
-        left = max(force, moment)
+        remainder = max(force, moment)
         largest = max(self.kept, *(float(np.linalg.norm(f)) for f in (self.force, self.applied_force)))
-        return left / largest if left else 0.0
+        return remainder / largest if remainder else 0.0
 
 
 def reactions(state: State) -> Reactions:
@@ -92,44 +92,44 @@ def reactions(state: State) -> Reactions:
     Reactions
         Forces in N and moments in N mm.
     """
-    mesh, places = state.mesh, state.mesh.points + state.displacement
+    mesh, positions = state.mesh, state.mesh.points + state.displacement
     overstress = None if state.memory is None else state.memory.overstress
     linear = where_linear(mesh, state.load)
     internal = internal_forces(mesh, state.material, state.displacement, state.pressure, overstress, linear)
-    applied = _applied_forces(state, places, internal)
+    applied = _applied_forces(state, positions, internal)
     bottom = nodes_of(mesh, "bottom")
-    board = np.zeros_like(places)
+    board = np.zeros_like(positions)
     board[bottom] = (internal - applied)[bottom]
     if state.load.self_contact:
         own, touched = Contacts(mesh, state.material.youngs_modulus, state.bodies).forces(state.displacement)
         board[bottom] -= own[bottom] + touched[bottom]
         board += touched
-    moment = np.cross(places, board).sum(axis=0)
+    moment = np.cross(positions, board).sum(axis=0)
     if linear is not None:
         moment -= couple_held(mesh, state.material, linear, state.displacement, state.pressure, overstress)
     return Reactions(
         board.sum(axis=0),
         moment,
         applied.sum(axis=0),
-        np.cross(places, applied).sum(axis=0),
+        np.cross(positions, applied).sum(axis=0),
         float(np.linalg.norm(mesh.points, axis=1).max()),
         float(np.linalg.norm(board[bottom], axis=1).sum()) if state.memory else 0.0,
         state,
     )
 
 
-def _applied_forces(state: State, places: np.ndarray, internal: np.ndarray) -> np.ndarray:
-    """(N, 3) N, force of the load at each node, including those of the board's rim."""
+def _applied_forces(state: State, positions: np.ndarray, internal: np.ndarray) -> np.ndarray:
+    """(N, 3) N, force of the load at each node, including nodes on the rim of the board."""
     mesh, load = state.mesh, state.load
     if load.dead:
-        share = load.nodal(mesh)
-        return share[:, None] / share.sum() * state.value
+        nodal_area = load.nodal(mesh)
+        return nodal_area[:, None] / nodal_area.sum() * state.value
     if load.indenter is not None:
         return indentation_of(state)[1].nodal_forces
-    forces = np.zeros_like(places)
+    forces = np.zeros_like(positions)
     if load.follows_surface:
         wet = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]
-        np.add.at(forces, wet, state.value[0] * pressure_forces(places[wet]))
+        np.add.at(forces, wet, state.value[0] * pressure_forces(positions[wet]))
         return forces
     # The distribution of a plate's force is a reaction: only the sum can be out of balance.
     top = nodes_of(mesh, "top")

@@ -113,7 +113,7 @@ def nodal_fields(
 
 
 def _around_nodes(mesh: VolumeMesh, tensors: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) mean of the tensors (m, 3, 3) of the elements around each node."""
+    """(N, 3, 3) mean over the elements around each node of their tensors (m, 3, 3)."""
     total = np.zeros((len(mesh.points), 3, 3))
     np.add.at(total, mesh.tets, tensors[:, None])
     return total / np.bincount(mesh.tets.ravel(), minlength=len(total))[:, None, None]

@@ -1,8 +1,8 @@
 """The largest strain of a deformed pad, as one number that smaller elements do not change.
 
 At a glued rim and in sharp corners the strain is singular, so that its maximum grows without limit as elements shrink.
-Its mean over the most strained share of the volume is the integral of an integrable singularity, which converges (the
-superquantile, or conditional value at risk: R. T. Rockafellar and S. Uryasev, Journal of Risk 2, 2000).
+Its mean over the most strained fraction of the volume is the integral of an integrable singularity, which converges
+(the superquantile, or conditional value at risk: R. T. Rockafellar and S. Uryasev, Journal of Risk 2, 2000).
 """
 
 from __future__ import annotations
@@ -14,12 +14,17 @@ from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.elements import Elements
 
 SHARE = 0.01
-"""Share of the volume of the undeformed silicone over which the largest strains are averaged."""
-_elements = kept(1)(Elements)  # the states of a study follow each other on one mesh
+"""Fraction of the volume of the undeformed silicone over which the largest strains are averaged."""
+_elements = kept(1)(Elements)  # consecutive states of a study share their mesh
 
 
 class LargestStrain:
-    """The largest principal strain, stretch - 1, of a state: its mean over the :data:`SHARE` where it is highest.
+    """The largest principal strain, stretch - 1: its mean over the :data:`SHARE` of the volume where it is highest.
+
+    Parameters
+    ----------
+    state : State
+        The deformed pad.
 
     Attributes
     ----------
@@ -29,50 +34,61 @@ class LargestStrain:
 
     def __init__(self, state: State) -> None:
         self._elements = _elements(state.mesh, state.material)
-        every = self._elements.gradient(slice(None), state.displacement)
-        gradient = every + np.eye(3)
+        gradients = self._elements.gradient(slice(None), state.displacement)
+        gradient = gradients + np.eye(3)
         squared = np.swapaxes(gradient, -1, -2) @ gradient
         order = np.argsort(-_largest_eigenvalue(squared), axis=None, kind="stable")
         weight = self._elements.weight.ravel()[order]
         self._volume = float(weight.sum())
-        left = SHARE * self._volume - (np.cumsum(weight) - weight)
-        last = int(np.count_nonzero(left > 0))
-        self._weight = np.minimum(weight, left)[:last]
-        self._element, self._point = at = np.unravel_index(order[:last], squared.shape[:2])
+        needed = SHARE * self._volume - (np.cumsum(weight) - weight)
+        count = int(np.count_nonzero(needed > 0))
+        self._weight = np.minimum(weight, needed)[:count]
+        self._element, self._point = at = np.unravel_index(order[:count], squared.shape[:2])
         values, axes = np.linalg.eigh(squared[at])
-        self._strain, self._moved, self._axis = np.sqrt(values[:, -1]) - 1, every[at], axes[..., -1]
+        self._strain, self._moved, self._axis = np.sqrt(values[:, -1]) - 1, gradients[at], axes[..., -1]
         self.value = float(self._weight @ self._strain) / (SHARE * self._volume)
 
     def rate(self, displacement: np.ndarray, velocity: np.ndarray) -> float:
-        """Its derivative while the displacement changes at a rate (N, 3) and the undeformed nodes move at a velocity
-        (N, 3).
+        """Derivative of the value.
 
-        The volume that counts changes too; the envelope theorem leaves its threshold, the last strain, out.
+        The averaged volume changes too; by the envelope theorem, its threshold, the last strain, does not contribute.
+
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            Rate of the displacement.
+        velocity : (N, 3) ndarray
+            Of the undeformed nodes.
+
+        Returns
+        -------
+        float
+            Per unit of the changed parameter.
         """
-        growth = np.zeros_like(self._elements.weight)
+        dilatation = np.zeros_like(self._elements.weight)
         if velocity.any():
-            growth = np.trace(self._elements.gradient(slice(None), velocity), axis1=-2, axis2=-1)
-        total = float((self._elements.weight * growth).sum()) / self._volume
-        change, spread = (self._at_points(field) for field in (displacement, velocity))
-        along = ((np.eye(3) + self._moved) @ self._axis[:, :, None])[..., 0] / (1 + self._strain)[:, None]
-        rates = np.einsum("pi,pij,pj->p", along, change - self._moved @ spread, self._axis)
+            dilatation = np.trace(self._elements.gradient(slice(None), velocity), axis1=-2, axis2=-1)
+        mean_dilatation = float((self._elements.weight * dilatation).sum()) / self._volume
+        change, velocity_gradient = (self._at_points(field) for field in (displacement, velocity))
+        deformed_axis = ((np.eye(3) + self._moved) @ self._axis[:, :, None])[..., 0] / (1 + self._strain)[:, None]
+        rates = np.einsum("pi,pij,pj->p", deformed_axis, change - self._moved @ velocity_gradient, self._axis)
         above = self._strain - self._strain[-1]
-        counted = self._weight @ (rates + growth[self._element, self._point] * above) / (SHARE * self._volume)
-        return float(counted - total * (self.value - self._strain[-1]))
+        sum_of_rates = self._weight @ (rates + dilatation[self._element, self._point] * above) / (SHARE * self._volume)
+        return float(sum_of_rates - mean_dilatation * (self.value - self._strain[-1]))
 
     def _at_points(self, field: np.ndarray) -> np.ndarray:
-        """(K, 3, 3) gradient of a field (N, 3) at the points that count."""
-        elements, which = np.unique(self._element, return_inverse=True)
-        return self._elements.gradient(elements, field)[which, self._point]
+        """(K, 3, 3) gradient of a field (N, 3) at the averaged quadrature points."""
+        elements, index = np.unique(self._element, return_inverse=True)
+        return self._elements.gradient(elements, field)[index, self._point]
 
 
 def _largest_eigenvalue(matrices: np.ndarray) -> np.ndarray:
     """(...) largest eigenvalues of symmetric matrices (..., 3, 3), in closed form (O. K. Smith, Comm. ACM 4, 1961)."""
     mean = np.trace(matrices, axis1=-2, axis2=-1) / 3
-    rest = matrices - mean[..., None, None] * np.eye(3)
-    spread = np.sqrt((rest**2).sum(axis=(-1, -2)) / 6)
-    cosine = np.linalg.det(rest / np.maximum(spread, np.finfo(float).tiny)[..., None, None]) / 2
+    deviator = matrices - mean[..., None, None] * np.eye(3)
+    spread = np.sqrt((deviator**2).sum(axis=(-1, -2)) / 6)
+    cosine = np.linalg.det(deviator / np.maximum(spread, np.finfo(float).tiny)[..., None, None]) / 2
     return mean + 2 * spread * np.cos(np.arccos(np.clip(cosine, -1, 1)) / 3)
 
 
-largest_strain = kept(1)(LargestStrain)  # a reading and its derivatives ask for that of one state
+largest_strain = kept(1)(LargestStrain)  # a reading and its derivatives need the same state

@@ -14,12 +14,12 @@ import numpy as np
 from mitsuba_taxel.geometry.surfaces.triangles import area_normals, components, neighbours, unit
 
 OWN_DIRECTION = 0.1
-"""Sheets that meet at a vertex determine its position along their normals; directions in which these spread by less,
-squared and relative to the largest spread, are ignored."""
+"""Sheets that meet at a vertex determine its position along their normals. Directions along which these normals vary by
+less, squared and relative to the largest variation, are ignored."""
 
 
 def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray, crease: float) -> np.ndarray:
-    """Number (F,) of the smooth sheet of each face.
+    """Divide faces into smooth sheets.
 
     Parameters
     ----------
@@ -30,7 +30,13 @@ def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray
     region : (F,) ndarray
         Region of each face; sheets end where it changes.
     crease : float
-        Least angle in degrees between the normals of two faces, at the middle of their common edge, of a sharp edge.
+        Angle in degrees between the normals of two faces at the middle of their common edge, above which the edge is
+        sharp.
+
+    Returns
+    -------
+    (F,) ndarray of int
+        Number of the smooth sheet of each face.
     """
     edges, pairs = neighbours(triangles)
     normal = []
@@ -54,7 +60,7 @@ class Corners:
     curved : (T,) ndarray
         Whether a triangle is on a curved wall.
     points : (T, 3) ndarray
-        Numbers of points, one per vertex and smooth sheet; of curved triangles alone.
+        Numbers of points, one per vertex and smooth sheet; of curved triangles only.
     vertex : (P,) ndarray
         The vertex of each point.
     """
@@ -65,43 +71,54 @@ class Corners:
     vertex: np.ndarray
 
     def offsets(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """(V, 3) mm by which to move vertices (V, 3) on curved walls, so that triangles have the walls' mean position.
+        """Movements of vertices on curved walls, with which triangles have the mean position of the walls.
 
-        Each moves by the mean of the triangles around it along the normal of its sheet. Where sheets meet, it moves as
-        each of them requires, and stays on flat ones.
+        A vertex moves by the mean of the triangles around it, along the normal of its sheet. Where sheets meet, it
+        moves as required along the normal of each, and stays on flat sheets.
 
         Parameters
         ----------
+        vertices : (V, 3) ndarray
+            In mm.
         normals : (P, 3) ndarray
             Unit normals of the walls at the points.
+
+        Returns
+        -------
+        (V, 3) ndarray
+            In mm.
         """
-        by = self._bulge(vertices, normals)
-        wish = np.stack([np.bincount(self.vertex, column, len(vertices)) for column in (by[:, None] * normals).T], 1)
+        bulge = self._bulge(vertices, normals)
+        offset = np.stack(
+            [np.bincount(self.vertex, column, len(vertices)) for column in (bulge[:, None] * normals).T], 1
+        )
         flat = self.triangles[~self.curved]
-        beside = np.stack(
+        flat_normals = np.stack(
             [np.bincount(flat.ravel(), np.repeat(n, 3), len(vertices)) for n in area_normals(vertices, flat).T], axis=1
         )
         sheets = np.bincount(self.vertex, minlength=len(vertices))
-        several = np.flatnonzero((sheets > 0) & (sheets + beside.any(axis=1) > 1))
+        constrained = np.flatnonzero((sheets > 0) & (sheets + flat_normals.any(axis=1) > 1))
         number = np.full(len(vertices), -1)
-        number[several] = np.arange(len(several))
-        matrix = unit(beside[several])
+        number[constrained] = np.arange(len(constrained))
+        matrix = unit(flat_normals[constrained])
         matrix = matrix[:, :, None] * matrix[:, None, :]
-        there = normals[number[self.vertex] >= 0]
-        np.add.at(matrix, number[self.vertex][number[self.vertex] >= 0], there[:, :, None] * there[:, None, :])
+        normals_there = normals[number[self.vertex] >= 0]
+        np.add.at(
+            matrix, number[self.vertex][number[self.vertex] >= 0], normals_there[:, :, None] * normals_there[:, None, :]
+        )
         inverse = np.linalg.pinv(matrix, rcond=OWN_DIRECTION, hermitian=True)
-        wish[several] = np.einsum("vij,vj->vi", inverse, wish[several])
-        return wish
+        offset[constrained] = np.einsum("vij,vj->vi", inverse, offset[constrained])
+        return offset
 
     def _bulge(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """(P,) mm, mean distance of the wall from the triangles around each point, along its normal.
 
-        Between two points a curve bulges by an eighth of the distance times the change of the normal along it, and a
-        triangle's mean is a third of those of its edges.
+        The mean bulge of a triangle follows from the products of its edge vectors with the changes of the normal along
+        them.
         """
         triangles, points = self.triangles[self.curved], self.points[self.curved]
-        along, turn = (np.roll(value, -1, axis=1) - value for value in (vertices[triangles], normals[points]))
-        bulge = np.einsum("tki,tki->t", along, turn) / 24
+        edge_vectors, turns = (np.roll(value, -1, axis=1) - value for value in (vertices[triangles], normals[points]))
+        bulge = np.einsum("tki,tki->t", edge_vectors, turns) / 24
         area = np.linalg.norm(area_normals(vertices, triangles), axis=1)
         total, weighted = (
             np.bincount(points.ravel(), np.repeat(weight, 3), len(self.vertex)) for weight in (area, area * bulge)

@@ -24,7 +24,7 @@ LARGEST_AMPLITUDE = 0.5
 RANDOM_WAVES = 256
 """Number of plane waves of random roughness."""
 STANDARD_DEVIATIONS = 4
-"""Assumed largest height of random roughness, relative to its rms."""
+"""Assumed largest height of random roughness, relative to its standard deviation."""
 
 
 def _refinement(default: float) -> float:
@@ -124,13 +124,15 @@ class Grooves(Checked):
         return "groove_depth", 0.5 * self.depth
 
     def relief(self, smooth: SmoothSurface) -> Relief:
-        """Cut along ridges and valleys, so that each flank on a flat wall is plane."""
+        """The grooved surface, cut along ridges and valleys, so that each flank on a flat wall is plane."""
         phase = smooth.vertices @ _unit(self.direction) / (0.5 * self.pitch)
-        cut = sliced(phase, smooth.triangles, smooth.in_cell)
-        height = 0.5 * self.depth * (1 - 2 * np.abs((cut.height + 1) % 2 - 1))
+        pieces = sliced(phase, smooth.triangles, smooth.in_cell)
+        height = 0.5 * self.depth * (1 - 2 * np.abs((pieces.height + 1) % 2 - 1))
         unit = smooth.unit_offset
-        unit = unit[cut.low] + cut.fraction[:, None] * (unit[cut.high] - unit[cut.low])
-        return Relief(cut.low, cut.high, cut.fraction, height[:, None] * unit, cut.triangles, cut.parents)
+        unit = unit[pieces.low] + pieces.fraction[:, None] * (unit[pieces.high] - unit[pieces.low])
+        return Relief(
+            pieces.low, pieces.high, pieces.fraction, height[:, None] * unit, pieces.triangles, pieces.parents
+        )
 
 
 @dataclass(frozen=True)
@@ -159,11 +161,13 @@ class RandomRoughness(Checked):
         return "rms_height", STANDARD_DEVIATIONS * self.rms_height
 
     def relief(self, smooth: SmoothSurface) -> Relief:
-        own = np.arange(len(smooth.vertices))
-        moved = np.unique(smooth.triangles[smooth.in_cell])
+        vertices = np.arange(len(smooth.vertices))
+        in_cells = np.unique(smooth.triangles[smooth.in_cell])
         offset = np.zeros_like(smooth.vertices)
-        offset[moved] = self.heights(smooth.vertices[moved])[:, None] * smooth.unit_offset[moved]
-        return Relief(own, own, np.zeros(len(own)), offset, smooth.triangles, np.arange(len(smooth.triangles)))
+        offset[in_cells] = self.heights(smooth.vertices[in_cells])[:, None] * smooth.unit_offset[in_cells]
+        return Relief(
+            vertices, vertices, np.zeros(len(vertices)), offset, smooth.triangles, np.arange(len(smooth.triangles))
+        )
 
     def heights(self, points: np.ndarray) -> np.ndarray:
         """Heights of the rough surface.
@@ -193,14 +197,14 @@ class RandomRoughness(Checked):
 
 
 def check_finish(finish: Finish, pad: Pad, mesh: VolumeMesh, subdivision: int) -> None:
-    """Refuse a finish so rough that walls would touch, or so fine that it needs too many triangles.
+    """Refuse a finish that is so rough that walls would touch, or so fine that it needs too many triangles.
 
     Parameters
     ----------
     finish : Finish
         Of the mould.
     pad : Pad
-        With the walls.
+        The pad with the walls.
     mesh : VolumeMesh
         Of the undeformed pad.
     subdivision : int
@@ -225,7 +229,21 @@ def check_finish(finish: Finish, pad: Pad, mesh: VolumeMesh, subdivision: int) -
 
 
 def fine_subdivision(mesh: VolumeMesh, finish: Finish, least: int) -> int:
-    """Number of triangles along an edge of a face of a cell that resolves the finish; at least ``least``.
+    """Number of triangles along an edge of a cell's face that resolves a finish.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    finish : Finish
+        Of the mould.
+    least : int
+        Least number.
+
+    Returns
+    -------
+    int
+        At least ``least``.
 
     Raises
     ------

@@ -10,21 +10,36 @@ from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
 from mitsuba_taxel.pads.regions import REGIONS
 
 ALONG = 1e-6
-"""Sides inclined by less than this to the print direction count as parallel to it."""
+"""Sides inclined by less than this to the print direction count as parallel to it, in radians."""
 
 
 def stepped(smooth: SmoothSurface, layer_height: float, direction: np.ndarray) -> Relief:
-    """Cut the walls of the cells half-way between levels, and move each piece along ``direction`` (a unit vector).
+    """The stepped walls of the cells of a mould printed in layers.
 
-    A piece moves to the nearest level (multiple of ``layer_height``); risers join pieces on different levels. Sides
-    along the direction are not cut but stretched, to meet the edge of the roof at its level. Other sides keep their
-    edge at the board, and a riser joins it to the first piece.
+    Walls are cut half-way between levels, which are multiples of the layer height, and each piece moves along the
+    direction to the nearest level; risers join pieces on different levels. Sides along the direction are not cut but
+    stretched, to meet the edge of the roof at its level. Other sides keep their edge at the board, and a riser joins it
+    to the first piece.
+
+    Parameters
+    ----------
+    smooth : SmoothSurface
+        The undeformed surface.
+    layer_height : float
+        In mm.
+    direction : (3,) ndarray
+        Unit vector along which the mould was printed.
+
+    Returns
+    -------
+    Relief
+        Treads and risers.
     """
     height = smooth.vertices @ direction / layer_height
     upright = np.hypot(direction[0], direction[1]) < ALONG
     chosen = smooth.region == REGIONS["roof"] if upright else smooth.in_cell
     cut = sliced(height - 0.5, smooth.triangles, chosen)
-    fixed = int(np.floor(cut.height.min())) - 1  # stands for no layer
+    fixed = int(np.floor(cut.height.min())) - 1  # marks vertices that are in no layer
     layer = np.where(chosen[cut.parents], cut.band, fixed)[:, None].repeat(3, axis=1)
     move = np.zeros(len(height))
     if upright:
@@ -46,9 +61,9 @@ def _assembled(
     Parameters
     ----------
     layer : (T, 3) ndarray
-        Of each corner of each piece, or ``fixed``.
+        Layer of each corner of each piece, or ``fixed``.
     move : (V',) ndarray
-        In layers, of the vertices of the smooth surface that are not in a layer.
+        Movement in layers of the vertices of the smooth surface that are in no layer.
     """
     lowest = int(layer.min())
     layers = int(layer.max()) - lowest + 1
@@ -56,16 +71,16 @@ def _assembled(
     pieces = number.reshape(-1, 3)
     vertex, layer_of = np.divmod(copies, layers)
     layer_of += lowest
-    low, high, fraction = (part[vertex] for part in (cut.low, cut.high, cut.fraction))
+    low, high, fraction = (field[vertex] for field in (cut.low, cut.high, cut.fraction))
     points = smooth.vertices[low] + fraction[:, None] * (smooth.vertices[high] - smooth.vertices[low])
-    still = layer_of == fixed
-    own_move = move[low] + fraction * (move[high] - move[low])
-    offset = np.where(still, own_move, layer_of + 1 - points @ step / (step @ step))[:, None] * step
+    is_fixed = layer_of == fixed
+    smooth_move = move[low] + fraction * (move[high] - move[low])
+    offset = np.where(is_fixed, smooth_move, layer_of + 1 - points @ step / (step @ step))[:, None] * step
 
-    moved = np.isin(smooth.region[cut.parents], (REGIONS["roof"], REGIONS["side"]))
-    risers, beside = _risers(vertex, pieces, moved)
+    in_cell = np.isin(smooth.region[cut.parents], (REGIONS["roof"], REGIONS["side"]))
+    risers, neighbour = _risers(vertex, pieces, in_cell)
     triangles = np.concatenate([pieces, risers])
-    parents = np.concatenate([cut.parents, cut.parents[beside]])
+    parents = np.concatenate([cut.parents, cut.parents[neighbour]])
     gaps, of_vertex = _gaps(vertex, triangles)
     triangles, parents = np.concatenate([triangles, gaps]), np.concatenate([parents, parents[of_vertex]])
     triangles, kept = without_slivers(points + offset, triangles)
@@ -74,29 +89,31 @@ def _assembled(
 
 
 def _risers(vertex: np.ndarray, pieces: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles that join the two copies of each edge whose neighbours have separated, and a neighbour of each."""
+    """Triangles that join the two copies of each edge between pieces that have separated, and the number of a neighbour
+    of each."""
     start, end = pieces.ravel(), np.roll(pieces, -1, axis=1).ravel()
     size = int(vertex.max()) + 1
     low, high = np.minimum(vertex[start], vertex[end]), np.maximum(vertex[start], vertex[end])
     order = np.argsort(low * size + high, kind="stable").reshape(-1, 2)
-    one, other = order[:, 0], order[:, 1]
-    swap = moved[other // 3] & ~moved[one // 3]  # the neighbour that gives region and cell is in a cell
-    one, other = np.where(swap, other, one), np.where(swap, one, other)
-    apart = (start[one] != end[other]) | (end[one] != start[other])
-    one, other = one[apart], other[apart]
-    a, b, far_a, far_b = start[one], end[one], end[other], start[other]
-    risers = np.concatenate([np.stack([b, a, far_a], axis=1), np.stack([b, far_a, far_b], axis=1)])
+    first, second = order[:, 0], order[:, 1]
+    swap = moved[second // 3] & ~moved[first // 3]  # region and cell are those of the neighbour in a cell
+    first, second = np.where(swap, second, first), np.where(swap, first, second)
+    separated = (start[first] != end[second]) | (end[first] != start[second])
+    first, second = first[separated], second[separated]
+    a, b, second_a, second_b = start[first], end[first], end[second], start[second]
+    risers = np.concatenate([np.stack([b, a, second_a], axis=1), np.stack([b, second_a, second_b], axis=1)])
     proper = (risers != np.roll(risers, 1, axis=1)).all(axis=1)
-    return risers[proper], np.tile(one // 3, 2)[proper]
+    return risers[proper], np.tile(first // 3, 2)[proper]
 
 
 def _gaps(vertex: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Flat triangles between three copies of a vertex, where risers meet an unmoved edge, and a neighbour of each."""
+    """Triangles between three copies of a vertex, where risers meet an edge that has not moved, and the number of a
+    neighbour of each."""
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     riser = np.flatnonzero(vertex[start] == vertex[end])
     start, end = start[riser].astype(np.int64), end[riser].astype(np.int64)
-    open_ = ~np.isin(end * len(vertex) + start, start * len(vertex) + end)
-    start, end, riser = start[open_], end[open_], riser[open_]
+    is_open = ~np.isin(end * len(vertex) + start, start * len(vertex) + end)
+    start, end, riser = start[is_open], end[is_open], riser[is_open]
     order = np.argsort(vertex[start], kind="stable").reshape(-1, 3)
     first, second = order[:, 0], order[:, 1]
     third = np.where(end[first] == start[second], end[second], start[second])

@@ -1,4 +1,4 @@
-"""A rough surface relative to the smooth surface of an undeformed pad, which moves with the deformation."""
+"""A rough surface relative to the smooth surface of an undeformed pad, with whose deformation it moves."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ class SmoothSurface:
 
     @cached_property
     def unit_offset(self) -> np.ndarray:
-        """(V, 3) displacement of each vertex of a cell when its walls move by 1 out of the silicone; 0 elsewhere.
+        """(V, 3) movement of each vertex of a cell if its walls move by 1 out of the silicone; 0 elsewhere.
 
-        On a smooth wall it is the angle-weighted normal; at an edge it keeps both walls plane. The edge at the board
-        moves along the board.
+        On a smooth wall it is the angle-weighted normal; at an edge both walls stay plane. The edge at the board moves
+        along the board.
         """
         triangles = self.triangles[self.in_cell]
         corner = self.vertices[triangles]
-        forth = np.roll(corner, -1, axis=1) - corner
-        forth /= np.linalg.norm(forth, axis=2, keepdims=True)
-        angle = np.arccos(np.clip(-np.einsum("tki,tki->tk", forth, np.roll(forth, 1, axis=1)), -1, 1))
-        normal = np.cross(forth[:, 0], forth[:, 1])
+        edge_vectors = np.roll(corner, -1, axis=1) - corner
+        edge_vectors /= np.linalg.norm(edge_vectors, axis=2, keepdims=True)
+        angle = np.arccos(np.clip(-np.einsum("tki,tki->tk", edge_vectors, np.roll(edge_vectors, 1, axis=1)), -1, 1))
+        normal = np.cross(edge_vectors[:, 0], edge_vectors[:, 1])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         mean = np.zeros((len(self.vertices), 3))
         for axis in range(3):
@@ -56,13 +56,13 @@ class Relief:
     Attributes
     ----------
     low, high, fraction : (V,) ndarray
-        Two vertices of the smooth surface and the fraction of the way between them, for each vertex.
+        Two vertices of the smooth surface, and the fraction of the distance between them, for each vertex.
     offset : (V, 3) ndarray
-        Vector in mm from there to the vertex, undeformed.
+        Undeformed vector in mm from that point to the vertex.
     triangles : (T, 3) ndarray
         Vertex numbers.
     parents : (T,) ndarray
-        Triangle of the smooth surface with the region and cell of each.
+        Triangle of the smooth surface of which each has the region and cell.
     """
 
     low: np.ndarray
@@ -73,14 +73,19 @@ class Relief:
     parents: np.ndarray
 
     def carried(self, position: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """(V, 3) deformed vertices in mm, for vertices of the smooth surface at ``position``.
-
-        The offset is transformed by the deformation gradient: x = x_smooth + F (X_rough - X_smooth).
+        """The deformed rough surface: x = x_smooth + F (X_rough - X_smooth).
 
         Parameters
         ----------
-        gradient : ndarray
-            Of the displacement, F - 1, at the vertices of the smooth surface, (V', 3, 3).
+        position : (V', 3) ndarray
+            Deformed vertices of the smooth surface, mm.
+        gradient : (V', 3, 3) ndarray
+            Of the displacement, F - 1, at these vertices.
+
+        Returns
+        -------
+        (V, 3) ndarray
+            Deformed vertices, mm.
         """
         stretch = np.einsum("vij,vj->vi", self.between(gradient), self.offset)
         return self.between(position) + self.offset + stretch

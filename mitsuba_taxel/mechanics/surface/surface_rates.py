@@ -1,4 +1,4 @@
-"""Rates of the triangles of a deformed surface with the nodes of its pad, for a constant subdivision."""
+"""Derivatives of the triangles of a deformed surface by the nodes of its pad, for a constant subdivision."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def surface_rates(
     displacement_rate : (N, 3) ndarray
         Of the nodes, as from :meth:`LinearisedState.by_value` and similar methods.
     shape_velocity : (N, 3) ndarray, optional
-        Of the undeformed nodes. Vertices stay on a wall that remains round; on other walls they move with the elements.
+        Of the undeformed nodes. Vertices stay on walls that remain round; on other walls they move with the elements.
     cells : sequence of int, optional
         As for :func:`tessellate`.
 
     Returns
     -------
     (V, 3) ndarray
-        Of each vertex, in mm per unit of what changes.
+        Rate of each vertex, in mm per unit of the changed parameter.
 
     Raises
     ------
@@ -61,17 +61,19 @@ def surface_rates(
     if shape_velocity is None:
         return rates
     velocity = array_of("shape_velocity", shape_velocity, mesh.points.shape)
-    moves = cut.at_vertices(velocity)
+    vertex_moves = cut.at_vertices(velocity)
     if knows_walls(pad):
         face = cut.face[cut.of_vertex]
-        walled = np.flatnonzero(in_cells(mesh, chosen)[face])
-        face = face[walled]
-        places, gradient = placed(mesh, face, cut.at_vertices(mesh.points)[walled], pad)
-        own = moves[walled]
-        for here, centre, growth in _changing_walls(mesh, face, places, velocity):
-            own[here] = np.einsum("vij,vj->vi", gradient[here], own[here] - centre) + centre + growth
-        moves[walled] = own
-    return rates + moves
+        on_walls = np.flatnonzero(in_cells(mesh, chosen)[face])
+        face = face[on_walls]
+        positions, gradient = placed(mesh, face, cut.at_vertices(mesh.points)[on_walls], pad)
+        wall_moves = vertex_moves[on_walls]
+        for on_wall, centre, growth in _changing_walls(mesh, face, positions, velocity):
+            wall_moves[on_wall] = (
+                np.einsum("vij,vj->vi", gradient[on_wall], wall_moves[on_wall] - centre) + centre + growth
+            )
+        vertex_moves[on_walls] = wall_moves
+    return rates + vertex_moves
 
 
 def surface_gradient(
@@ -109,18 +111,22 @@ def surface_gradient(
 
 
 def _changing_walls(
-    mesh: VolumeMesh, face: np.ndarray, places: np.ndarray, velocity: np.ndarray
+    mesh: VolumeMesh, face: np.ndarray, positions: np.ndarray, velocity: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Of each wall that remains round: its vertices, the rate of its centre, and the contribution (n, 3) of its
-    radius."""
-    for code, number, (centre, radius, across) in round_walls(mesh):
+    """For each wall that remains round: its vertices, the rate of its centre (3,), and the movement (n, 3) of its
+    vertices by the rate of its radius."""
+    for code, number, (centre, radius, projection) in round_walls(mesh):
         nodes = np.unique(mesh.faces[(mesh.face_region == code) & (mesh.face_cell == number)])
-        axes = int(across.trace())
-        normals = ((mesh.points[nodes] - centre) @ across / radius)[:, :axes]
+        axes = int(projection.trace())
+        normals = ((mesh.points[nodes] - centre) @ projection / radius)[:, :axes]
         outwards = (normals * velocity[nodes, :axes]).sum(axis=1)
         equations = np.column_stack([normals, np.ones(len(nodes))])
         solution = np.linalg.lstsq(equations, outwards, rcond=None)[0]
         if np.abs(equations @ solution - outwards).max() > ROUND * np.abs(velocity).max():
             continue
-        here = (mesh.face_region[face] == code) & (mesh.face_cell[face] == number)
-        yield here, np.append(solution[:axes], 0.0)[:3], solution[axes] * unit((places[here] - centre) @ across)
+        on_wall = (mesh.face_region[face] == code) & (mesh.face_cell[face] == number)
+        yield (
+            on_wall,
+            np.append(solution[:axes], 0.0)[:3],
+            solution[axes] * unit((positions[on_wall] - centre) @ projection),
+        )

@@ -35,8 +35,8 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
 
 CREASE, FACET = 20.0, 1.0
-"""Angle in degrees between the normals of neighbouring faces above which their edge is sharp; flat triangles of a file
-are its geometry."""
+"""Angle in degrees between the normals of neighbouring faces above which their edge is sharp, and the same for pads
+from files of flat triangles, which are exact."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class Surface:
     region : (T,) ndarray
         Region codes.
     cell : (T,) ndarray
-        Number of the cell that a roof or side belongs to, 0 elsewhere.
+        Number of the cell of a roof or side, 0 elsewhere.
     offsets : (V, 3) ndarray
-        Displacements in mm of the vertices with which triangles have the mean position of their curved walls.
+        Movements in mm of the vertices with which triangles have the mean position of their curved walls.
     normals : (T, 3, 3) ndarray
-        Unit normals of these walls at the corners of the triangles; of others, their own.
+        Unit normals of curved walls at the corners of the triangles; elsewhere, those of the triangles.
     touches : (V,) ndarray
         Whether each vertex touches a package, between which and the pad no light passes.
     """
@@ -71,7 +71,7 @@ class Surface:
 
     @property
     def shut(self) -> np.ndarray:
-        """(T,) whether each triangle touches a package all over."""
+        """(T,) whether all corners of each triangle touch a package."""
         return self.touches[self.triangles].all(axis=1)
 
     @property
@@ -104,7 +104,7 @@ def tessellate(
     cells : sequence of int, optional
         Numbers of the cells that are subdivided; by default all.
     pad : Pad or PadFile, optional
-        With round walls: the undeformed surface is that of these walls rather than of their elements.
+        The pad, if it has round walls: the undeformed surface is then that of the walls rather than of their elements.
     cut_of : VolumeMesh, optional
         The mesh before it was moved, whose triangles are kept.
 
@@ -129,28 +129,38 @@ def tessellate(
         require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
     if cut_of is not None:
         require("cut_of", cut_of, VolumeMesh, "the mesh before it was moved")
+
+    # Cut the undeformed surface, on exact walls, and displace its vertices.
     mesh = state.mesh
     chosen = chosen_cells(mesh, cells, finish)
     if finish is not None:
         subdivision = fine_subdivision(mesh, finish, subdivision)
     cut = cut_faces(cut_of or mesh, subdivision, chosen)
     walls = _walls(mesh, subdivision, chosen, pad, cut_of)
-    vertices = walls.places + cut.at_vertices(state.displacement)
+    vertices = walls.vertices + cut.at_vertices(state.displacement)
     triangles, faces = cut.triangles, cut.faces
+
+    # Normals of the deformed walls, and movements of the vertices to the walls' mean position.
     at_nodes = displacement_gradient(mesh, state.displacement, _on_walls(mesh))
     gradient = cut.at_vertices(at_nodes.reshape(-1, 9)).reshape(-1, 3, 3)
     normals = walls.deformed_normals(gradient)
     offsets = walls.corners.offsets(vertices, normals)
+
+    # The relief of a finish moves with the walls.
     if finish is not None:
         relief = _relief(mesh, subdivision, finish, pad)
         vertices = relief.carried(vertices, gradient)
         triangles, faces = relief.triangles, faces[relief.parents]
         offsets = relief.between(offsets)
+
+    # Close the gaps to bodies that hold the pad.
     touches = np.zeros(len(vertices), dtype=bool)
     bodies = getattr(state, "bodies", None)
     if bodies is not None:
         facing, touches = kept_off(vertices + offsets, bodies, widest_shut(mesh, bodies))
         vertices = np.where(touches[:, None], facing - offsets, vertices)
+
+    # Normals at the corners: those of curved walls, else of the triangles.
     at_corners = np.repeat(unit(area_normals(vertices, triangles))[:, None], 3, axis=1)
     if finish is None:
         curved = walls.corners.curved
@@ -193,7 +203,7 @@ def contact_pressure_at_vertices(
 
 
 def chosen_cells(mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish | None) -> tuple[int, ...] | None:
-    """The cells to be subdivided finely, None for all."""
+    """Numbers of the cells to be subdivided finely, None for all; raises `InputError` if they are not allowed."""
     if cells is None:
         return None
     if finish is not None:
@@ -211,8 +221,8 @@ def chosen_cells(mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish |
 @kept(2)  # the states of a path share their mesh
 def _relief(mesh: VolumeMesh, subdivision: int, finish: Finish, pad: Pad | PadFile | None) -> Relief:
     cut = cut_faces(mesh, subdivision)
-    places = _walls(mesh, subdivision, None, pad).places
-    return finish.relief(SmoothSurface(places, cut.triangles, mesh.face_region[cut.faces]))
+    positions = _walls(mesh, subdivision, None, pad).vertices
+    return finish.relief(SmoothSurface(positions, cut.triangles, mesh.face_region[cut.faces]))
 
 
 def _on_walls(mesh: VolumeMesh) -> np.ndarray:
@@ -224,19 +234,19 @@ def _on_walls(mesh: VolumeMesh) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Walls:
-    """The finely subdivided walls, undeformed.
+    """The undeformed, finely subdivided walls.
 
     Attributes
     ----------
-    places : (V, 3) ndarray
-        In mm, of all vertices.
+    vertices : (V, 3) ndarray
+        In mm, all vertices of the surface.
     corners : Corners
         Points at which normals are needed, one for each vertex and smooth sheet.
     normals : (P, 3) ndarray
         Unit normals at these points: the mean of faces that meet smoothly.
     """
 
-    places: np.ndarray
+    vertices: np.ndarray
     corners: Corners
     normals: np.ndarray
 
@@ -259,11 +269,16 @@ def _walls(
     pad: Pad | PadFile | None,
     cut_of: VolumeMesh | None = None,
 ) -> _Walls:
+    # The smooth sheet of each face of a wall.
     cut = cut_faces(cut_of or mesh, subdivision, cells)
     chosen = np.flatnonzero(in_cells(mesh, cells))
     sheet = np.full(len(mesh.faces), -1)
-    sheet[chosen] = _sheets(mesh, chosen, pad)
+    crease = FACET if isinstance(pad, PadFile) and not pad.is_drawn else CREASE
+    sheet[chosen] = smooth_sheets(
+        mesh.faces[chosen, :3], _side_normals(mesh, chosen, pad), mesh.face_region[chosen], crease
+    )
 
+    # Points of these faces, moved onto the exact walls, with normals there.
     of_cut = np.flatnonzero(sheet[cut.face] >= 0)
     face, nodes = cut.face[of_cut], cut.nodes[of_cut]
     points = weighted(cut.weights[of_cut], nodes, mesh.points)
@@ -271,39 +286,59 @@ def _walls(
     normal = unit(
         np.cross(*(np.einsum("qij,qj->qi", gradient, weighted(s[of_cut], nodes, mesh.points)) for s in cut.slopes))
     )
-    places = cut.at_vertices(mesh.points)
-    on_wall = np.full(len(cut.face), -1)
-    on_wall[of_cut] = np.arange(len(of_cut))
-    walled = on_wall[cut.of_vertex] >= 0
-    places[walled] = points[on_wall[cut.of_vertex[walled]]]
+    positions = cut.at_vertices(mesh.points)
+    wall_point = np.full(len(cut.face), -1)
+    wall_point[of_cut] = np.arange(len(of_cut))
+    on_walls = wall_point[cut.of_vertex] >= 0
+    positions[on_walls] = points[wall_point[cut.of_vertex[on_walls]]]
 
+    # One normal for each vertex and sheet: the mean over the faces of the sheet.
     pairs = np.stack([cut.vertex[of_cut], sheet[face]], axis=1)
     first, point = unique_rows(pairs)
-    on_wall[of_cut] = point
-    corners = Corners(cut.triangles, sheet[cut.faces] >= 0, on_wall[cut.corners], cut.vertex[of_cut][first])
+    wall_point[of_cut] = point
+    corners = Corners(cut.triangles, sheet[cut.faces] >= 0, wall_point[cut.corners], cut.vertex[of_cut][first])
     normals = np.stack([np.bincount(point, component, len(first)) for component in normal.T], axis=1)
-    return _Walls(places, corners, unit(normals))
+    return _Walls(positions, corners, unit(normals))
 
 
 def knows_walls(pad: Pad | PadFile | None) -> bool:
-    """Whether the round walls of a pad are known exactly, which elements approximate by parabolas."""
+    """Whether the exact round walls of a pad are known, which elements approximate by parabolas."""
     return isinstance(pad, Pad) or (isinstance(pad, PadFile) and pad.is_drawn)
 
 
 def placed(
     mesh: VolumeMesh, face: np.ndarray, points: np.ndarray, pad: Pad | PadFile | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) of faces (N,), moved onto the walls of the pad if known, and the derivative by the points."""
+    """Move points of faces onto the exact walls of a pad, if they are known.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    face : (n,) ndarray of int
+        Face of each point.
+    points : (n, 3) ndarray
+        In mm.
+    pad : Pad or PadFile or None
+        With the walls.
+
+    Returns
+    -------
+    points : (n, 3) ndarray
+        In mm.
+    derivative : (n, 3, 3) ndarray
+        Derivative of each by the original point.
+    """
     if isinstance(pad, Pad):
-        beside = mesh.points[mesh.faces[face, :3]].mean(axis=1) if pad.shape.is_square else None
-        return onto_round_walls(pad, points, mesh.face_region[face], mesh.face_cell[face], beside)
+        face_centres = mesh.points[mesh.faces[face, :3]].mean(axis=1) if pad.shape.is_square else None
+        return onto_round_walls(pad, points, mesh.face_region[face], mesh.face_cell[face], face_centres)
     if knows_walls(pad):
         return round_faces.onto_round_walls(mesh, points, mesh.face_region[face], mesh.face_cell[face])
     return points, np.broadcast_to(np.eye(3), (len(points), 3, 3))
 
 
 def have_edges(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile) -> bool:
-    """Whether walls, the ``chosen`` faces of a mesh, meet at sharp edges or do not hang together.
+    """Whether walls, the ``chosen`` faces of a mesh, meet at sharp edges or are not connected.
 
     Parameters
     ----------
@@ -312,21 +347,15 @@ def have_edges(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile) -> bool
     chosen : (n,) ndarray of int
         Numbers of faces.
     pad : Pad or PadFile
-        Whose walls they are.
+        The pad of these walls.
 
     Returns
     -------
     bool
-        Whether they do.
+        True if there is more than one smooth sheet.
     """
     normals = _side_normals(mesh, chosen, pad)
     return bool(smooth_sheets(mesh.faces[chosen, :3], normals, np.zeros_like(chosen), CREASE).any())
-
-
-def _sheets(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | None) -> np.ndarray:
-    """Number of the smooth sheet of each of the ``chosen`` faces."""
-    crease = FACET if isinstance(pad, PadFile) and not pad.is_drawn else CREASE
-    return smooth_sheets(mesh.faces[chosen, :3], _side_normals(mesh, chosen, pad), mesh.face_region[chosen], crease)
 
 
 def _side_normals(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | None) -> np.ndarray:
@@ -335,10 +364,10 @@ def _side_normals(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | Non
     normals = []
     for middle in middles[:, None]:
         nodes = mesh.faces[chosen]
-        at, *along = (
+        at, *tangents = (
             weighted(np.broadcast_to(values, nodes.shape), nodes, mesh.points)
             for values in (shape_functions(middle), *shape_slopes(middle))
         )
         _, gradient = placed(mesh, chosen, at, pad)
-        normals.append(unit(np.cross(*(np.einsum("qij,qj->qi", gradient, tangent) for tangent in along))))
+        normals.append(unit(np.cross(*(np.einsum("qij,qj->qi", gradient, tangent) for tangent in tangents))))
     return np.stack(normals, axis=1)

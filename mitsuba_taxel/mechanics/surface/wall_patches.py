@@ -1,4 +1,4 @@
-"""The curved walls of cells as patches of fourth degree, and their changes with displacement and dimensions."""
+"""Curved walls of cells as patches of fourth degree, and their derivatives by displacement and dimensions."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.pads.parametric.velocities import mesh_velocity, rate_by
 
 STEP = 1e-4
-"""Step of a dimension in mm, for differences of positions on round walls."""
+"""Step of a dimension in mm, for finite differences of positions on round walls."""
 BESIDE = 0.1
 """Allowed distance of walls from the elements that approximate them, relative to the height of the pad."""
 
 
 @dataclass(frozen=True, eq=False)
 class WallPatches:
-    """Faces of a mesh, each with points of a lattice, which move with elements of this or another mesh.
+    """Faces of a mesh, each with points of a lattice, which move with the elements of this or another mesh.
 
-    Cells of built-in pads are equal, so that the faces of one of them serve for any.
+    The cells of built-in pads are equal, so that the faces of one cell serve for all.
 
     Parameters
     ----------
@@ -34,11 +34,11 @@ class WallPatches:
     walls : VolumeMesh
         Mesh of the same pad, whose faces are the patches.
     pad : Pad or PadFile
-        Pad with the undeformed round walls.
+        The pad with the undeformed round walls.
     faces : (F,) ndarray
         Numbers of the faces of ``walls``, which belong to one cell.
     cell : int
-        Number of the cell whose walls are meant: that of the faces or, in a built-in pad, any.
+        Number of the cell that the patches represent: that of the faces or, in a built-in pad, any.
     lattice : (K, 2) ndarray
         Coordinates (s, t) along two sides of a face.
     """
@@ -57,7 +57,7 @@ class WallPatches:
 
     @cached_property
     def shift(self) -> np.ndarray:
-        """(3,) mm from there to the cell that is meant."""
+        """(3,) mm, vector from the cell of the faces to the represented cell."""
         return self._shift(self.pad)
 
     @cached_property
@@ -66,37 +66,49 @@ class WallPatches:
         return self.pattern + self.shift
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """(F, K, 3) displacement or its rate, from that of the elements' nodes (N, 3)."""
+        """(F, K, 3) displacement or its rate at the points, from that of the elements' nodes (N, 3)."""
         return self._location.interpolate(nodal).reshape(self.rest.shape)
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:
-        """(F, K, 3) mm per mm of a dimension of the pad, at constant nodal displacements; other dimensions are
-        fixed."""
+        """Derivative of the deformed points by a dimension of the pad.
+
+        Parameters
+        ----------
+        parameter : str
+            Name of the dimension; other dimensions are constant.
+        displacement : (N, 3) ndarray
+            Of the elements' nodes, mm, constant.
+
+        Returns
+        -------
+        (F, K, 3) ndarray
+            In mm per mm.
+        """
         assert isinstance(self.pad, Pad)
-        pad = replace(self.pad)  # with derived dimensions as if they were given
+        pad = replace(self.pad)  # derived dimensions become constants
         velocity = mesh_velocity(pad, self.walls, parameter)
-        places = rate_by(
+        motion = rate_by(
             pad,
             parameter,
             STEP,
             lambda changed, step: self._placed(self.walls.points + step * velocity, changed) + self._shift(changed),
         )
-        past = places - self.carried(mesh_velocity(pad, self.elements, parameter))
-        gradient = self._location.gradient(displacement).reshape(*places.shape, 3)
-        return places + np.einsum("fkij,fkj->fki", gradient, past)
+        relative_motion = motion - self.carried(mesh_velocity(pad, self.elements, parameter))
+        gradient = self._location.gradient(displacement).reshape(*motion.shape, 3)
+        return motion + np.einsum("fkij,fkj->fki", gradient, relative_motion)
 
     @cached_property
     def _location(self) -> Location:
         """Location of the points in the elements."""
-        beside = BESIDE * np.ptp(self.elements.points[:, 2])
-        return locator_of(self.elements).locate(self.rest.reshape(-1, 3), beside)
+        tolerance = BESIDE * np.ptp(self.elements.points[:, 2])
+        return locator_of(self.elements).locate(self.rest.reshape(-1, 3), tolerance)
 
     def _shift(self, pad: Pad | PadFile) -> np.ndarray:
-        drawn = int(self.walls.face_cell[self.faces[0]])
-        if drawn == self.cell:
+        own_cell = int(self.walls.face_cell[self.faces[0]])
+        if own_cell == self.cell:
             return np.zeros(3)
         assert isinstance(pad, Pad)
-        (x, y), (x0, y0) = pad.cell_centres[self.cell - 1], pad.cell_centres[drawn - 1]
+        (x, y), (x0, y0) = pad.cell_centres[self.cell - 1], pad.cell_centres[own_cell - 1]
         return np.array([x - x0, y - y0, 0.0])
 
     def _placed(self, nodes: np.ndarray, pad: Pad | PadFile) -> np.ndarray:
