@@ -10,10 +10,10 @@ from .contact.indenter_shape import IndenterShape as IndenterShape
 from .continuation.state import RoofError as RoofError
 from .continuation.state import State as State
 from .continuation.state import ViscoelasticMemory as ViscoelasticMemory
-from .derivatives.rates_along import rates_along as rates_along
-from .derivatives.sensitivities import (
+from .derivatives.linearised_state import (
     LinearisedState as LinearisedState,
 )
+from .derivatives.rates_along import rates_along as rates_along
 from .derivatives.sensitivities import (
     linearise as linearise,
 )

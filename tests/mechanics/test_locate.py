@@ -13,12 +13,8 @@ from scipy.optimize import root
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.element_maps import jacobians
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
-from mitsuba_taxel.mechanics.locate import (
-    POINTS_AT_ONCE,
-    PointLocator,
-    displacement_at,
-    displacement_gradient_at,
-)
+from mitsuba_taxel.mechanics.locate import displacement_at, displacement_gradient_at
+from mitsuba_taxel.mechanics.point_locator import POINTS_AT_ONCE, PointLocator
 from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
 
 CURVED = {"size": (2.0, 1.0, 1.5), "cells": (3, 2, 2), "distortion": 0.1, "curvature": 0.04}

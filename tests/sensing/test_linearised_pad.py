@@ -8,7 +8,7 @@ from one_cell import one_cell
 
 from mitsuba_taxel import Scene
 from mitsuba_taxel.base.caches import Recent
-from mitsuba_taxel.mechanics.derivatives.sensitivities import LinearisedState
+from mitsuba_taxel.mechanics.derivatives.linearised_state import LinearisedState
 from mitsuba_taxel.sensing.derivatives import linearised_pad
 from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates

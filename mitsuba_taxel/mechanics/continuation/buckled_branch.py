@@ -20,7 +20,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
-from mitsuba_taxel.mechanics.continuation.load_segment import Interpolated, LoadSegment, hermite
+from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
+from mitsuba_taxel.mechanics.continuation.path_nodes import Interpolated, hermite
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised

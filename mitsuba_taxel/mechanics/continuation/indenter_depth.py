@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment, Node
+from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
+from mitsuba_taxel.mechanics.continuation.path_nodes import Node
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 
 DEPTH_TOLERANCE = 1e-10

@@ -15,7 +15,8 @@ import numpy as np
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment, Node
+from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
+from mitsuba_taxel.mechanics.continuation.path_nodes import Node
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad

@@ -23,11 +23,8 @@ from mitsuba_taxel.mechanics.contact.resolution import LARGEST, refuse_unresolve
 from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.continuation.indenter_depth import depth_under, force_at, stiffness_at
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds, Obstacles, end_of_path, refuse_at_rest
-from mitsuba_taxel.mechanics.continuation.load_segment import (
-    INTERPOLATION_TOLERANCE,
-    Interpolated,
-    LoadSegment,
-)
+from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE, LoadSegment
+from mitsuba_taxel.mechanics.continuation.path_nodes import Interpolated
 from mitsuba_taxel.mechanics.continuation.path_problem import PathProblem
 from mitsuba_taxel.mechanics.continuation.path_segments import PathSegments, nothing
 from mitsuba_taxel.mechanics.continuation.solved_states import SolvedStates

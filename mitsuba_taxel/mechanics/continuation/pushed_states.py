@@ -14,7 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE, Interpolated, LoadSegment
+from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE, LoadSegment
+from mitsuba_taxel.mechanics.continuation.path_nodes import Interpolated
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised

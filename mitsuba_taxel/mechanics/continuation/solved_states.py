@@ -9,7 +9,8 @@ import numpy as np
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
-from mitsuba_taxel.mechanics.continuation.load_segment import Interpolated, LoadSegment, Node
+from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
+from mitsuba_taxel.mechanics.continuation.path_nodes import Interpolated, Node
 from mitsuba_taxel.mechanics.continuation.path_problem import PathProblem
 from mitsuba_taxel.mechanics.continuation.path_segments import PathSegments
 from mitsuba_taxel.mechanics.continuation.pushed_states import PushedStates

@@ -13,7 +13,8 @@ import numpy as np
 from mitsuba_taxel.base.arguments import is_row, refusal
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.continuation.state import State
-from mitsuba_taxel.mechanics.derivatives.sensitivities import LinearisedState, linearise
+from mitsuba_taxel.mechanics.derivatives.linearised_state import LinearisedState
+from mitsuba_taxel.mechanics.derivatives.sensitivities import linearise
 
 TOLERANCE = 1e-4
 """Accepted error of a polynomial at a further state, relative to the largest derivative; including that state, it

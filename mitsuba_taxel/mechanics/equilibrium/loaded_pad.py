@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
-import scipy.sparse as sparse
 
-from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
-from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
 from mitsuba_taxel.mechanics.contact.barriers.singular_edges import has_right_angled_top, judged_nodes
-from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
-from mitsuba_taxel.mechanics.elements.model import Configuration, Model
-from mitsuba_taxel.mechanics.elements.solvers import Factorisation, Solver, make_solver
-from mitsuba_taxel.mechanics.elements.symmetry import part_between
-from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised, Steps
-from mitsuba_taxel.mechanics.equilibrium.natural_step import NATURAL_STRAIN, TICKS, natural_step, ticks_of
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.elements.model import Configuration
+from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
+from mitsuba_taxel.mechanics.equilibrium.meshed_pad import MeshedPad
 from mitsuba_taxel.mechanics.equilibrium.solution import (
     NO_HISTORY,
     Balanced,
@@ -50,7 +42,7 @@ NEAR = 1e-3
 """Distance of displacements, relative to the largest, within which the tangent of a nearby state is used."""
 
 
-class LoadedPad:
+class LoadedPad(MeshedPad):
     """A meshed pad glued to the board, under a load.
 
     All solves find an equilibrium by Newton's method (:meth:`_balanced`); they differ in what is checked, and in whose
@@ -68,73 +60,8 @@ class LoadedPad:
     equilibrium              nothing                                        none is returned
     ======================== ============================================== ========================================
 
-    Parameters
-    ----------
-    mesh : VolumeMesh
-        Of the whole pad.
-    mirrors : sequence of Mirror
-        A group of symmetries of pad and load; only the part between them is solved for.
-    images : Mapping[Mirror, ndarray], optional
-        Of the nodes, from :func:`node_images`; needed with mirrors.
-    solver : str, optional
-        Name of a linear solver; None for the best available.
-    ticks : int
-        Of :func:`ticks_of`: where there are many, smaller loads than a step are resolved as that is.
+    Parameters are those of a :class:`MeshedPad`.
     """
-
-    solves_between: ClassVar[bool] = False
-    """Whether states between the nodes of a path are solved for rather than interpolated."""
-
-    def __init__(
-        self,
-        mesh: VolumeMesh,
-        material: Material,
-        load: Load = SPREAD_FORCE,
-        mirrors: Sequence[Mirror] = (),
-        images: Mapping[Mirror, np.ndarray] | None = None,
-        solver: str | None = None,
-        ticks: int = TICKS,
-    ) -> None:
-        self.whole, self.material, self.load = mesh, material, load
-        self.mirrors, self.images, self._solver_name = tuple(mirrors), images or {}, solver
-        self.part = part_between(mesh, self.images, mirrors)
-        self.model = Model(self.part, material, self.load, dict.fromkeys(self.part.walls, 1), linear=self._linear())
-        self.numbering = self.model.numbering
-        self._solver = make_solver(solver)
-        self._volume = float(self.model.assembly.elements.weight.sum())
-        self.height = float(np.ptp(mesh.points[:, 2]))
-        self.step = natural_step(mesh, material, self.load)
-        self._ticks = ticks
-
-    @property
-    def contacts(self) -> Contacts | None:
-        """What the pad is kept off, if its load goes on there."""
-        return None
-
-    def _linear(self) -> np.ndarray | None:
-        """(M, q) whether the law is linear at the quadrature points of the whole pad; None if at none."""
-        return None
-
-    @property
-    def unknowns(self) -> int:
-        """Number of unknowns."""
-        return self.model.assembly.unknowns
-
-    def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement (N, 3) and pressure (corners,) of the whole pad."""
-        return self.part.expand(*self.numbering.split(unknowns))
-
-    def gather(self, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Unknowns of a state of the whole pad that has the symmetry of the load."""
-        return self.numbering.gather(*self.part.restrict(displacement, pressure))
-
-    def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """As much of the way from the unknowns of a known state to a guess as a solve may start from."""
-        return guess
-
-    def ticks(self, response: np.ndarray) -> int:
-        """Into how many fractions a step may be cut, by the change of the unknowns with it to first order."""
-        return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split(response)[0]))
 
     def solve(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         """The equilibrium that Newton's method finds from the unknowns ``start``, if stable.
@@ -226,20 +153,6 @@ class LoadedPad:
         residual on derivatives."""
         return unknowns - linearised.step(self._free_residual(state), self._plate_gap(unknowns, value))
 
-    def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
-        """(m, q, 6) MPa, second Piola-Kirchhoff stress of the law in the part, at a displacement of the whole pad."""
-        return self.model.assembly.elements.isochoric_stress(displacement[self.part.nodes])
-
-    def isochoric_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """(m, q, 6) MPa/s, its rate with a velocity of the whole pad."""
-        return self.model.assembly.elements.isochoric_rate(displacement[self.part.nodes], velocity[self.part.nodes])
-
-    def size_of(self, stress: np.ndarray) -> float:
-        """MPa, root mean square over the pad of a stress (m, q, 6)."""
-        weight = self.model.assembly.elements.weight
-        squares = np.square(stress) @ np.array([1.0, 1, 1, 2, 2, 2])
-        return float(np.sqrt((weight * squares).sum() / weight.sum()))
-
     def solve_after(
         self, start: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
     ) -> tuple[Solution, Linearised]:
@@ -269,23 +182,6 @@ class LoadedPad:
             self.is_stable(linearised, unknowns, value, history)
         self.refuse_unstable(unknowns, linearised.entries, value, history)
         return linearised
-
-    def tangent_at(
-        self, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
-    ) -> Linearised:
-        """The linearised pad at an equilibrium, with the factor of a state ``near`` by if given."""
-        entries = self._evaluate(unknowns, value, history=history).entries
-        assert entries is not None  # no element is inverted
-        return self._linearised(entries, unknowns, value, near)
-
-    def rate_in_time(
-        self, linearised: Linearised, unknowns: np.ndarray, rate: np.ndarray, value: np.ndarray, stress: np.ndarray
-    ) -> np.ndarray:
-        """Rate of the unknowns in equilibrium, per s, with those of the load's value and of an additional second
-        Piola-Kirchhoff stress (m, q, 6)."""
-        load_force = self.model.load_rate(self.numbering.split(unknowns)[0], rate, value)
-        force = load_force - self._stress_forces(unknowns, stress)
-        return linearised.correction(force, self.numbering.plate_values(rate) if self._driven else None)
 
     def equilibrium(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
         """The unknowns of :meth:`solve`, without a check of stability."""
@@ -400,108 +296,8 @@ class LoadedPad:
         return least
 
     @cached_property
-    def contact(self) -> ContactTest:
-        """Test of states of the whole pad, which the part determines."""
-        return ContactTest(self.whole, nodes=self.part.nodes)
-
-    @cached_property
     def _judged_nodes(self) -> np.ndarray:
         return judged_nodes(self.whole)[self.part.nodes]
-
-    def correction(
-        self, linearised: Steps, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
-    ) -> np.ndarray | None:
-        """Correction that a Newton step with a known tangent subtracts from ``unknowns``; None if it fails."""
-        residual = self._free_residual(self._evaluate(unknowns, value, with_tangent=False, history=history))
-        if not np.all(np.isfinite(residual)):
-            return None
-        return linearised.step(residual, self._plate_gap(unknowns, value))
-
-    def response(self, linearised: Linearised, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """Change of the unknowns for an additional second Piola-Kirchhoff stress (m, q, 6), by a nearby factor."""
-        return -linearised.step(self._stress_forces(unknowns, stress))
-
-    def _stress_forces(self, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """Forces over the unknowns of an additional second Piola-Kirchhoff stress (m, q, 6)."""
-        forces = self.model.assembly.elements.pulled(self.numbering.split(unknowns)[0], stress)
-        return self.model.assembly.over_unknowns(forces, np.zeros((len(forces), 4)))
-
-    def plate_force(self, unknowns: np.ndarray) -> np.ndarray:
-        """(3,) force in N on the bonded plate of the whole pad in equilibrium."""
-        residual = self._evaluate(unknowns, np.zeros(3), with_tangent=False).residual
-        return self.part.copies * self.numbering.of_plate(residual)
-
-    def _evaluate(
-        self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True, history: History = NO_HISTORY
-    ) -> Configuration:
-        return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, history.stress_update)
-
-    def _free_residual(self, state: Configuration) -> np.ndarray:
-        """Out-of-balance forces without the reaction of a moved plate, which is irrelevant and large."""
-        residual = state.residual.copy()
-        residual[self._plate_unknowns] = 0.0
-        return residual
-
-    def _error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> float:
-        """Error of equilibrium: the largest relative error of forces, volumes, plate."""
-        forces, volumes = np.split(state.residual, [self.numbering.displacements])
-        load = float(np.linalg.norm(state.load))
-        if self._driven:
-            load = float(np.linalg.norm(forces[self._plate_unknowns]))
-            forces = np.delete(forces, self._plate_unknowns)
-        scale = max(load, self._small_load)
-        missed = self._plate_gap(unknowns, value)
-        gap = 0.0 if missed is None else float(np.abs(missed).max())
-        forces_off, volumes_off = float(np.linalg.norm(forces)), float(np.linalg.norm(volumes))
-        return max(forces_off / scale, volumes_off * self._ticks / TICKS / self._volume, gap / self.height)
-
-    @cached_property
-    def _small_load(self) -> float:
-        """Norm of the load vector of a natural step, or of as many ticks where these are smaller: the scale for smaller
-        loads."""
-        zero = np.zeros((len(self.part.mesh.points), 3))
-        value = np.zeros(self.load.components)
-        value[-1] = self.step
-        if self._driven:
-            return NATURAL_STRAIN * self.material.youngs_modulus * self.load.loaded_area(self.whole) / self.part.copies
-        return TICKS / self._ticks * float(np.linalg.norm(self.model.load_vector(zero, value)))
-
-    @property
-    def _driven(self) -> bool:
-        return self.load.moves_plate
-
-    @cached_property
-    def _plate_unknowns(self) -> np.ndarray:
-        """Unknowns of the plate if the load moves it, else none."""
-        return self.numbering.plate_unknowns if self._driven else np.zeros(0, dtype=np.int64)
-
-    def _plate_gap(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
-        """Deviation of each moved unknown of the plate from its prescribed value, in mm; None without one."""
-        return unknowns[self._plate_unknowns] - self.numbering.plate_values(value) if self._driven else None
-
-    def _linearised(
-        self, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None = None
-    ) -> Linearised:
-        """The linearised pad with given entries at a state, with the factor of a state ``near`` by if given."""
-        lower = self.model.assembly.matrix(entries)
-        constraints = self.model.constraints(self.numbering.split(unknowns)[0], value)
-        return Linearised(entries, lower, self._factored, constraints, self.numbering.displacements, near)
-
-    def _factored(self, lower: sparse.csc_matrix, solver: Solver | None = None) -> Factorisation:
-        try:
-            return (solver or self._solver).factor(lower)
-        except RuntimeError as failure:
-            raise singular(failure) from failure
-
-    def rate(
-        self, linearised: Linearised, unknowns: np.ndarray, direction: np.ndarray, value: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Derivative of the unknowns in equilibrium by the load's value along ``direction``.
-
-        If the load is not linear in its ``value``, that is required.
-        """
-        force = self.model.load_rate(self.numbering.split(unknowns)[0], direction, value)
-        return linearised.correction(force, self.numbering.plate_values(direction) if self._driven else None)
 
     def is_stable(
         self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY

@@ -20,7 +20,7 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.continuation.state import RoofError
-from mitsuba_taxel.mechanics.locate import Location, PointLocator
+from mitsuba_taxel.mechanics.point_locator import Location, PointLocator
 from mitsuba_taxel.pads.regions import REGIONS
 
 _BARYCENTRIC = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])

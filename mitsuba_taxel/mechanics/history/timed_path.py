@@ -40,6 +40,7 @@ from mitsuba_taxel.mechanics.equilibrium.solution import History, Rejected, Solu
 from mitsuba_taxel.mechanics.errors.roof_error import RoofComparison
 from mitsuba_taxel.mechanics.errors.second_meshes import second_meshes, share_of
 from mitsuba_taxel.mechanics.errors.shorter_reach import REMAINDER
+from mitsuba_taxel.mechanics.history.step_state import PathEnded, StepError, StepState, StepTooLong
 from mitsuba_taxel.mechanics.history.time_state import (
     ON_ITS_WAY,
     Figures,
@@ -54,11 +55,7 @@ from mitsuba_taxel.mechanics.history.time_state import (
 from mitsuba_taxel.mechanics.history.time_steps import (
     INTERPOLATION_TOLERANCE,
     TIME_TOLERANCE,
-    PathEnded,
     RowSteps,
-    StepError,
-    StepState,
-    StepTooLong,
     furthest,
     leaps,
     response,

@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.locate import Location, locator_of
+from mitsuba_taxel.mechanics.point_locator import Location, locator_of
 from mitsuba_taxel.mechanics.surface.tessellation import placed
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad

@@ -54,7 +54,7 @@ class MovingWalls:
 
 def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWalls:
     """The state and rates of a linearised pad, interpolated to the nodes of another mesh of the same pad."""
-    from mitsuba_taxel.mechanics.locate import PointLocator
+    from mitsuba_taxel.mechanics.point_locator import PointLocator
     from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 
     state = linear.state

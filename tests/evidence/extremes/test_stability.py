@@ -30,7 +30,8 @@ from mitsuba_taxel.evidence.rows.row import MechanicsRow, cells, headings
 from mitsuba_taxel.evidence.rows.row_files import chosen
 from mitsuba_taxel.geometry.element_maps import worst_element
 from mitsuba_taxel.mechanics import NeoHookean
-from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment, Node
+from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
+from mitsuba_taxel.mechanics.continuation.path_nodes import Node
 from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
 from mitsuba_taxel.pads import REGIONS, Pad
 

@@ -13,7 +13,7 @@ from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.elements import Elements, quadrature_places
 from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces
 from mitsuba_taxel.mechanics.equilibrium.feet import couple_held, near_feet
-from mitsuba_taxel.mechanics.history.time_steps import PathEnded
+from mitsuba_taxel.mechanics.history.step_state import PathEnded
 from mitsuba_taxel.mechanics.history.timed_path import TimedPath
 from mitsuba_taxel.pads import Pad
 

@@ -1,0 +1,80 @@
+"""Solved states on a segment of a load path, and the cubic interpolation between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.equilibrium.solution import Solution
+
+
+@dataclass(frozen=True)
+class Node:
+    """A solved state on a segment at distance ``s`` (N, mm or MPa) from its start, with the tangent d(unknowns)/ds.
+
+    ``seconds`` is the time of its solution.
+    """
+
+    s: float
+    unknowns: np.ndarray
+    tangent: np.ndarray
+    min_jacobian: float
+    residual: float
+    iterations: int
+    stability_checked: bool
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Interpolated:
+    """A state at or between nodes, with its own figures, and the seconds of all nodes up to there.
+
+    ``iterations`` are 0 between nodes; ``stability_checked`` tells whether it lies between states that were checked.
+    """
+
+    unknowns: np.ndarray
+    min_jacobian: float
+    residual: float
+    iterations: int
+    stability_checked: bool
+    seconds: float
+
+    @classmethod
+    def of(cls, solution: Solution | Node, seconds: float) -> Interpolated:
+        """A solution that is known after some seconds."""
+        return cls(
+            unknowns=solution.unknowns,
+            min_jacobian=solution.min_jacobian,
+            residual=solution.residual,
+            iterations=solution.iterations,
+            stability_checked=solution.stability_checked,
+            seconds=seconds,
+        )
+
+
+def hermite(start: Node, end: Node, s: float) -> np.ndarray:
+    """Cubic with the values and tangents of two nodes; exactly the node's values at a node."""
+    if s == end.s:
+        return end.unknowns
+    length = end.s - start.s
+    t = (s - start.s) / length
+    return (
+        (1 + 2 * t) * (1 - t) ** 2 * start.unknowns
+        + t * (1 - t) ** 2 * length * start.tangent
+        + t**2 * (3 - 2 * t) * end.unknowns
+        - t**2 * (1 - t) * length * end.tangent
+    )
+
+
+def hermite_rate(start: Node, end: Node, s: float) -> np.ndarray:
+    """Derivative of :func:`hermite` by s; exactly the node's tangent at a node."""
+    if s == end.s:
+        return end.tangent
+    length = end.s - start.s
+    t = (s - start.s) / length
+    return (
+        6 * t * (1 - t) / length * (end.unknowns - start.unknowns)
+        + (1 - t) * (1 - 3 * t) * start.tangent
+        + t * (3 * t - 2) * end.tangent
+    )

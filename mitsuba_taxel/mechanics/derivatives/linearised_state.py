@@ -1,0 +1,404 @@
+"""Sensitivities of a deformed pad to its load, material and shape.
+
+In equilibrium R(u; value, theta) = 0, so that the unknowns change by du = -K^-1 (dR/dvalue dvalue + dR/dtheta dtheta)
+with the tangent K = dR/du: one back-solve with an existing factor. K is symmetric, so that one more back-solve gives
+the derivatives of any scalar L of the displacement by all parameters: with K a = dL/du, dL/dtheta = -a . dR/dtheta (the
+adjoint method; D. A. Tortorelli and P. Michaleris, Inverse Problems in Engineering 1, 1994).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import array_of, refusal
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.mechanics.contact.indentation import ContactState, Indentation
+from mitsuba_taxel.mechanics.derivatives.material_rates import material_rate
+from mitsuba_taxel.mechanics.elements.element_rates import StrainedElements
+from mitsuba_taxel.mechanics.elements.elements import Elements
+from mitsuba_taxel.mechanics.elements.load_rates import load_rate
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.elements.memory import memory_for
+from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
+from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
+from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
+from mitsuba_taxel.mechanics.equilibrium.tangent_blocks import TangentBlock
+from mitsuba_taxel.mechanics.materials.laws import Material
+
+NO_PART = 1e-12
+"""Component of a velocity in a block, relative to its largest, that counts as zero."""
+
+
+Push = Mapping[TangentBlock, np.ndarray]
+"""Forces over the unknowns of blocks, per unit of a change."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """Derivatives of a scalar L of a pad's displacement.
+
+    Attributes
+    ----------
+    value : (3,) ndarray
+        Per N or mm, or (1,) per MPa: dL by each component of the load's value.
+    material : dict[str, float]
+        Derivatives of L by each parameter of the material, by name.
+    shape : dict[str, float]
+        Derivatives of L by each requested change of shape, by name: through the displacement alone.
+    """
+
+    value: np.ndarray
+    material: dict[str, float]
+    shape: dict[str, float] = field(default_factory=dict)
+
+
+class LinearisedState:
+    """A deformed pad in equilibrium, with its factored tangent; from :func:`linearise`.
+
+    Methods raise `ComputationError` if the state turns out to be unstable against the requested changes.
+
+    Attributes
+    ----------
+    displacement : (N, 3) ndarray
+        Of each node, in mm, in equilibrium to the solver's tolerance.
+    pressure : (corners,) ndarray
+        MPa.
+    """
+
+    def __init__(
+        self,
+        pad: LoadedPad,
+        blocks: Sequence[TangentBlock],
+        unknowns: np.ndarray,
+        value: np.ndarray,
+        linearised: Linearised,
+    ) -> None:
+        self._pad, self._blocks, self._value = pad, blocks, value
+        self._tangents = {blocks[0].model: linearised}
+        self._at_state: dict[Elements, StrainedElements] = {}
+        self.displacement, self.pressure = pad.split(unknowns)
+
+    def by_value(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
+        """(N, 3) derivative of the displacement by the load's value along ``direction``, by one back-solve.
+
+        Parameters
+        ----------
+        direction : Sequence[float] or ndarray
+            (3,) or (1,), like the load's value; a unit vector gives mm per N, mm or MPa.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            At each node.
+
+        Raises
+        ------
+        InputError
+            if its shape differs, or it is not finite.
+        """
+        direction = array_of("direction", direction, (self._pad.load.components,))
+        if not self._driven:
+            return self._answer(self._push_of_value(direction))
+        components = ((block, block.of_value(direction)) for block in self._blocks)
+        gaps = {
+            block: block.model.numbering.plate_values(component) for block, component in components if component.any()
+        }
+        return self._answer({block: np.zeros(block.model.assembly.unknowns) for block in gaps}, gaps)
+
+    def by_material(self, name: str) -> np.ndarray:
+        """(N, 3) derivative of the displacement by a parameter of the material, by one back-solve.
+
+        Parameters
+        ----------
+        name : str
+            One of ``material.parameters``; the others are constant.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            In mm per unit of the parameter, at each node.
+
+        Raises
+        ------
+        InputError
+            if the material has no such parameter.
+        """
+        if name not in self._pad.material.parameters:
+            names = ", ".join(self._pad.material.parameters)
+            raise InputError(f"parameter = {name!r} is not allowed: one of {names} is needed.")
+        return self._answer(self._push_of_material(name))
+
+    def by_shape(self, velocity: np.ndarray) -> np.ndarray:
+        """(N, 3) derivative of the displacement by a movement of the undeformed nodes, by one back-solve.
+
+        The load does not change: a spread force keeps its total, a patch its position in space, a plate its
+        displacement; a pressure follows the surface. The position of a node changes by ``velocity`` plus this.
+
+        Parameters
+        ----------
+        velocity : (N, 3) ndarray
+            Of the nodes, in mm per unit of the change: from `mesh_velocity`, or any other.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            In mm per unit of the change, at each node.
+
+        Raises
+        ------
+        InputError
+            if its shape differs, or it is not finite.
+        """
+        return self._answer(self._push_of_shape(array_of("velocity", velocity, self.displacement.shape)))
+
+    def by_place(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
+        """(N, 3) derivative of the displacement by the place of a patch or an indenter over the undeformed pad.
+
+        Parameters
+        ----------
+        direction : Sequence[float] or ndarray
+            (2,) along x and y; a unit vector gives mm per mm. Plates and other loads have no place: they give zeros.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            At each node.
+
+        Raises
+        ------
+        InputError
+            if its shape differs, or it is not finite.
+        """
+        pad, direction = self._pad, array_of("direction", direction, (2,))
+        if not pad.load.has_position:
+            return np.zeros_like(self.displacement)
+        if pad.load.moved_indenter is not None:
+            return self.by_value([*direction, 0.0])
+        velocity = np.zeros_like(self.displacement)
+        velocity[:, :2] = -direction  # of the pad below a patch that stays
+        loads = load_rate(pad.whole, pad.material, pad.load, self.displacement, self._value, velocity)
+        forces = {block: block.forces(loads) for block in self._blocks}
+        largest = max(np.abs(force).max() for force in forces.values())
+        return self._answer(
+            {block: force for block, force in forces.items() if np.abs(force).max() > NO_PART * largest}
+        )
+
+    def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
+        """The vector-Jacobian product: derivatives of a scalar L by load, material and shape, all by one back-solve.
+
+        Parameters
+        ----------
+        gradient : (N, 3) ndarray
+            Derivative of L by the displacement of each node, per mm; values on nodes of the board are ignored.
+        shapes : Mapping[str, ndarray], optional
+            Velocities (N, 3) as for :meth:`by_shape`, by arbitrary names. If L depends on the positions of nodes, add
+            the sum of ``gradient * velocity``: the undeformed nodes move too.
+
+        Returns
+        -------
+        Gradient
+            Derivatives of L.
+
+        Raises
+        ------
+        InputError
+            if the shape of an array differs, or it is not finite.
+        """
+        gradient = array_of("gradient", gradient, self.displacement.shape)
+        pushes = {
+            name: self._push_of_shape(array_of(f"shapes[{name!r}]", velocity, gradient.shape))
+            for name, velocity in (shapes or {}).items()
+        }
+        adjoints: dict[TangentBlock, np.ndarray] = {}
+
+        def along(push: Push) -> float:
+            total = 0.0
+            for block, forces in push.items():
+                if block not in adjoints:
+                    adjoints[block] = self._solved(block, block.forces(gradient))
+                total += block.model.part.copies * float(adjoints[block] @ forces)
+            return total
+
+        if self._driven:
+            value = np.array([np.vdot(gradient, rate) for rate in self._plate_rates])
+        else:
+            value = np.array([along(push) for push in self._pushes_of_units])
+        material = {name: along(push) for name, push in self._pushes_of_material.items()}
+        return Gradient(value, material, {name: along(push) for name, push in pushes.items()})
+
+    @property
+    def _driven(self) -> bool:
+        return self._pad.load.moves_plate
+
+    def _answer(self, push: Push, gaps: Push | None = None) -> np.ndarray:
+        """(N, 3) displacement due to forces; a driven plate moves by ``gaps``, or is fixed."""
+        total = np.zeros_like(self.displacement)
+        for block, forces in push.items():
+            total += block.displacement(self._solved(block, forces, gaps[block] if gaps else None))
+        return total
+
+    def _solved(self, block: TangentBlock, forces: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
+        with rejections_named(self._pad.load, self._value):
+            return self._tangent(block).correction(forces, gap)
+
+    def _tangent(self, block: TangentBlock) -> Linearised:
+        model, own = block.model, self._blocks[0].model
+        if model not in self._tangents:
+            entries: Any = self._tangents[own].entries
+            if model.part is not own.part:
+                entries = model.evaluate(*self._on(block), self._value).entries
+            self._tangents[model] = block.factored(entries, self._on(block)[0], self._value, self._pad.contacts)
+        return self._tangents[model]
+
+    def _on(self, block: TangentBlock) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement and pressure on the part of a block."""
+        return block.model.part.restrict(self.displacement, self.pressure)
+
+    def _strained(self, block: TangentBlock) -> StrainedElements:
+        elements = block.model.assembly.elements
+        if elements not in self._at_state:
+            self._at_state[elements] = StrainedElements(elements, *self._on(block))
+        return self._at_state[elements]
+
+    def _push_of_value(self, direction: np.ndarray) -> Push:
+        components = ((block, block.of_value(direction)) for block in self._blocks)
+        return {
+            block: block.model.load_rate(self._on(block)[0], component, self._value)
+            for block, component in components
+            if component.any()
+        }
+
+    def _push_of_material(self, name: str) -> Push:
+        block = self._blocks[0]  # which contains the state
+        strained, assembly = self._strained(block), block.model.assembly
+        barrier_forces = block.forces(self._kept_apart / self._pad.material.youngs_modulus)
+
+        def put_up(material: Material) -> np.ndarray:
+            load_forces = block.model.penalty_forces(material, self._on(block)[0], self._value)
+            return (
+                assembly.over_unknowns(*strained.of(material)) - load_forces - material.youngs_modulus * barrier_forces
+            )
+
+        return {block: -material_rate(put_up, self._pad.material, name)}
+
+    def _push_of_shape(self, velocity: np.ndarray) -> Push:
+        pad, push = self._pad, {}
+        loads = load_rate(pad.whole, pad.material, pad.load, self.displacement, self._value, velocity)
+        if pad.contacts:
+            loads = loads + pad.contacts.shape_rate(self.displacement, velocity)
+        for block in self._blocks:
+            component = block.of_field(velocity)
+            if np.abs(component).max() > NO_PART * np.abs(velocity).max():
+                inside = self._strained(block).rates(component)
+                push[block] = block.forces(loads) - block.model.assembly.over_unknowns(*inside)
+        return push
+
+    @cached_property
+    def _kept_apart(self) -> np.ndarray:
+        """(N, 3) N, forces of contact with walls, board and bodies."""
+        contacts = self._pad.contacts
+        return contacts.all_forces(self.displacement) if contacts else np.zeros_like(self.displacement)
+
+    @cached_property
+    def _pushes_of_units(self) -> list[Push]:
+        return [self._push_of_value(unit) for unit in np.eye(self._pad.load.components)]
+
+    @cached_property
+    def _pushes_of_material(self) -> dict[str, Push]:
+        return {name: self._push_of_material(name) for name in self._pad.material.parameters}
+
+    @cached_property
+    def _plate_rates(self) -> list[np.ndarray]:
+        """Derivatives (N, 3) of the displacement by each component of a driven plate's displacement."""
+        return [self.by_value(unit) for unit in np.eye(self._pad.load.components)]
+
+
+class PressedState(LinearisedState):
+    """As a `LinearisedState`, under a force along z on an indenter, which moves on until that is as before.
+
+    Its value is the displacement of the indenter, from which the force follows.
+    """
+
+    def by_value(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
+        direction = array_of("direction", direction, (3,))
+        if direction[:2].any():
+            raise refusal("direction", direction.tolist(), "without friction an indenter only pushes, along z")
+        return direction[2] / self._stiffness * self._by_height
+
+    def by_material(self, name: str) -> np.ndarray:
+        return self._under_force(super().by_material(name), self._gain_by_material(name))
+
+    def by_shape(self, velocity: np.ndarray) -> np.ndarray:
+        rate = super().by_shape(velocity)
+        return self._under_force(rate, self._gain_by_shape(np.asarray(velocity, dtype=float)))
+
+    def by_place(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
+        shift = np.append(array_of("direction", direction, (2,)), 0.0)
+        if not self._pad.load.has_position:
+            return np.zeros_like(self.displacement)
+        rate = super().by_value(shift)
+        return self._under_force(rate, float(self._body.force_rate(self._contact_state, shift, np.zeros_like(rate))[2]))
+
+    def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
+        """As of a `LinearisedState`; the value has a derivative along z alone, others are NaN."""
+        gradient = array_of("gradient", gradient, self.displacement.shape)
+        by_force = float(np.vdot(gradient, self._by_height)) / self._stiffness
+        at_depth = super().pull_back(gradient - by_force * self._body.force_gradient(self._contact_state), shapes)
+        material = {name: along - by_force * self._gain_by_material(name) for name, along in at_depth.material.items()}
+        shape = {
+            name: along - by_force * self._gain_by_shape(np.asarray((shapes or {})[name], dtype=float))
+            for name, along in at_depth.shape.items()
+        }
+        return Gradient(np.array([np.nan, np.nan, by_force]), material, shape)
+
+    def _under_force(self, rate: np.ndarray, gain: float) -> np.ndarray:
+        """A rate of the displacement at a constant depth, corrected for what the force gains, ``gain`` of it at a
+        constant displacement."""
+        gain += float(self._body.force_rate(self._contact_state, np.zeros(3), rate)[2])
+        return rate - gain / self._stiffness * self._by_height
+
+    def _gain_by_material(self, name: str) -> float:
+        """N per unit of a parameter, by the stiffness of contact."""
+        material = self._pad.material
+        modulus = material_rate(lambda other: np.array(other.youngs_modulus), material, name)
+        return float(modulus) / material.youngs_modulus * float(self._contact_state.force[2])
+
+    def _gain_by_shape(self, velocity: np.ndarray) -> float:
+        return float(self._body.shape_rate(self.displacement, self._value, velocity).sum(axis=0)[2])
+
+    @cached_property
+    def _body(self) -> Indentation:
+        assert self._pad.load.moved_indenter is not None
+        return Indentation(self._pad.whole, self._pad.load.moved_indenter, self._pad.material.youngs_modulus)
+
+    @cached_property
+    def _contact_state(self) -> ContactState:
+        return self._body.contact_state(self.displacement, self._value)
+
+    @cached_property
+    def _by_height(self) -> np.ndarray:
+        """(N, 3) rate of the displacement with the height of the indenter."""
+        return super().by_value((0.0, 0.0, 1.0))
+
+    @cached_property
+    def _stiffness(self) -> float:
+        """N/mm."""
+        return float(self._body.force_rate(self._contact_state, np.array([0.0, 0.0, 1.0]), self._by_height)[2])
+
+
+@contextmanager
+def rejections_named(load: Load, value: np.ndarray) -> Iterator[None]:
+    """Turn a rejected state, or a lack of memory, into a ComputationError that names the load."""
+    try:
+        with memory_for("the tangent of the pad"):
+            yield
+    except Rejected as rejection:
+        shown = ", ".join(f"{component:.4g}" for component in value)
+        where = f"{load.quantity} = ({shown}) {load.unit}"
+        raise ComputationError(f"no equilibrium was found at {where}: {rejection}.") from rejection

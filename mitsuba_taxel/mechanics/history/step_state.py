@@ -1,0 +1,101 @@
+"""States of the solved part of a pad at the ends of time steps, and the reasons for which there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact
+from mitsuba_taxel.mechanics.contact.friction import FrictionState
+from mitsuba_taxel.mechanics.elements.internal_variables import InternalVariables
+from mitsuba_taxel.mechanics.equilibrium.solution import Solution
+from mitsuba_taxel.mechanics.materials.creep import Growth
+
+
+class PathEnded(Exception):
+    """No further state: the ``reason``, the ``value`` of the load and the ``fraction`` of the way reached, and a
+    ``contact`` there."""
+
+    def __init__(self, value: np.ndarray, fraction: float, reason: str, contact: Contact | None = None) -> None:
+        super().__init__(reason)
+        self.value, self.fraction, self.reason, self.contact = value, fraction, reason, contact
+
+
+class StepTooLong(Exception):
+    """A step that leads beyond rows is not accurate; one of ``factor`` times its length may be."""
+
+    def __init__(self, factor: float) -> None:
+        super().__init__(factor)
+        self.factor = factor
+
+
+@dataclass(frozen=True, eq=False)
+class StepError:
+    """The estimated error of a state by time steps.
+
+    Attributes
+    ----------
+    deviation : (unknowns,) ndarray
+        Of the unknowns of the part.
+    uncertainty : float
+        Sum in mm of the largest displacements by each step's error, as far as it lasts.
+    """
+
+    deviation: np.ndarray
+    uncertainty: float
+
+
+@dataclass(frozen=True, eq=False)
+class PartMidStep:
+    """A :class:`MidStep` over the unknowns of the solved part, on a ``growth``; ``error`` is the relative size of its
+    remainder, and that is over displacements in one row."""
+
+    growth: Growth
+    start_velocity: np.ndarray
+    correction: np.ndarray
+    remainder: np.ndarray
+    error: float
+    cubic_stress: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class StepState:
+    """A state between two rows, at a ``fraction`` of the way.
+
+    Attributes
+    ----------
+    solution : Solution
+    variables : InternalVariables
+        Internal variables of the part.
+    velocity : (unknowns,) ndarray or None
+        Rate of the unknowns per s; None if unknown, or where the load jumps.
+    unchecked : float
+        Largest displacement in mm since displacements without the symmetry of the load were last checked.
+    friction_state : FrictionState or None
+        Friction.
+    load_memory : ndarray or None
+        Of the load, of :class:`CreepResponse`.
+    error : StepError or None
+        None where steps are linear in time.
+    mid_step : PartMidStep or None
+        Of the step that led here.
+    next_length : float
+        In s, of a next step that may lead beyond rows.
+    """
+
+    fraction: float
+    solution: Solution
+    variables: InternalVariables
+    velocity: np.ndarray | None
+    unchecked: float
+    friction_state: FrictionState | None = None
+    load_memory: np.ndarray | None = None
+    error: StepError | None = None
+    mid_step: PartMidStep | None = None
+    next_length: float = 0.0
+
+    @property
+    def unknowns(self) -> np.ndarray:
+        """Of the part."""
+        return self.solution.unknowns
