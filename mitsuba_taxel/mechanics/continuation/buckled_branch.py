@@ -1,12 +1,12 @@
 """The stable states of a pad that has buckled: those on the branch that begins at the end of a segment.
 
-Where a branch begins, the displacement changes without limit with the load, and both are smooth functions of the
-amplitude of the mode in which the pad buckles. So the branch is a segment of states of given amplitude, of which the
-load is one more unknown (E. Riks, Int. J. Solids Struct. 15, 1979). The load must rise with the amplitude, and states
-be stable under it: where it falls, a pad jumps. Where it falls at first only, by as little as elements may decide, the
-pad is followed to beyond.
+At the start of a branch the derivative of the displacement by the load is unbounded, and both are smooth functions of
+the amplitude of the mode in which the pad buckles. So the branch is a segment of states of prescribed amplitude, with
+the load as an additional unknown (E. Riks, Int. J. Solids Struct. 15, 1979). The load must rise with the amplitude, and
+the states must be stable under it: where the load falls, a pad jumps. Where it falls only at first, by as little as
+elements may decide, the branch is followed further.
 
-Where a pad that goes on presses on what it touches, it bends little further: from there on the load is given again, and
+A pad with ``self_contact`` that presses on something bends little more: from there on the load is prescribed again, and
 the branch is stable under it.
 """
 
@@ -30,10 +30,11 @@ from mitsuba_taxel.mechanics.equilibrium.natural_step import NATURAL_STRAIN, TIC
 from mitsuba_taxel.mechanics.equilibrium.solution import UNSTABLE, Rejected, Solution
 
 PRECISE = 1e-14
-"""Tolerance of the amplitude that belongs to a load, in mm and relative."""
+"""Tolerance of the amplitude for a load, in mm and relative."""
 
 LEAP = 1.0
-"""Amplitude, relative to a whole step, within which the load may fall where a branch begins: a pad leaps as far."""
+"""Amplitude, relative to a whole step, within which the load may fall at the start of a branch: the pad jumps as
+far."""
 FALLS = f"{UNSTABLE}: the load falls as the pad buckles"
 
 
@@ -49,9 +50,9 @@ class _Bordered(NamedTuple):
 
 
 class BuckledPad:
-    """A pad in which the amplitude of a mode is given, in mm; its load is the last of the unknowns.
+    """A pad with a prescribed amplitude of a mode in mm; the load is the last unknown.
 
-    To a `LoadSegment`, it is a pad as any other, with the amplitude as the load's value.
+    A `LoadSegment` follows it like any other pad, with the amplitude as the value of the load.
 
     Parameters
     ----------
@@ -98,7 +99,8 @@ class BuckledPad:
         for iteration in range(MOST_ITERATIONS):
             value = self._segment.value(unknowns[-1])
             solution = self.pad.figures_at(unknowns[:-1], value, iteration, True)
-            bordered = self._bordered(unknowns)
+            tangent = self.pad.tangent_at(unknowns[:-1], value, None)
+            bordered = _Bordered(tangent, self.pad.rate(tangent, unknowns[:-1], self._segment.direction, value))
             correction = self.correction(bordered, unknowns, amplitude)
             if correction is None:
                 break
@@ -110,11 +112,6 @@ class BuckledPad:
             if iteration and solution.residual < RESIDUAL_TOLERANCE:
                 return replace(solution, unknowns=unknowns), bordered
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
-
-    def _bordered(self, unknowns: np.ndarray) -> _Bordered:
-        value = self._segment.value(unknowns[-1])
-        tangent = self.pad.tangent_at(unknowns[:-1], value, None)
-        return _Bordered(tangent, self.pad.rate(tangent, unknowns[:-1], self._segment.direction, value))
 
     def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, amplitude: np.ndarray) -> None:
         self.pad.refuse_unstable(unknowns[:-1], entries, self._segment.value(unknowns[-1]))
@@ -133,7 +130,7 @@ class BuckledPad:
         return np.append(correction + load * bordered.rate, load)
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        return self.pad.towards(known, guess)  # the load, the last of them, goes as much of the way
+        return self.pad.towards(known, guess)  # the load, the last unknown, by the same fraction
 
 
 class BuckledBranch:
@@ -213,20 +210,17 @@ class BuckledBranch:
         """Solve the states by their amplitude up to a distance, or until the pad has ``touched`` something."""
         curve = self.curve
         if len(curve.nodes) == 1:
-            self._begin()
+            # If the load falls from the start of the branch, no shorter step helps: the branch ends there.
+            little, first = LEAP * curve.step, curve.nodes[0]
+            try:
+                self.buckled.solve_symmetric(first.unknowns + little * first.tangent, np.array([little]))
+            except Rejected as rejection:
+                if str(rejection) == FALLS:
+                    curve.limit, curve.reason = 0.0, f"cannot be loaded further ({FALLS})"
         curve.extend(
             self.buckled, math.inf, lambda: curve.nodes[0].unknowns, contact,
             lambda: self.solved_to >= s or touched(),
         )  # fmt: skip
-
-    def _begin(self) -> None:
-        """End the branch at its begin if the load falls from there: no shorter step helps."""
-        little, first = LEAP * self.curve.step, self.curve.nodes[0]
-        try:
-            self.buckled.solve_symmetric(first.unknowns + little * first.tangent, np.array([little]))
-        except Rejected as rejection:
-            if str(rejection) == FALLS:
-                self.curve.limit, self.curve.reason = 0.0, f"cannot be loaded further ({FALLS})"
 
     def load_at(self, amplitude: float) -> float:
         """Distance along the segment of the state of an amplitude."""
@@ -255,7 +249,7 @@ class BuckledBranch:
         return float(self.curve.nodes[-1].unknowns[-1])
 
     def _amplitude(self, s: float) -> float:
-        """That of the state at a distance: where the load has fallen before, of that beyond."""
+        """Amplitude in mm of the state at a distance: beyond the interval in which the load has fallen, if it has."""
         from scipy.optimize import brentq  # here, as only pads that buckle need it
 
         nodes = self.curve.nodes

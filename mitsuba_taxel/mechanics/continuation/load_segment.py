@@ -30,9 +30,9 @@ CONTACT_RESOLUTION = 1e-3 * TICKS
 
 
 class Followed(Protocol):
-    """What a segment asks of a pad: its states under values of a load, or of what takes its place.
+    """Interface of a pad that a segment follows: states under values of a load, or of another path parameter.
 
-    Methods are those of a `LoadedPad`. What solves return along with a state is handed back as it is.
+    Methods are those of a `LoadedPad`. The linearised pad that solves return is only passed back.
     """
 
     solves_between: ClassVar[bool]
@@ -129,12 +129,13 @@ class LoadSegment:
         ----------
         pad : Followed
         s : float
-            Distance.
+            Distance along the segment.
         start : Callable[[], ndarray]
-            Finds the unknowns at the origin.
+            Computes the unknowns at the origin.
         contact : ContactTest
+            Test for contacts of the deformed pad.
         far_enough : Callable[[], bool]
-            Tells between intervals whether further nodes are unnecessary.
+            Whether no more nodes are needed; called between intervals.
         """
         self.begin(pad, start)
         solve = pad.solve_symmetric if self.judged else pad.solve_linearised
@@ -144,15 +145,24 @@ class LoadSegment:
             last, tick = self.nodes[-1], self.tick
             position = round(last.s / tick)
             length = min(position & -position, self.ticks) or TICKS
-            if self._needed_middle(pad):
-                length = min(length, round((last.s - self.nodes[-2].s) / tick))
+            if len(self.nodes) > 2 and not pad.solves_between:
+                start_node, middle, _ = self.nodes[-3:]
+                if middle.s == 0.5 * (start_node.s + last.s):
+                    difference = hermite(start_node, last, middle.s) - middle.unknowns
+                    if not self._is_little(difference, middle.unknowns, pad):
+                        length = min(length, round((last.s - middle.s) / tick))
 
             nodes: list[Node] = []
             while not nodes:
                 target, shortest = (position + length) * tick, length == 1
                 try:
-                    # Predict and correct; then see whether a cubic between both nodes is accurate.
-                    end, linearised = self._node(pad, solve, target, self._guess(pad, target))
+                    # Predict, by the last interval's cubic up to its length, else linearly, and correct; then test
+                    # whether a cubic between both nodes is accurate.
+                    guess = last.unknowns + (target - last.s) * last.tangent
+                    if len(self.nodes) > 1 and not pad.solves_between:
+                        if target - last.s <= last.s - self.nodes[-2].s:
+                            guess = hermite(self.nodes[-2], last, target)
+                    end, linearised = self._node(pad, solve, target, pad.towards(last.unknowns, guess))
                     fits = shortest or self._interpolates(pad, last, end, linearised)
                     entries = linearised.entries
                     del linearised  # frees much memory
@@ -208,13 +218,6 @@ class LoadSegment:
         del linearised
         return [node for half, fits in zip(halves, fit, strict=True) for node in self._between(pad, *half, fits)]
 
-    def _guess(self, pad: Followed, s: float) -> np.ndarray:
-        """Extrapolated unknowns beyond the last node: by the last interval's cubic up to its length, else linearly."""
-        last = self.nodes[-1]
-        if len(self.nodes) > 1 and s - last.s <= last.s - self.nodes[-2].s and not pad.solves_between:
-            return pad.towards(last.unknowns, hermite(self.nodes[-2], last, s))
-        return pad.towards(last.unknowns, last.unknowns + (s - last.s) * last.tangent)
-
     def _node(self, pad: Followed, solve: Solve, s: float, guess: np.ndarray) -> tuple[Node, Any]:
         began = time.perf_counter()
         solution, linearised = solve(guess, self.value(s))
@@ -241,16 +244,6 @@ class LoadSegment:
         if correction is None:
             return False
         return self._is_little(correction, unknowns, pad)
-
-    def _needed_middle(self, pad: Followed) -> bool:
-        """Whether the last two intervals are of equal length, and as one would not be interpolated accurately."""
-        if len(self.nodes) < 3 or pad.solves_between:
-            return False
-        start, middle, end = self.nodes[-3:]
-        if middle.s != 0.5 * (start.s + end.s):
-            return False
-        difference = hermite(start, end, middle.s) - middle.unknowns
-        return not self._is_little(difference, middle.unknowns, pad)
 
     def _is_little(self, correction: np.ndarray, unknowns: np.ndarray, pad: Followed) -> bool:
         """Whether the displacements, the first of the unknowns, are within the tolerance."""

@@ -124,18 +124,25 @@ REMEMBERED = 5
 def accelerated(
     start: np.ndarray, correct: Callable[[np.ndarray], np.ndarray | None], displacements: int, tolerance: float
 ) -> tuple[np.ndarray, int]:
-    """The unknowns at which a correction vanishes, and the number of corrections made.
+    """The unknowns at which a correction vanishes, by Anderson's method (D. G. Anderson, J. ACM 12, 1965).
 
     Parameters
     ----------
     start : (n,) ndarray
         Unknowns near by.
     correct : Callable[[ndarray], ndarray | None]
-        What a step of the iteration subtracts from the unknowns; None if there is none.
+        Correction that a step of the iteration subtracts from unknowns; None if it fails.
     displacements : int
         Number of displacements among the unknowns; they come first.
     tolerance : float
-        Root mean square of the displacements of the last correction made, relative to the largest displacement.
+        Root mean square of the displacements of the last correction, relative to the largest displacement.
+
+    Returns
+    -------
+    unknowns : (n,) ndarray
+        At which the correction vanishes.
+    count : int
+        Number of corrections.
 
     Raises
     ------
@@ -152,20 +159,17 @@ def accelerated(
             raise Rejected("the tangent of another state leads no closer")
         iterates = [*iterates[-REMEMBERED:], unknowns]
         corrections, last = [*corrections[-REMEMBERED:], correction], size
-        unknowns = _combined(iterates, corrections, displacements)
+
+        # The combination of the last iterates whose correction is least. Not by matrix products, whose rounding depends
+        # on the number of threads.
+        unknowns = unknowns - correction
+        if len(iterates) > 1:
+            steps, differences = np.diff(iterates, axis=0), np.diff(corrections, axis=0)
+            displaced = differences[:, :displacements]
+            products = np.einsum("in,jn->ij", displaced, displaced)
+            right_side = np.einsum("in,n->i", displaced, correction[:displacements])
+            weights = np.linalg.lstsq(products, right_side, rcond=None)[0]
+            unknowns = unknowns - np.einsum("i,in->n", weights, steps - differences)
         if size <= tolerance * np.abs(unknowns[:displacements]).max():
             return unknowns, iteration
     raise Rejected(f"the tangent of another state leads no closer in {MOST_ITERATIONS} iterations")
-
-
-def _combined(places: list[np.ndarray], corrections: list[np.ndarray], displacements: int) -> np.ndarray:
-    """The next unknowns, from the last ones and their corrections."""
-    iterate, correction = places[-1], corrections[-1]
-    if len(places) == 1:
-        return iterate - correction
-    steps, differences = np.diff(places, axis=0), np.diff(corrections, axis=0)
-    displaced, last = differences[:, :displacements], correction[:displacements]
-    # Not as matrix products, whose rounding depends on the number of threads.
-    products, right_side = np.einsum("in,jn->ij", displaced, displaced), np.einsum("in,n->i", displaced, last)
-    weights = np.linalg.lstsq(products, right_side, rcond=None)[0]
-    return iterate - correction - np.einsum("i,in->n", weights, steps - differences)

@@ -142,3 +142,15 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
             f"times[{number}] = {when[number]:g} s is not allowed: at least {before[number]:g} s is needed."
         )
     return LoadHistory((float(time), tuple(map(float, value))) for time, value in zip(when, values, strict=True))
+
+
+def rate_is_new(rows: LoadHistory) -> bool:
+    """Whether the last rate of the load lasted for one row only, so that the next rate may do so too."""
+    if not rows or rows[-1][0] == (rows[-2][0] if len(rows) > 1 else 0.0):
+        return False  # no rate yet, or a jump
+    points = [(0.0, np.zeros(len(rows[0][1]))), *(rows[k] for k in range(max(len(rows) - 3, 0), len(rows)))][-3:]
+    if len(points) < 3:
+        return True
+    times, values = np.array([time for time, _ in points]), np.array([value for _, value in points])
+    (first, second), (before, after) = np.diff(times), np.diff(values, axis=0)
+    return not np.allclose(before * second, after * first, rtol=1e-9, atol=0)

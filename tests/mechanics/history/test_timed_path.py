@@ -27,7 +27,7 @@ from mitsuba_taxel.mechanics import (
 from mitsuba_taxel.mechanics.contact import resolution
 from mitsuba_taxel.mechanics.contact.indenters import punch
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
-from mitsuba_taxel.mechanics.history import pushed_path, time_steps, timed_path
+from mitsuba_taxel.mechanics.history import pushed_path, time_steps, timed_states
 from mitsuba_taxel.mechanics.history.timed_path import TimedPath
 from mitsuba_taxel.pads import Pad
 
@@ -158,7 +158,7 @@ def test_the_stated_error_of_time_steps_is_at_least_half_the_true_one_in_every_r
     soft = Viscoelastic(NeoHookean(1.0, 0.49), prony)
     values = way[:, None] * np.array([0, 0, -0.7 if prony is WEAK else -0.4])
     found = states(values, times, soft, SpreadForce())
-    for module in (time_steps, timed_path):
+    for module in (time_steps, timed_states):
         monkeypatch.setattr(module, "TIME_TOLERANCE", 1e-5)
         monkeypatch.setattr(module, "INTERPOLATION_TOLERANCE", 1e-6)
     TimedPath.of.cache_clear()
