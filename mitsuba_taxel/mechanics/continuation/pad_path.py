@@ -168,17 +168,19 @@ class PadPath(PathStates):
         except ComputationError:
             return False
 
-    def force(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, share: float = 1) -> np.ndarray:
+    def force(
+        self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, fraction: float = 1
+    ) -> np.ndarray:
         """(3,) N, force of a canonical state on the plate or indenter that moves it by ``value``, or on the board.
 
-        ``share`` is that of a :class:`SelfTouchingPad`.
+        ``fraction`` is that of a :class:`SelfTouchingPad`.
         """
         if not self.load.self_contact:
             return glued_force(self.mesh, self.material, displacement, pressure)
         if self.load.moved_indenter is not None:
             body = Indentation(self.mesh, self.load.moved_indenter, self.material.youngs_modulus)
             return body.contact_state(displacement, value).force
-        linear = where_linear(self.mesh, self.load, share)
+        linear = where_linear(self.mesh, self.load, fraction)
         return glued_force(self.mesh, self.material, displacement, pressure, region="top", linear=linear)
 
     def refuse_unresolved(self, value: np.ndarray, displacement: np.ndarray | None, largest: float = LARGEST) -> None:

@@ -1,7 +1,8 @@
 """The feet of a pad's upright outer edges, where two free sides meet the glued bottom.
 
 There the volume ratio of any law for large strains falls without limit as elements become smaller: the foot rolls over
-onto the board, and the path of a pad that goes on would end by its elements. A linear law has no such limit.
+onto the board, and the path of a pad with ``self_contact`` would end because of its elements. A linear law has no such
+limit.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ SHARP = 30.0
 """Least turn of the glued outer rim at a foot, in degrees."""
 
 
-def where_linear(mesh: VolumeMesh, load: Load, share: float = 1.0) -> np.ndarray | None:
+def where_linear(mesh: VolumeMesh, load: Load, fraction: float = 1.0) -> np.ndarray | None:
     """Quadrature points of the elements at which the law is linear: near the feet of the cells' walls.
 
     Parameters
@@ -32,7 +33,7 @@ def where_linear(mesh: VolumeMesh, load: Load, share: float = 1.0) -> np.ndarray
         Of the undeformed pad.
     load : Load
         On the pad.
-    share : float
+    fraction : float
         Of :data:`RADIUS`, within which they are.
 
     Returns
@@ -43,17 +44,17 @@ def where_linear(mesh: VolumeMesh, load: Load, share: float = 1.0) -> np.ndarray
     """
     if not load.self_contact:
         return None
-    nodes_near = near_feet(mesh, share)
+    nodes_near = near_feet(mesh, fraction)
     return nodes_near if nodes_near.any() else None
 
 
-def near_feet(mesh: VolumeMesh, share: float = 1.0) -> np.ndarray:
+def near_feet(mesh: VolumeMesh, fraction: float = 1.0) -> np.ndarray:
     """(m, q) whether the quadrature points of the elements are near a foot."""
-    return are_at_feet(mesh, quadrature_places(mesh), share)
+    return are_at_feet(mesh, quadrature_places(mesh), fraction)
 
 
 def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
-    """A sentence if what is touched at a place (3,) in mm is the board, below a foot; else nothing."""
+    """A sentence for messages if the pad touches the board below a foot, at a place (3,) in mm; else empty."""
     if touched != "the board" or not are_at_feet(mesh, place):
         return ""
     return " That is the foot of an upright edge, which rolls over earlier on smaller elements."
@@ -83,9 +84,9 @@ def couple_held(
     return np.array([virial[1, 2] - virial[2, 1], virial[2, 0] - virial[0, 2], virial[0, 1] - virial[1, 0]])
 
 
-def are_at_feet(mesh: VolumeMesh, places: np.ndarray, share: float = 1.0) -> np.ndarray:
-    """(...) whether places (..., 3) in mm are within a ``share`` of :data:`RADIUS` of a foot."""
-    inside, radius = np.zeros(places.shape[:-1], dtype=bool), share * RADIUS * float(np.ptp(mesh.points[:, 2]))
+def are_at_feet(mesh: VolumeMesh, places: np.ndarray, fraction: float = 1.0) -> np.ndarray:
+    """(...) whether places (..., 3) in mm are within a ``fraction`` of :data:`RADIUS` of a foot."""
+    inside, radius = np.zeros(places.shape[:-1], dtype=bool), fraction * RADIUS * float(np.ptp(mesh.points[:, 2]))
     for foot in mesh.points[rim_corners(mesh, "bottom", SHARP)]:
         inside |= np.linalg.norm(places - foot, axis=-1) < radius
     return inside

@@ -1,6 +1,6 @@
 """Equilibrium of a pad under an indenter: Newton's method with contact pressures as additional unknowns.
 
-In each step the pad is linear, and the nodes in contact are determined exactly, from the flexibility of these few
+In each iteration the pad is linear, and the contact set is determined exactly from the flexibility of the pad at few
 nodes, by back-solves with the factor of the pad alone.
 """
 
@@ -26,12 +26,12 @@ from mitsuba_taxel.mechanics.equilibrium.natural_step import NATURAL_STRAIN
 from mitsuba_taxel.mechanics.equilibrium.solution import NO_HISTORY, Balanced, History, Rejected, Solution
 
 SLOW_PRESSED = 0.2
-"""A factored tangent is reused while each iteration reduces the error below this fraction: more than without an
-indenter, as nodes that come into contact keep the error large, whatever the tangent."""
+"""A factored tangent is reused while each iteration reduces the error below this fraction. It is larger than without an
+indenter, because nodes that come into contact keep the error large with any tangent."""
 MOST_HALVINGS = 5
 """Number of halvings of a Newton step that would invert an element."""
 LIKELY = 0.25
-"""Largest gap, relative to a step of the path, of nodes that may be in contact at the start of a solve."""
+"""Largest gap of nodes that may be in contact at the start of a solve, relative to a step of the path."""
 
 
 class IndentedPad(LoadedPad):
@@ -49,7 +49,7 @@ class IndentedPad(LoadedPad):
     def friction_state_at(
         self, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> FrictionState | None:
-        """Friction after an equilibrium that followed on a ``history``."""
+        """State of friction at an equilibrium after a ``history``; None without friction."""
         if self.friction is None:
             return None
         displacement = self.numbering.split(unknowns)[0]
@@ -62,7 +62,7 @@ class IndentedPad(LoadedPad):
     def _own_traction(
         self, displacement: np.ndarray, value: np.ndarray, contact_state: ContactState, history: History
     ) -> np.ndarray:
-        """(m, 3) MPa, tractions due to slip at the contact ``pressing``; raises without friction."""
+        """(m, 3) MPa, tractions due to slip at the contact ``contact_state``; raises without friction."""
         assert self.friction is not None
         tangents, slip_position = (
             self.friction.tangents(contact_state),
@@ -87,7 +87,7 @@ class IndentedPad(LoadedPad):
         try:
             return super().is_stable(linearised, unknowns, value, history)
         except Rejected as unstable:
-            factor = self._with_straight_pushes(unknowns, value, history)
+            factor = self._with_fixed_directions(unknowns, value, history)
             constraints = self.model.constraints(self.numbering.split(unknowns)[0], value)
             if factor.negative_pivots == self.numbering.pressures + constraints.negative(factor):
                 raise Rejected(
@@ -107,21 +107,21 @@ class IndentedPad(LoadedPad):
         In each iteration the pad is linear, and on that the contact set is found exactly: no gap is negative, no
         pressure pulls, and one of both is 0 (P. Wriggers, Computational Contact Mechanics, 2006, chapter 10).
         """
-        # Of the pressures at the start nothing is known but that they balance it.
+        # The pressures at the start are unknown: those that balance it best.
         unknowns, first_error, last_error, distance = start, 0.0, math.inf, 0.0
-        forces = self._likely_pushes(unknowns, value, history)
-        state = self._pushed(unknowns, value, forces, True, history)
+        forces = self._initial_pressures(unknowns, value, history)
+        state = self._under_forces(unknowns, value, forces, True, history)
         contact = self._contact(linearised.factor, state) if linearised else None
         for iteration in range(self._most_iterations):
-            # In equilibrium, with the pressures that follow from the gaps? The error under the pressures of the
-            # iteration, and what its gaps lack to these, tells how good the tangent still is.
-            error = max(self._checked_error(state, unknowns, value, first_error, history), self._out_of_touch(state))
-            settled = self._settled(state, unknowns, value, history)
-            residual_error = self._error(settled, unknowns, value)
+            # Test for equilibrium, with the pressures that follow from the gaps. The error under the pressures of the
+            # iteration, and of its gaps, measures how good the tangent still is.
+            error = max(self._checked_error(state, unknowns, value, first_error, history), self._gap_error(state))
+            consistent = self._with_gap_pressures(state, unknowns, value, history)
+            residual_error = self._error(consistent, unknowns, value)
             if residual_error < RESIDUAL_TOLERANCE:
                 return Balanced(
                     unknowns=unknowns,
-                    state=settled,
+                    state=consistent,
                     error=residual_error,
                     iterations=iteration,
                     linearised=linearised,
@@ -132,7 +132,7 @@ class IndentedPad(LoadedPad):
             if contact is None or error > SLOW_PRESSED * last_error:
                 linearised = contact = None  # frees its memory for the next one
                 if state.entries is None:
-                    state = self._pushed(unknowns, value, forces, True, history)
+                    state = self._under_forces(unknowns, value, forces, True, history)
                 assert state.entries is not None  # no element is inverted
                 linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
                 contact = self._contact(linearised.factor, state)
@@ -145,7 +145,7 @@ class IndentedPad(LoadedPad):
             if change is None:
                 linearised = contact = None  # frees its memory for the next one
                 contact = _LinearContact(
-                    self, self._with_straight_pushes(unknowns, value, history), _contact_state_of(state)
+                    self, self._with_fixed_directions(unknowns, value, history), _contact_state_of(state)
                 )
                 change = contact.step(state, forces, slip)
             if change is None:
@@ -167,21 +167,20 @@ class IndentedPad(LoadedPad):
         error: float,
         history: History,
     ) -> tuple[float, Configuration]:
-        """How much of a change of unknowns and pressures to make, halved until no element is inverted, and the pad
-        there."""
+        """Length of a step of unknowns and forces, halved until no element is inverted, and the pad there."""
         length, (step, force_step) = 1.0, change
         for _ in range(MOST_HALVINGS):
-            state = self._pushed(unknowns + length * step, value, forces + length * force_step, False, history)
+            state = self._under_forces(unknowns + length * step, value, forces + length * force_step, False, history)
             if state.min_jacobian > 0:
                 break
             length *= 0.5
         return length, state
 
     def _contact(self, factor: Factorisation, state: Configuration) -> _LinearContact:
-        """The pad linearised at a state, by a factor of its tangent."""
+        """The pad linearised at a state, with a factor of its tangent."""
         return _LinearContact(self, factor, _contact_state_of(state), factor.negative_pivots - self.numbering.pressures)
 
-    def _with_straight_pushes(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
+    def _with_fixed_directions(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
         """Factor of the tangent at a state under pressures whose directions do not follow the indenter's normals.
 
         Those that do push the pad off a sharply rounded body, so that the linear pad may be unstable although the pad
@@ -191,10 +190,10 @@ class IndentedPad(LoadedPad):
         assert inside.entries is not None  # no element is inverted
         return self._linearised(inside.entries, unknowns, value).factor
 
-    def _pushed(
+    def _under_forces(
         self, unknowns: np.ndarray, value: np.ndarray, forces: np.ndarray, with_tangent: bool, history: History
     ) -> Configuration:
-        """The pad under ``forces`` (m, 3) MPa: pressures, and tractions along its tangents."""
+        """The pad under ``forces`` (m, 3) in MPa: pressures, and tractions along two tangents."""
         displacement, pressure = self.numbering.split(unknowns)
         traction = None
         if self.friction is not None:
@@ -205,17 +204,17 @@ class IndentedPad(LoadedPad):
         )
 
     def _slip(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, history: History) -> np.ndarray:
-        """(m, 2) mm³ along the tangents."""
+        """(m, 2) mm³, slip along the tangents since the history; (m, 0) without friction."""
         if self.friction is None:
             return np.zeros((len(self.model.indentation.node), 0))
         slip_position = self.friction.slip_position(self.numbering.split(unknowns)[0], value)
         before = history.friction_state or self.friction.at_rest()
         return self.friction.slip(self.friction.tangents(_contact_state_of(state)), slip_position, before)
 
-    def _settled(
+    def _with_gap_pressures(
         self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, history: History
     ) -> Configuration:
-        """The same displacement with the pressures of its gaps and the tractions of its slip."""
+        """The state with the pressures of its gaps and the tractions of its slip."""
         contact_state, body = _contact_state_of(state), self.model.indentation
         own = contact_state._replace(pressure=np.maximum(-contact_state.gap, 0.0) / body.slack)
         if self.friction is not None:
@@ -224,7 +223,7 @@ class IndentedPad(LoadedPad):
         load = self.numbering.summed(own.nodal_forces)
         return replace(state, residual=state.residual + state.load - load, load=load, entries=None, contact_state=own)
 
-    def _out_of_touch(self, state: Configuration) -> float:
+    def _gap_error(self, state: Configuration) -> float:
         """Largest gap at a node in contact, or depth at one that is not, relative to the pad's height."""
         contact_state, body = _contact_state_of(state), self.model.indentation
         gap = np.where(
@@ -234,11 +233,11 @@ class IndentedPad(LoadedPad):
         )
         return float(np.abs(gap / body.area)[self.model.may_press].max(initial=0.0)) / self.height
 
-    def _likely_pushes(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> np.ndarray:
-        """(m, 3) pressures that best balance the pad at a displacement out of equilibrium, without tractions."""
+    def _initial_pressures(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> np.ndarray:
+        """(m, 3) MPa, pressures that best balance the pad at a displacement out of equilibrium, without tractions."""
         body = self.model.indentation
         forces = np.zeros((len(body.node), 3))
-        state = self._pushed(unknowns, value, forces, False, history)
+        state = self._under_forces(unknowns, value, forces, False, history)
         contact_state = _contact_state_of(state)
         likely = np.flatnonzero((contact_state.gap < LIKELY * self.step * body.area) & self.model.may_press)
         if state.min_jacobian > 0 and state.residual.any():
@@ -258,81 +257,93 @@ class _LinearContact:
 
     Parameters
     ----------
+    pad : IndentedPad
+        The pad.
     factor : Factorisation
         Of the tangent at constant pressures.
-    pressing : ContactState
-        State of contact.
+    contact_state : ContactState
+        Gaps at the state.
     surplus : int
-        Number of negative eigenvalues of the tangent which pressures have to remove, as if nothing stuck.
+        Number of negative eigenvalues of the tangent that contact pressures have to remove.
     """
 
     def __init__(self, pad: IndentedPad, factor: Factorisation, contact_state: ContactState, surplus: int = 0) -> None:
-        self._factor, self._may, self._friction, self._surplus = factor, pad.model.may_press, pad.friction, surplus
+        self._factor, self._may_press, self._friction = factor, pad.model.may_press, pad.friction
+        self._surplus = surplus
         rows = [contact_state.rate]
         if pad.friction is not None:
             rows.append(pad.friction.rows(pad.friction.tangents(contact_state)))
         self._rows = pad.model.over_unknowns(sparse.csr_array(sparse.vstack(rows)))
-        self._count, self._ways = len(self._may), self._rows.shape[0] // len(self._may)
-        self._slack = np.tile(pad.model.indentation.slack, self._ways)
-        self._known = np.zeros(0, dtype=np.int64)
+        self._count = len(self._may_press)
+        self._directions = self._rows.shape[0] // self._count  # 1, or 3 with friction
+        self._slack = np.tile(pad.model.indentation.slack, self._directions)
+        self._solved_nodes = np.zeros(0, dtype=np.int64)
         self._responses = np.zeros((len(self._slack), 0))
 
-    def step(
-        self, state: Configuration, pushed_by: np.ndarray, slip: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Changes of the unknowns and of pressures and tractions (m, 3) to a stable equilibrium of the linear pad and
-        the indenter; None if there is none, or it is not found.
+    def step(self, state: Configuration, forces: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Step to a stable equilibrium of the linear pad and the indenter.
 
         By the Schur complement of the pad's unknowns: gaps are linear in the pressures, with the flexibility of the pad
-        at the candidates as their matrix, which is small.
+        at the candidates for contact as their matrix, which is small.
+
+        Parameters
+        ----------
+        state : Configuration
+            Residual and gaps of the pad.
+        forces : (m, 3) ndarray
+            MPa, pressures, and tractions along two tangents.
+        slip : (m, 2) ndarray
+            mm³, along these tangents.
+
+        Returns
+        -------
+        tuple[ndarray, ndarray] or None
+            Changes of the unknowns, and of the forces; None if no equilibrium is found.
         """
-        # Gaps and slip that the free pad would have.
-        before = pushed_by[:, : self._ways].T.ravel()
+        # Gaps and slip of the pad without a change of the forces.
+        before = forces[:, : self._directions].T.ravel()
         free = -self._factor.solve_roughly(state.residual)
         offset = np.concatenate([_contact_state_of(state).gap, slip.T.ravel()]) + self._rows @ free
         count, force_change = self._count, np.zeros(len(before))
 
         # Solve for the candidates, add the nodes that then are inside the body, and so on.
-        candidates = self._may & ((before[:count] > 0) | (offset[:count] < 0))
+        candidates = self._may_press & ((before[:count] > 0) | (offset[:count] < 0))
         while candidates.any():
-            self._learn(np.flatnonzero(candidates))
-            rows = (self._known + count * np.arange(self._ways)[:, None]).ravel()
+            # Responses of all nodes to pressures and tractions at new candidates, by back-solves.
+            new = np.setdiff1d(np.flatnonzero(candidates), self._solved_nodes)
+            new_rows = (new + count * np.arange(self._directions)[:, None]).ravel()
+            shape = len(self._slack), self._directions, -1
+            new_responses = responses(self._factor, self._rows, self._rows[new_rows]).reshape(shape)
+            self._responses = np.concatenate([self._responses.reshape(shape), new_responses], axis=2)
+            self._responses = self._responses.reshape(len(self._slack), -1)
+            self._solved_nodes = np.concatenate([self._solved_nodes, new])
+
+            # Pressures, followed by tractions, at all candidates.
+            rows = (self._solved_nodes + count * np.arange(self._directions)[:, None]).ravel()
             matrix = self._responses[rows] + np.diag(self._slack[rows])
-            solved = self._settled(matrix, offset[rows] - self._responses[rows] @ before[rows], before[rows])
-            if solved is None:
+            candidate_offset = offset[rows] - self._responses[rows] @ before[rows]
+            if self._friction is None:
+                solution = pressures(matrix, candidate_offset, before[rows] > 0)
+            else:
+                solution = tractions(matrix, candidate_offset, self._friction.coefficient, before[rows])
+            if solution is None:
                 return None
-            force_change[rows] = solved - before[rows]
-            candidates = self._may & (offset[:count] + self._responses[:count] @ force_change[rows] < 0)
-            candidates[self._known] = False
+            force_change[rows] = solution - before[rows]
+            candidates = self._may_press & (offset[:count] + self._responses[:count] @ force_change[rows] < 0)
+            candidates[self._solved_nodes] = False
 
-        # Pressures must hold the pad where its tangent alone is unstable.
-        if self._surplus and not self._is_stable(before[:count] + force_change[:count] > 0):
-            return None
-        force_changes = np.zeros_like(pushed_by)
-        force_changes[:, : self._ways] = force_change.reshape(self._ways, count).T
+        # Where the tangent alone is unstable, the nodes in contact must hold the pad (E. V. Haynsworth, Linear Algebra
+        # Appl. 1, 1968).
+        if self._surplus:
+            active = before[:count] + force_change[:count] > 0
+            columns = np.flatnonzero(active[self._solved_nodes])
+            nodes = self._solved_nodes[columns]
+            flexibility = self._responses[np.ix_(nodes, columns)] + np.diag(self._slack[nodes])
+            if int(np.count_nonzero(np.linalg.eigvalsh(flexibility) < 0)) != self._surplus:
+                return None
+        force_changes = np.zeros_like(forces)
+        force_changes[:, : self._directions] = force_change.reshape(self._directions, count).T
         return free + self._factor.solve_roughly(self._rows.T @ force_change), force_changes
-
-    def _settled(self, matrix: np.ndarray, offset: np.ndarray, before: np.ndarray) -> np.ndarray | None:
-        """Pressures, followed by tractions."""
-        if self._friction is None:
-            return pressures(matrix, offset, before > 0)
-        return tractions(matrix, offset, self._friction.coefficient, before)
-
-    def _is_stable(self, pressed: np.ndarray) -> bool:
-        """Whether the linear pad is, constraints at the nodes that are ``pressed`` (m,) (E. V. Haynsworth, 1968)."""
-        at = np.flatnonzero(pressed[self._known])
-        nodes = self._known[at]
-        flexibility = self._responses[np.ix_(nodes, at)] + np.diag(self._slack[nodes])
-        return int(np.count_nonzero(np.linalg.eigvalsh(flexibility) < 0)) == self._surplus
-
-    def _learn(self, nodes: np.ndarray) -> None:
-        """Compute the response of all nodes to pressures and tractions at these."""
-        new = np.setdiff1d(nodes, self._known)
-        rows = (new + self._count * np.arange(self._ways)[:, None]).ravel()
-        new_responses = responses(self._factor, self._rows, self._rows[rows]).reshape(len(self._slack), self._ways, -1)
-        previous = self._responses.reshape(len(self._slack), self._ways, -1)
-        self._responses = np.concatenate([previous, new_responses], axis=2).reshape(len(self._slack), -1)
-        self._known = np.concatenate([self._known, new])
 
 
 def _contact_state_of(state: Configuration) -> ContactState:

@@ -21,7 +21,7 @@ MOST_REFINEMENTS = 20
 
 
 class Steps(Protocol):
-    """A tangent with factors, its own or those of another state."""
+    """A tangent that is factored, or approximated by the factors of another state."""
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
         """The change of the unknowns for a ``residual``, to the accuracy of the factors, for use in an iteration."""
@@ -57,7 +57,7 @@ class Linearised:
 
     @cached_property
     def _flexibility(self) -> np.ndarray:
-        """(k, k) response of the constrained sums to the constraint forces."""
+        """(k, k) response of the constrained combinations to the multipliers."""
         return self.constraints.flexibility(self.factor)
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
@@ -65,7 +65,7 @@ class Linearised:
         return self._answer(residual, gap)[0]
 
     def _answer(self, residual: np.ndarray, gap: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and the constraint forces."""
+        """Change of the unknowns to the accuracy of the factor, and the Lagrange multipliers."""
         free = self.factor.solve_roughly(residual)
         if not len(self.constraints.slack):
             return free, np.zeros(0)
@@ -74,8 +74,20 @@ class Linearised:
         return free + self.factor.solve_roughly(self.constraints.rows.T @ multipliers), multipliers
 
     def correction(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """The change of the unknowns for a ``residual``, with constrained sums changing by ``gap``, by nothing if
-        None."""
+        """Change of the unknowns for a residual, by iterative refinement.
+
+        Parameters
+        ----------
+        residual : (unknowns,) ndarray
+            Out-of-balance forces and volumes.
+        gap : (k,) ndarray, optional
+            Change of the constrained combinations; 0 by default.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            The change. If the factor of a nearby state does not converge, the tangent is factored.
+        """
         rows, slack, last = self.constraints.rows, self.constraints.slack, math.inf
         gap = np.zeros(len(slack)) if gap is None else gap
         solution, multipliers = self._answer(residual, gap)
@@ -93,7 +105,7 @@ class Linearised:
         return solution
 
     def stiffness(self, mode: np.ndarray) -> float:
-        """N/mm, that against a mode over the unknowns."""
+        """Stiffness in N/mm against a mode over the unknowns."""
         return float(mode @ symmetric_product(self._lower, mode))
 
     @cached_property

@@ -33,11 +33,10 @@ MOST_ITERATIONS = 20
 MOST_HALVINGS = 6
 """Number of halvings of a Newton step that inverts an element."""
 SLOW = 0.1
-"""A factored tangent is reused while each iteration reduces the error below this fraction, ..."""
+"""A factored tangent is reused while each iteration reduces the error below this fraction, or ..."""
 FEW_ITERATIONS, FEW_UNKNOWNS = 3, 20_000
-"""... or so many more of the same effect will do, which cost less than factorising another; for more unknowns than
-these, more, since the cost of a factorisation grows faster with their number n than that of an iteration, by about
-n^(2/3)."""
+"""... while so many more iterations of the same effect suffice, which cost less than a factorisation. For n unknowns,
+more than these, their number grows by n^(2/3), like the cost of a factorisation relative to that of an iteration."""
 NEAR = 1e-3
 """Distance of displacements, relative to the largest, within which the tangent of a nearby state is used."""
 
@@ -45,8 +44,8 @@ NEAR = 1e-3
 class LoadedPad(MeshedPad):
     """A meshed pad glued to the board, under a load.
 
-    All solves find an equilibrium by Newton's method (:meth:`_balanced`); they differ in what is checked, and in whose
-    tangent they return:
+    All solves find an equilibrium by Newton's method (:meth:`_balanced`). They differ in the check of stability, and in
+    the tangent that they return:
 
     ======================== ============================================== ========================================
     method                   stability is checked against                   tangent, and its factor
@@ -64,16 +63,21 @@ class LoadedPad(MeshedPad):
     """
 
     def solve(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """The equilibrium that Newton's method finds from the unknowns ``start``, if stable.
+        """The stable equilibrium that Newton's method finds.
 
         Parameters
         ----------
-        value : (3,) ndarray
-            N or mm, or (1,) MPa: of the load on the whole pad.
+        start : (unknowns,) ndarray
+            Where the iteration starts.
+        value : (3,) or (1,) ndarray
+            Of the load on the whole pad, in N, mm or MPa.
 
         Returns
         -------
-        The solution and the linearised pad there.
+        solution : Solution
+            The equilibrium.
+        linearised : Linearised
+            The pad linearised there.
 
         Raises
         ------
@@ -109,8 +113,14 @@ class LoadedPad(MeshedPad):
 
         Parameters
         ----------
+        unknowns : (unknowns,) ndarray
+            Of the equilibrium.
         entries : ndarray
             Of the tangent there, :attr:`Linearised.entries`.
+        value : ndarray
+            Of the load.
+        history : History
+            Earlier states that the equilibrium depends on.
         """
         try:
             refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value, history.stress_update))
@@ -118,7 +128,7 @@ class LoadedPad(MeshedPad):
             raise singular(failure) from failure
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve`, at rest or between states of a path that :meth:`solve` has found stable.
+        """As :meth:`solve`, at rest or between stable states of a path.
 
         Displacements without the symmetry of the load are not checked again, and the linearised pad is that of a state
         within `NEAR`.
@@ -140,7 +150,7 @@ class LoadedPad(MeshedPad):
         return replace(solution, unknowns=unknowns), linearised
 
     def equilibrium_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve_with_tangent`, an equilibrium that need not be stable."""
+        """As :meth:`solve_with_tangent`, but the equilibrium may be unstable."""
         balanced = self._balanced(start, value)
         linearised = self.tangent_at(balanced.unknowns, value, None)
         unknowns = self._further_step(linearised, balanced.state, balanced.unknowns, value)
@@ -149,8 +159,8 @@ class LoadedPad(MeshedPad):
     def _further_step(
         self, linearised: Linearised, state: Configuration, unknowns: np.ndarray, value: np.ndarray
     ) -> np.ndarray:
-        """The unknowns after one more step from an equilibrium, which costs a back-solve, and removes the effect of the
-        residual on derivatives."""
+        """The unknowns after one more Newton step from an equilibrium, which costs a back-solve and removes the effect
+        of the residual on derivatives."""
         return unknowns - linearised.step(self._free_residual(state), self._plate_gap(unknowns, value))
 
     def solve_after(
@@ -171,7 +181,7 @@ class LoadedPad(MeshedPad):
     def stable_tangent(
         self, unknowns: np.ndarray, value: np.ndarray, near: Linearised, history: History = NO_HISTORY
     ) -> Linearised:
-        """The linearised pad at an equilibrium that all displacements leave stable; raises Rejected if one does not.
+        """The linearised pad at an equilibrium; raises Rejected if it is unstable against any displacement.
 
         The factor is that of a state ``near`` by if :class:`Stability` checks displacements with the symmetry of the
         load too.
@@ -190,9 +200,9 @@ class LoadedPad(MeshedPad):
     def figures_at(
         self, unknowns: np.ndarray, value: np.ndarray, iterations: int, checked: bool, history: History = NO_HISTORY
     ) -> Solution:
-        """The figures of unknowns near balance; raises Rejected if elements are inverted.
+        """The solution of interpolated unknowns, with its residual; raises Rejected if elements are inverted.
 
-        ``checked`` tells whether their stability is known.
+        ``checked`` is whether their stability is known.
         """
         state = self._evaluate(unknowns, value, with_tangent=False, history=history)
         error = self._checked_error(state, unknowns, value, 0.0, history)
@@ -205,7 +215,7 @@ class LoadedPad(MeshedPad):
         linearised: Linearised | None = None,
         history: History = NO_HISTORY,
     ) -> Balanced:
-        """Newton's method, whose iterations share a factored tangent as long as they get on with it.
+        """Newton's method, whose iterations share a factored tangent as long as they converge fast enough.
 
         With the residual r and its tangent K, iterations are u <- u - K^-1 r (J. Bonet and R. D. Wood, Nonlinear
         Continuum Mechanics for Finite Element Analysis, 2nd ed., 2008, chapter 9).
@@ -213,8 +223,8 @@ class LoadedPad(MeshedPad):
         unknowns, first_error, last_error, distance = start.copy(), 0.0, math.inf, 0.0
         correction = np.zeros_like(unknowns)
         for iteration in range(MOST_ITERATIONS):
-            # The residual here; the tangent as well, only if no factored one is left. A step that has inverted an
-            # element is halved.
+            # The residual, and the tangent only if no factored one is available. A step that has inverted an element is
+            # halved.
             state = self._evaluate(unknowns, value, linearised is None, history)
             for _ in range(MOST_HALVINGS):
                 if state.min_jacobian > 0 or not iteration:
@@ -223,7 +233,7 @@ class LoadedPad(MeshedPad):
                 unknowns = unknowns + correction
                 state = self._evaluate(unknowns, value, history=history)
 
-            # In equilibrium?
+            # Test for equilibrium.
             error = self._checked_error(state, unknowns, value, first_error, history)
             if error < RESIDUAL_TOLERANCE:
                 return Balanced(
@@ -235,26 +245,32 @@ class LoadedPad(MeshedPad):
                     distance=distance,
                 )
 
-            # A tangent is factored at first, and where the last one has become too poor.
-            if state.entries is None and _slow(error, last_error, self.unknowns):
-                state = self._evaluate(unknowns, value, history=history)
+            # A tangent is factored at first, and where the last one has become too poor: where it reduces the error
+            # slowly, and more iterations with it would cost more than a factorisation.
+            if state.entries is None:
+                ratio, few = error / last_error, FEW_ITERATIONS * max(1.0, self.unknowns / FEW_UNKNOWNS) ** (2 / 3)
+                if ratio > SLOW and error * ratio**few > RESIDUAL_TOLERANCE:
+                    state = self._evaluate(unknowns, value, history=history)
             if state.entries is not None:
                 linearised = None  # frees its memory for the next one
                 linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
             assert linearised is not None  # of an earlier iteration
             first_error, last_error = first_error or error, error
 
-            # One step, and how far the tangent is away by now.
+            # One step, and the distance from the state of the tangent.
             correction = linearised.step(self._free_residual(state), self._plate_gap(unknowns, value))
             distance += float(np.abs(correction[: self.numbering.displacements]).max())
             unknowns = unknowns - correction
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
     def _accepted(self, balanced: Balanced, checked: bool) -> Solution:
-        least = min(balanced.state.min_jacobian, self._least_nodal_jacobian(balanced.unknowns))
+        """The solution of an equilibrium; raises Rejected if an element is inverted at a node."""
+        nodal = self.model.least_nodal_jacobian(self.numbering.split(balanced.unknowns)[0], self._judged_nodes)
+        if not nodal > 0:
+            raise Rejected(f"an element would be inverted at a node (J = {nodal:.2g})")
         return Solution(
             unknowns=balanced.unknowns,
-            min_jacobian=least,
+            min_jacobian=min(balanced.state.min_jacobian, nodal),
             residual=balanced.error,
             iterations=balanced.iterations,
             stability_checked=checked,
@@ -275,25 +291,16 @@ class LoadedPad(MeshedPad):
         if not state.min_jacobian > 0:
             raise Rejected(f"an element would be inverted (J = {state.min_jacobian:.2g})")
         if not first and history.stress_update is None:
-            self._refuse_beyond_corners(value)
+            limit = gives_way(-value[-1], self.whole, self.material, self.load)
+            if math.isfinite(limit):
+                raise Rejected(
+                    f"corners of its top give way beyond {limit:.3g} MPa of constant direction, whatever the elements: "
+                    "a plate, load = plate_force, keeps their shape"
+                )
         error = self._error(state, unknowns, value)
         if not error < 1e6 * max(first or error, 1.0):
             raise Rejected("Newton's method diverges")
         return error
-
-    def _refuse_beyond_corners(self, value: np.ndarray) -> None:
-        limit = gives_way(-value[-1], self.whole, self.material, self.load)
-        if math.isfinite(limit):
-            raise Rejected(
-                f"corners of its top give way beyond {limit:.3g} MPa of constant direction, whatever the elements: a "
-                "plate, load = plate_force, keeps their shape"
-            )
-
-    def _least_nodal_jacobian(self, unknowns: np.ndarray) -> float:
-        least = self.model.least_nodal_jacobian(self.numbering.split(unknowns)[0], self._judged_nodes)
-        if not least > 0:
-            raise Rejected(f"an element would be inverted at a node (J = {least:.2g})")
-        return least
 
     @cached_property
     def _judged_nodes(self) -> np.ndarray:
@@ -311,23 +318,28 @@ class LoadedPad(MeshedPad):
         return Stability(self.whole, self.mirrors, self.images, self.model, self._solver_name)
 
 
-def _slow(error: float, last: float, unknowns: int) -> bool:
-    """Whether to factorise another tangent, rather than to go on with one that reduced the ``last`` error to this."""
-    ratio, few = error / last, FEW_ITERATIONS * max(1.0, unknowns / FEW_UNKNOWNS) ** (2 / 3)
-    return ratio > SLOW and error * ratio**few > RESIDUAL_TOLERANCE
-
-
 HARMLESS = 0.2
-"""Pressure in shear moduli up to which corners are not looked at: those of silicones bear 0.4 to 1.2."""
+"""Pressure in shear moduli up to which corners are not tested: those of silicones bear 0.4 to 1.2."""
 
 
 def gives_way(force: float, mesh: VolumeMesh, material: Material, load: Load) -> float:
-    """Pressure in MPa at which corners of the top give way, if a load presses with more; infinite if not.
+    """Pressure at which corners of the top become unstable, if a load exceeds it.
 
     Parameters
     ----------
     force : float
-        In N, with which the load presses.
+        Of the load in N, downwards.
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    material : Material
+        Elastic law of the silicone.
+    load : Load
+        Kind of load.
+
+    Returns
+    -------
+    float
+        In MPa; infinite if the corners are stable.
     """
     if not load.loads_rim:
         return math.inf

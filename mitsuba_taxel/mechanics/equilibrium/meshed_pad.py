@@ -74,11 +74,11 @@ class MeshedPad:
 
     @property
     def contacts(self) -> Contacts | None:
-        """What the pad is kept off, if its load goes on there."""
+        """The barriers of the pad; None if its load has no ``self_contact``."""
         return None
 
     def _linear(self) -> np.ndarray | None:
-        """(M, q) whether the law is linear at the quadrature points of the whole pad; None if at none."""
+        """(M, q) whether the law is linear at the quadrature points of the whole pad; None if it is at none."""
         return None
 
     @property
@@ -95,11 +95,11 @@ class MeshedPad:
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """As much of the way from the unknowns of a known state to a guess as a solve may start from."""
+        """The guess, or a point on the line from the unknowns of a state to it, from which a solve may start."""
         return guess
 
     def ticks(self, response: np.ndarray) -> int:
-        """Into how many fractions a step may be cut, by the change of the unknowns with it to first order."""
+        """Number of smallest fractions of a step, from the change of the unknowns by the step to first order."""
         return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split(response)[0]))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:

@@ -12,13 +12,13 @@ from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 THIN_STEP = 0.125
-"""Largest step of an indenter, relative to its thickness: one that moves through the surface at once is not felt."""
+"""Largest step of an indenter, relative to its thickness: in a larger step it may pass through the surface."""
 NATURAL_STRAIN = 0.02
 """Approximate mean strain of one step of a load path."""
 TICKS = 64
-"""Smallest fraction of a whole step, of pads that it strains little more."""
+"""Number of smallest fractions of a step, for pads that a step strains as a block."""
 MOST_TURNED = 0.05
-"""Largest gradient of the displacement by the smallest fraction of a step."""
+"""Largest displacement gradient by the smallest fraction of a step."""
 
 
 def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
@@ -41,6 +41,8 @@ def ticks_of(elements: Elements, response: np.ndarray) -> int:
 
     Parameters
     ----------
+    elements : Elements
+        Of the pad.
     response : (N, 3) ndarray
         In mm, change of the displacement with one step, to first order.
     """

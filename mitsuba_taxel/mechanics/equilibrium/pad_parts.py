@@ -79,13 +79,13 @@ def new_pad(
     mirrors: Sequence[Mirror],
     images: Mapping[Mirror, np.ndarray],
     bodies: RigidBodies | None = None,
-    share: float = 1.0,
+    fraction: float = 1.0,
     ticks: int = TICKS,
 ) -> LoadedPad:
-    """As :func:`loaded_pad`, one that nobody shares; ``share`` is that of a :class:`SelfTouchingPad`."""
+    """As :func:`loaded_pad`, but not shared with other callers; ``fraction`` is that of a :class:`SelfTouchingPad`."""
     indented, arguments = load.moved_indenter is not None, (mesh, material, load, mirrors, images)
     if load.self_contact:
         return (IndentedTouchingPad if indented else SelfTouchingPad)(
-            *arguments, bodies=bodies, share=share, ticks=ticks
+            *arguments, bodies=bodies, fraction=fraction, ticks=ticks
         )
     return (IndentedPad if indented else LoadedPad)(*arguments, ticks=ticks)

@@ -21,35 +21,44 @@ from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE, L
 from mitsuba_taxel.mechanics.equilibrium.solution import NO_HISTORY, Balanced, History, Rejected
 
 MOST_ITERATIONS = 40
-"""More than of a pad without contact, as its corners may slide off others on the way."""
+"""More than without contact, because corners may slide off others during a solve."""
 MOST_HALVINGS = 6
 """Number of halvings of a Newton step that does not bring the pad closer to balance."""
 OVERSHOT = 0.5
-"""Slope of the energy along a step, relative to that at its begin, up to which it may rise again at its end."""
+"""Largest slope of the energy at the end of a step, relative to that at its start, with opposite sign."""
 
 
 class SelfTouchingPad(LoadedPad):
-    """A meshed pad glued to the board, whose walls stay apart, and off the board and rigid ``bodies``.
+    """A meshed pad glued to the board, whose walls are kept apart, and off the board and rigid bodies.
 
-    The whole pad touches itself, also across the mirrors of the part that is solved for. Its barriers and tangent are
-    restricted to displacements of the part. Against others, stability is that of the tangent of the whole. The reach of
-    the barriers is a ``share`` of the usual one. Further parameters are those of a `LoadedPad`.
+    The whole pad may touch itself, also across the mirrors of the part that is solved for. Its barriers and their
+    tangent are restricted to displacements of the part. Stability against other displacements is that of the whole
+    tangent.
+
+    Parameters
+    ----------
+    *parts, **more : Any
+        As of a `LoadedPad`.
+    bodies : RigidBodies, optional
+        Bodies that the pad may touch.
+    fraction : float
+        Reach of the barriers, relative to the usual one.
     """
 
     solves_between = True
     _analysed: tuple[tuple[bytes, ...], Solver] | None = None
     """Pattern of the last tangent, and a solver that has analysed it."""
 
-    def __init__(self, *parts: Any, bodies: RigidBodies | None = None, share: float = 1.0, **more: Any) -> None:
-        self._bodies, self._share = bodies, share
+    def __init__(self, *parts: Any, bodies: RigidBodies | None = None, fraction: float = 1.0, **more: Any) -> None:
+        self._bodies, self._fraction = bodies, fraction
         super().__init__(*parts, **more)
 
     def _linear(self) -> np.ndarray | None:
-        return where_linear(self.whole, self.load, self._share)
+        return where_linear(self.whole, self.load, self._fraction)
 
     @cached_property
     def contacts(self) -> Contacts:
-        return Contacts(self.whole, self.material.youngs_modulus, self._bodies, self._share)
+        return Contacts(self.whole, self.material.youngs_modulus, self._bodies, self._fraction)
 
     @cached_property
     def _expansion(self) -> sparse.csr_array:
@@ -60,9 +69,9 @@ class SelfTouchingPad(LoadedPad):
         return sparse.csr_array(self.model.over_unknowns(of_part))
 
     def closer(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """The unknowns in balance near those of a state, with half the reach."""
+        """The unknowns in equilibrium near those of a state, with half the reach."""
         arguments = self.whole, self.material, self.load, self.mirrors, self.images, self._solver_name
-        return type(self)(*arguments, bodies=self._bodies, share=0.5 * self._share).equilibrium(unknowns, value)
+        return type(self)(*arguments, bodies=self._bodies, fraction=0.5 * self._fraction).equilibrium(unknowns, value)
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
         fraction = self.contacts.free_fraction(self.split(known)[0], self.split(guess)[0])
@@ -75,7 +84,7 @@ class SelfTouchingPad(LoadedPad):
         if not self.contacts.stiffness(displacement).nnz:
             super().refuse_unstable(unknowns, entries, value, history)
         elif self.mirrors:
-            whole_pad = self._of_whole
+            whole_pad = self._whole_pad
             stress_update = history.stress_update and history.stress_update.on(whole_pad.part, self.whole)
             alike = whole_pad.gather(displacement, pressure)
             tangent = whole_pad._evaluate(alike, value, history=History(stress_update)).entries
@@ -83,17 +92,17 @@ class SelfTouchingPad(LoadedPad):
             whole_pad.is_stable(whole_pad._linearised(tangent, alike, value), alike, value, History(stress_update))
 
     @cached_property
-    def _of_whole(self) -> SelfTouchingPad:
+    def _whole_pad(self) -> SelfTouchingPad:
         arguments = self.whole, self.material, self.load
-        whole_pad = type(self)(*arguments, solver=self._solver_name, bodies=self._bodies, share=self._share)
+        whole_pad = type(self)(*arguments, solver=self._solver_name, bodies=self._bodies, fraction=self._fraction)
         whole_pad.contacts = self.contacts
         return whole_pad
 
     def is_stable(
         self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> bool:
-        """As of a `LoadedPad`, whatever forces do that turn about corners: these are corners of cut faces and of
-        bodies that are sharper than the elements."""
+        """As of a `LoadedPad`, without the effect of forces that turn about corners: corners of cut faces and of bodies
+        are sharper than the elements."""
         try:
             return super().is_stable(linearised, unknowns, value, history)
         except Rejected:
@@ -114,31 +123,31 @@ class SelfTouchingPad(LoadedPad):
         """
         unknowns, first_error = start, 0.0
         for iteration in range(MOST_ITERATIONS):
-            # In equilibrium with the forces of the barriers?
+            # Test for equilibrium with the forces of the barriers.
             state = self._evaluate(unknowns, value, history=history)
             error = self._checked_error(state, unknowns, value, first_error, history)
             if error < RESIDUAL_TOLERANCE:
                 return Balanced(unknowns=unknowns, state=state, error=error, iterations=iteration)
             first_error = first_error or error
 
-            # Where the energy has no minimum, a step would lead to a saddle: a tangent without what turns forces about
-            # corners leads down.
+            # Where the energy has no minimum, a step would lead to a saddle point. A tangent without forces that turn
+            # about corners leads downwards.
             assert state.entries is not None  # no element is inverted
             linearised = self._linearised(state.entries, unknowns, value)
             if linearised.negative > self.numbering.pressures:
                 linearised = self._linearised(state.entries, unknowns, value, steady=True)
             step = linearised.step(self._free_residual(state), self._plate_gap(unknowns, value))
-            unknowns = self._along(unknowns, -step, state, value, history)
+            unknowns = self._line_search(unknowns, -step, state, value, history)
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
-    def _along(
+    def _line_search(
         self, unknowns: np.ndarray, step: np.ndarray, state: Configuration, value: np.ndarray, history: History
     ) -> np.ndarray:
-        """The first unknowns along a step, halved until so, that are closer to balance, or not far beyond the least
+        """Line search: unknowns along a step, halved until they are closer to balance, or not far beyond the least
         energy.
 
-        Out-of-balance forces may grow on the way to a minimum of the energy, where a corner slides off an edge. There
-        the step is doubled as long as the energy falls on.
+        Out-of-balance forces may grow towards a minimum of the energy, where a corner slides off an edge. There the
+        step is doubled as long as the energy falls.
         """
         error, least, best = self._error(state, unknowns, value), math.inf, unknowns
 
@@ -171,7 +180,7 @@ class SelfTouchingPad(LoadedPad):
                     length, trial_slope = 2 * length, beyond_slope
                 return unknowns + length * step
 
-            # If no length does, the best of all.
+            # If no length is accepted, the best of all.
             if residual_error < least:
                 best, least = trial, residual_error
         if math.isinf(least):
@@ -179,17 +188,17 @@ class SelfTouchingPad(LoadedPad):
         return best
 
     def _slope(self, step: np.ndarray, state: Configuration) -> float:
-        """Derivative of the energy at a state by the share of a step."""
+        """Derivative of the energy at a state by the length of a step."""
         displacements = slice(self.numbering.displacements)
         return float(step[displacements] @ self._free_residual(state)[displacements])
 
     def _evaluate(
         self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True, history: History = NO_HISTORY
     ) -> Configuration:
-        return self._kept_apart(super()._evaluate(unknowns, value, with_tangent, history), unknowns)
+        return self._with_contacts(super()._evaluate(unknowns, value, with_tangent, history), unknowns)
 
-    def _kept_apart(self, state: Configuration, unknowns: np.ndarray) -> Configuration:
-        """A state with the forces of contact added."""
+    def _with_contacts(self, state: Configuration, unknowns: np.ndarray) -> Configuration:
+        """A state with the forces of the barriers added."""
         if not state.min_jacobian > 0:
             return state
         forces = self.contacts.all_forces(self.split(unknowns)[0]).ravel()
@@ -211,7 +220,7 @@ class SelfTouchingPad(LoadedPad):
             lower = sum_of_triangles(lower, added)
         pattern = lower.indptr.tobytes(), lower.indices.tobytes()
         analysed = self._analysed  # once, as another thread may replace it
-        if analysed is None or analysed[0] != pattern:  # other pairs: it has to be analysed again
+        if analysed is None or analysed[0] != pattern:  # other contact pairs have another pattern
             self._analysed = analysed = pattern, make_solver(self._solver_name)
         constraints = self.model.constraints(self.numbering.split(unknowns)[0], value)
         factor = partial(self._factored, solver=analysed[1])
@@ -227,12 +236,12 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
 
     _most_iterations: ClassVar[int] = MOST_ITERATIONS
 
-    def _pushed(
+    def _under_forces(
         self, unknowns: np.ndarray, value: np.ndarray, forces: np.ndarray, with_tangent: bool, history: History
     ) -> Configuration:
-        return self._kept_apart(super()._pushed(unknowns, value, forces, with_tangent, history), unknowns)
+        return self._with_contacts(super()._under_forces(unknowns, value, forces, with_tangent, history), unknowns)
 
-    def _with_straight_pushes(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
+    def _with_fixed_directions(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
         """As of an :class:`IndentedPad`; forces that turn about corners of walls do not make it unstable either."""
         inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.stress_update)
         assert inside.entries is not None  # no element is inverted
@@ -247,17 +256,17 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
         error: float,
         history: History,
     ) -> tuple[float, Configuration]:
-        """How much of a change collides with nothing and leads closer to balance, halved until so; else the best of
-        these."""
+        """Length of a step that collides with nothing, halved until it leads closer to balance; else the best
+        length."""
         step, force_step = change
         displacement, guess = self.split(unknowns)[0], self.split(unknowns + step)[0]
         length, least = self.contacts.free_fraction(displacement, guess), math.inf
         best: tuple[float, Configuration] | None = None
         for _ in range(MOST_HALVINGS):
             trial = unknowns + length * step
-            state = self._pushed(trial, value, forces + length * force_step, False, history)
+            state = self._under_forces(trial, value, forces + length * force_step, False, history)
             if state.min_jacobian > 0:
-                trial_error = max(self._error(state, trial, value), self._out_of_touch(state))
+                trial_error = max(self._error(state, trial, value), self._gap_error(state))
                 if trial_error < least:
                     least, best = trial_error, (length, state)
                 if trial_error < (1 - 0.25 * length) * error:

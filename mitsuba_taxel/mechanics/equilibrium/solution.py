@@ -1,4 +1,4 @@
-"""What a solve for equilibrium finds, and the reasons for which it is rejected."""
+"""Result of a solve for equilibrium, and the reasons for which it is rejected."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """What an equilibrium depends on besides its load: states at earlier times.
+    """Earlier states that an equilibrium depends on.
 
     Attributes
     ----------
     stress_update : StressUpdate or None
-        Composition of the stress of a viscoelastic pad; None if it is elastic.
+        Stress of a viscoelastic pad as a function of that of the law; None if it is elastic.
     friction_state : FrictionState or None
-        Friction of an indenter at the end of the step before; None where nothing has touched the pad.
+        Friction of an indenter at the end of the previous step; None where nothing has touched the pad.
     """
 
     stress_update: StressUpdate | None = None

@@ -195,4 +195,4 @@ class TimedPath(TimedStates):
         solved = path.mesh, path.material, at.shape.displacement, at.shape.pressure, overstress
         if not self_contact:
             return glued_force(*solved)
-        return -glued_force(*solved, region="top", linear=where_linear(path.mesh, path.load, self._share))
+        return -glued_force(*solved, region="top", linear=where_linear(path.mesh, path.load, self._fraction))

@@ -69,12 +69,12 @@ class TimedStates:
         The silicone.
     coarsening : int
         As in :class:`RowSteps`.
-    share : float
+    fraction : float
         Fraction of the reach of contact, as of a :class:`SelfTouchingPad`.
     """
 
-    def __init__(self, path: PadPath, material: Viscoelastic, coarsening: int = 1, share: float = 1.0) -> None:
-        self._path, self._material, self._coarsening, self._share = path, material, coarsening, share
+    def __init__(self, path: PadPath, material: Viscoelastic, coarsening: int = 1, fraction: float = 1.0) -> None:
+        self._path, self._material, self._coarsening, self._fraction = path, material, coarsening, fraction
         self._moving = path.load.driven or path.load
         self._response = response(self._moving, material)
         self._known: OrderedDict[LoadHistory, TimeState] = OrderedDict()
@@ -374,7 +374,7 @@ class TimedStates:
         if mirrors not in self._pads:
             # Not a shared pad, because this one has a history.
             arguments = self._path.mesh, self._path.material, self._moving, mirrors, images
-            self._pads[mirrors] = new_pad(*arguments, bodies=self._path.bodies, share=self._share)
+            self._pads[mirrors] = new_pad(*arguments, bodies=self._path.bodies, fraction=self._fraction)
         return self._pads[mirrors]
 
     def _touch(self, pad: LoadedPad, unknowns: np.ndarray) -> Contact | None:
@@ -399,6 +399,6 @@ class TimedStates:
             INTERPOLATION_TOLERANCE,
             available_solvers()[0],
             self._coarsening,
-            self._share,
+            self._fraction,
         ]
         return cache.key("timed", path.key_parts, self._material.prony, numerics, rows.digest.hex())

@@ -60,7 +60,7 @@ def test_the_error_by_the_reach_is_the_change_with_a_far_shorter_one(name, bodie
     nothing = StateComparison(NO_ERROR, lambda: np.zeros((2, *state.displacement.shape)), 0.0)
     found = with_reach(path, nothing, state.value, state.displacement, state.pressure)
 
-    pads = [SelfTouchingPad(state.mesh, LAW, ON, bodies=bodies, share=share) for share in (1.0, 0.5, 0.25)]
+    pads = [SelfTouchingPad(state.mesh, LAW, ON, bodies=bodies, fraction=share) for share in (1.0, 0.5, 0.25)]
     unknowns = pads[0].gather(state.displacement, state.pressure)
     for pad in pads:
         unknowns = pad.closer(unknowns, state.value)
