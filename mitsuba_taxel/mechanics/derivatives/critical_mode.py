@@ -1,8 +1,8 @@
-"""The displacement against which a pad is least stiff, and how its stiffness changes as the pad does.
+"""The displacement against which a pad is least stiff, and the change of its stiffness with the pad.
 
 A pad becomes unstable where the least eigenvalue of its tangent falls to 0. To first order, the eigenvalue of a tangent
 that changes is the stiffness against the mode of the tangent before (T. Kato, Perturbation Theory for Linear Operators,
-1966, chapter 2). So one mode and tangents of pads close by tell how the eigenvalue changes with load, shape and
+1966, chapter 2). So one mode and the tangents of similar pads give the change of the eigenvalue with load, shape and
 material.
 """
 
@@ -22,7 +22,7 @@ from mitsuba_taxel.mechanics.equilibrium.tangent_blocks import TangentBlock, lea
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 CONVERGED = 1e-7
-"""Change of the mode that ends the iteration; that of the eigenvalue goes with its square."""
+"""Change of the mode at which the iteration ends; the error of the eigenvalue is proportional to its square."""
 
 
 class CriticalMode:
@@ -50,12 +50,12 @@ class CriticalMode:
         try:
             modes = [_mode(block, state) for block in self._blocks]
         except Rejected as rejection:
-            raise ComputationError(f"an unstable pad has no buckling mode: {rejection}.") from rejection
+            raise ComputationError(f"an unstable pad has no least stiff mode: {rejection}.") from rejection
         self._place = int(np.argmin([stiffness for stiffness, _ in modes]))
         self.stiffness, self._mode = modes[self._place]
 
     def after(self, displacement: np.ndarray, velocity: np.ndarray, value: np.ndarray, material: Material) -> float:
-        """The stiffness against the mode in the equilibrium of a pad that has changed a little.
+        """Stiffness against the mode in the equilibrium of a slightly changed pad.
 
         Parameters
         ----------
@@ -64,6 +64,13 @@ class CriticalMode:
             symmetry of the state do not change an eigenvalue to first order, and are left out.
         value : (components,) ndarray
             Change of the load's value.
+        material : Material
+            Law of the changed pad.
+
+        Returns
+        -------
+        float
+            In N/mm.
 
         Raises
         ------

@@ -32,11 +32,11 @@ from mitsuba_taxel.mechanics.equilibrium.tangent_blocks import TangentBlock
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 NO_PART = 1e-12
-"""Component of a velocity in a block, relative to its largest, that counts as zero."""
+"""Component of a velocity in a block, relative to the largest velocity, that counts as zero."""
 
 
 Push = Mapping[TangentBlock, np.ndarray]
-"""Forces over the unknowns of blocks, per unit of a change."""
+"""Forces over the unknowns of each block, per unit of a changed parameter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class Gradient:
 class LinearisedState:
     """A deformed pad in equilibrium, with its factored tangent; from :func:`linearise`.
 
-    Methods raise `ComputationError` if the state turns out to be unstable against the requested changes.
+    Methods raise `ComputationError` if the state is unstable against the requested changes.
 
     Attributes
     ----------
@@ -103,13 +103,13 @@ class LinearisedState:
             if its shape differs, or it is not finite.
         """
         direction = array_of("direction", direction, (self._pad.load.components,))
-        if not self._driven:
-            return self._answer(self._push_of_value(direction))
+        if not self._pad.load.moves_plate:
+            return self._response(self._push_of_value(direction))
         components = ((block, block.of_value(direction)) for block in self._blocks)
         gaps = {
             block: block.model.numbering.plate_values(component) for block, component in components if component.any()
         }
-        return self._answer({block: np.zeros(block.model.assembly.unknowns) for block in gaps}, gaps)
+        return self._response({block: np.zeros(block.model.assembly.unknowns) for block in gaps}, gaps)
 
     def by_material(self, name: str) -> np.ndarray:
         """(N, 3) derivative of the displacement by a parameter of the material, by one back-solve.
@@ -132,7 +132,7 @@ class LinearisedState:
         if name not in self._pad.material.parameters:
             names = ", ".join(self._pad.material.parameters)
             raise InputError(f"parameter = {name!r} is not allowed: one of {names} is needed.")
-        return self._answer(self._push_of_material(name))
+        return self._response(self._push_of_material(name))
 
     def by_shape(self, velocity: np.ndarray) -> np.ndarray:
         """(N, 3) derivative of the displacement by a movement of the undeformed nodes, by one back-solve.
@@ -155,7 +155,7 @@ class LinearisedState:
         InputError
             if its shape differs, or it is not finite.
         """
-        return self._answer(self._push_of_shape(array_of("velocity", velocity, self.displacement.shape)))
+        return self._response(self._push_of_shape(array_of("velocity", velocity, self.displacement.shape)))
 
     def by_place(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
         """(N, 3) derivative of the displacement by the place of a patch or an indenter over the undeformed pad.
@@ -181,11 +181,11 @@ class LinearisedState:
         if pad.load.moved_indenter is not None:
             return self.by_value([*direction, 0.0])
         velocity = np.zeros_like(self.displacement)
-        velocity[:, :2] = -direction  # of the pad below a patch that stays
+        velocity[:, :2] = -direction  # the pad moves below a patch at rest
         loads = load_rate(pad.whole, pad.material, pad.load, self.displacement, self._value, velocity)
         forces = {block: block.forces(loads) for block in self._blocks}
         largest = max(np.abs(force).max() for force in forces.values())
-        return self._answer(
+        return self._response(
             {block: force for block, force in forces.items() if np.abs(force).max() > NO_PART * largest}
         )
 
@@ -225,19 +225,15 @@ class LinearisedState:
                 total += block.model.part.copies * float(adjoints[block] @ forces)
             return total
 
-        if self._driven:
+        if self._pad.load.moves_plate:
             value = np.array([np.vdot(gradient, rate) for rate in self._plate_rates])
         else:
-            value = np.array([along(push) for push in self._pushes_of_units])
+            value = np.array([along(push) for push in map(self._push_of_value, np.eye(self._pad.load.components))])
         material = {name: along(push) for name, push in self._pushes_of_material.items()}
         return Gradient(value, material, {name: along(push) for name, push in pushes.items()})
 
-    @property
-    def _driven(self) -> bool:
-        return self._pad.load.moves_plate
-
-    def _answer(self, push: Push, gaps: Push | None = None) -> np.ndarray:
-        """(N, 3) displacement due to forces; a driven plate moves by ``gaps``, or is fixed."""
+    def _response(self, push: Push, gaps: Push | None = None) -> np.ndarray:
+        """(N, 3) rate of the displacement under forces; a prescribed plate moves by ``gaps``, or is fixed."""
         total = np.zeros_like(self.displacement)
         for block, forces in push.items():
             total += block.displacement(self._solved(block, forces, gaps[block] if gaps else None))
@@ -260,7 +256,7 @@ class LinearisedState:
         """Displacement and pressure on the part of a block."""
         return block.model.part.restrict(self.displacement, self.pressure)
 
-    def _strained(self, block: TangentBlock) -> StrainedElements:
+    def _strained_elements(self, block: TangentBlock) -> StrainedElements:
         elements = block.model.assembly.elements
         if elements not in self._at_state:
             self._at_state[elements] = StrainedElements(elements, *self._on(block))
@@ -275,17 +271,17 @@ class LinearisedState:
         }
 
     def _push_of_material(self, name: str) -> Push:
-        block = self._blocks[0]  # which contains the state
-        strained, assembly = self._strained(block), block.model.assembly
-        barrier_forces = block.forces(self._kept_apart / self._pad.material.youngs_modulus)
+        block = self._blocks[0]  # of displacements with the symmetry of the state
+        strained, assembly = self._strained_elements(block), block.model.assembly
+        barrier_forces = block.forces(self._barrier_forces / self._pad.material.youngs_modulus)
 
-        def put_up(material: Material) -> np.ndarray:
+        def residual_of(material: Material) -> np.ndarray:
             load_forces = block.model.penalty_forces(material, self._on(block)[0], self._value)
             return (
                 assembly.over_unknowns(*strained.of(material)) - load_forces - material.youngs_modulus * barrier_forces
             )
 
-        return {block: -material_rate(put_up, self._pad.material, name)}
+        return {block: -material_rate(residual_of, self._pad.material, name)}
 
     def _push_of_shape(self, velocity: np.ndarray) -> Push:
         pad, push = self._pad, {}
@@ -295,19 +291,15 @@ class LinearisedState:
         for block in self._blocks:
             component = block.of_field(velocity)
             if np.abs(component).max() > NO_PART * np.abs(velocity).max():
-                inside = self._strained(block).rates(component)
+                inside = self._strained_elements(block).rates(component)
                 push[block] = block.forces(loads) - block.model.assembly.over_unknowns(*inside)
         return push
 
     @cached_property
-    def _kept_apart(self) -> np.ndarray:
+    def _barrier_forces(self) -> np.ndarray:
         """(N, 3) N, forces of contact with walls, board and bodies."""
         contacts = self._pad.contacts
         return contacts.all_forces(self.displacement) if contacts else np.zeros_like(self.displacement)
-
-    @cached_property
-    def _pushes_of_units(self) -> list[Push]:
-        return [self._push_of_value(unit) for unit in np.eye(self._pad.load.components)]
 
     @cached_property
     def _pushes_of_material(self) -> dict[str, Push]:
@@ -320,9 +312,10 @@ class LinearisedState:
 
 
 class PressedState(LinearisedState):
-    """As a `LinearisedState`, under a force along z on an indenter, which moves on until that is as before.
+    """As a `LinearisedState`, under a force along z on an indenter, whose displacement changes so that the force is
+    constant.
 
-    Its value is the displacement of the indenter, from which the force follows.
+    The value of the linearised pad is the displacement of the indenter.
     """
 
     def by_value(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -358,13 +351,15 @@ class PressedState(LinearisedState):
         return Gradient(np.array([np.nan, np.nan, by_force]), material, shape)
 
     def _under_force(self, rate: np.ndarray, gain: float) -> np.ndarray:
-        """A rate of the displacement at a constant depth, corrected for what the force gains, ``gain`` of it at a
-        constant displacement."""
+        """(N, 3) rate of the displacement at a constant force, from that at a constant depth.
+
+        The force changes by ``gain`` at a constant displacement.
+        """
         gain += float(self._body.force_rate(self._contact_state, np.zeros(3), rate)[2])
         return rate - gain / self._stiffness * self._by_height
 
     def _gain_by_material(self, name: str) -> float:
-        """N per unit of a parameter, by the stiffness of contact."""
+        """Change of the force in N per unit of a material parameter, by the contact stiffness."""
         material = self._pad.material
         modulus = material_rate(lambda other: np.array(other.youngs_modulus), material, name)
         return float(modulus) / material.youngs_modulus * float(self._contact_state.force[2])
@@ -383,18 +378,18 @@ class PressedState(LinearisedState):
 
     @cached_property
     def _by_height(self) -> np.ndarray:
-        """(N, 3) rate of the displacement with the height of the indenter."""
+        """(N, 3) derivative of the displacement by the height of the indenter."""
         return super().by_value((0.0, 0.0, 1.0))
 
     @cached_property
     def _stiffness(self) -> float:
-        """N/mm."""
+        """Derivative of the force by the height of the indenter, N/mm."""
         return float(self._body.force_rate(self._contact_state, np.array([0.0, 0.0, 1.0]), self._by_height)[2])
 
 
 @contextmanager
 def rejections_named(load: Load, value: np.ndarray) -> Iterator[None]:
-    """Turn a rejected state, or a lack of memory, into a ComputationError that names the load."""
+    """Turn a rejection, or a lack of memory, into a ComputationError that names the load."""
     try:
         with memory_for("the tangent of the pad"):
             yield

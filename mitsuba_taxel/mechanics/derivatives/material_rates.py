@@ -1,4 +1,4 @@
-"""Rates of a pad's internal forces and volumes with the constants of its material, at a fixed shape."""
+"""Derivatives of a pad's internal forces and volumes by the constants of its material, at constant displacements."""
 
 from __future__ import annotations
 
@@ -15,28 +15,42 @@ SMALL_STEP = 1e-5
 """The same, if the law does not allow that, for differences of second order, accurate to about 1e-9."""
 
 
-def material_rate(put_up: Callable[[Material], np.ndarray], material: Material, name: str) -> np.ndarray:
-    """Derivative of a pad's internal forces and volumes by one of its material's parameters.
+def material_rate(residual_of: Callable[[Material], np.ndarray], material: Material, name: str) -> np.ndarray:
+    """Derivative of a pad's residual by a parameter of its material.
 
-    A central difference of fourth order, or of second order if the law does not allow larger changes.
+    A central difference of fourth order, or a difference of second order where the law does not allow larger changes.
+
+    Parameters
+    ----------
+    residual_of : Callable[[Material], ndarray]
+        Computes the residual (n,) with a material.
+    material : Material
+        Law of the state.
+    name : str
+        One of its parameters.
+
+    Returns
+    -------
+    (n,) ndarray
+        Per unit of the parameter.
     """
     value = getattr(material, name)
     scale = abs(value) or _scale(material, name)
 
-    def inside(change: float) -> np.ndarray:
-        return put_up(material.changed(**{name: value + change}))
+    def residual(change: float) -> np.ndarray:
+        return residual_of(material.changed(**{name: value + change}))
 
     step = RELATIVE_STEP * scale
     if _allows(material, name, value + 2 * step) and _allows(material, name, value - 2 * step):
-        wide, narrow = (inside(k * step) - inside(-k * step) for k in (2, 1))
+        wide, narrow = (residual(k * step) - residual(-k * step) for k in (2, 1))
         return (8 * narrow - wide) / (12 * step)
     step = SMALL_STEP * scale
     upwards, downwards = (_allows(material, name, value + change) for change in (step, -step))
     if upwards and downwards:
-        return (inside(step) - inside(-step)) / (2 * step)
+        return (residual(step) - residual(-step)) / (2 * step)
     if not upwards:
         step = -step
-    return (4 * inside(step) - 3 * inside(0.0) - inside(2 * step)) / (2 * step)
+    return (4 * residual(step) - 3 * residual(0.0) - residual(2 * step)) / (2 * step)
 
 
 def _allows(material: Material, name: str, value: float) -> bool:
@@ -48,5 +62,5 @@ def _allows(material: Material, name: str, value: float) -> bool:
 
 
 def _scale(material: Material, name: str) -> float:
-    """Scale of a parameter, also if it is 0: apart from Poisson's ratio, a modulus."""
+    """Scale of a parameter that is 0: 1 for Poisson's ratio, else the shear modulus."""
     return 1.0 if name == "poisson_ratio" else material.shear_modulus

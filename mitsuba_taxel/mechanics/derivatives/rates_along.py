@@ -1,7 +1,8 @@
-"""Derivatives of all states on a straight line of loads, from those of a few.
+"""Derivatives of all states on a straight line of loads, by interpolation between few states.
 
-Derivatives change so smoothly with the load that a polynomial through those of three or four states gives the others.
-States are added where the polynomial may err most (F. Leja, Ann. Polon. Math. 4, 1957), until it predicts the next one.
+Derivatives are smooth functions of the load, so that a polynomial through those of three or four states gives the
+others. States are added where the error of the polynomial may be largest (F. Leja, Ann. Polon. Math. 4, 1957), until it
+predicts the next state.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from mitsuba_taxel.mechanics.derivatives.linearised_state import LinearisedState
 from mitsuba_taxel.mechanics.derivatives.sensitivities import linearise
 
 TOLERANCE = 1e-4
-"""Accepted error of a polynomial at a further state, relative to the largest derivative; including that state, it
+"""Accepted error of a polynomial at the next state, relative to the largest derivative; with that state included, it
 becomes more accurate."""
 FEWEST = 2
 """Number of first states, before the polynomial is tested."""
@@ -84,7 +85,7 @@ def _along(values: np.ndarray) -> np.ndarray:
 
 
 def _interpolated(places: np.ndarray, answers: dict[int, np.ndarray]) -> np.ndarray:
-    """(S, ...) the polynomial through the derivatives of some states, by number, at the positions of all."""
+    """(S, ...) values at all positions of the polynomial through the derivatives of some states, given by number."""
     nodes = places[list(answers)]
     weights = np.ones((len(places), len(nodes)))
     for k, here in enumerate(nodes):

@@ -18,15 +18,15 @@ from mitsuba_taxel.mechanics.equilibrium.tangent_blocks import TangentBlock, tan
 from mitsuba_taxel.mechanics.history.timed_rows import rubs
 
 SYMMETRIC = 1e-6
-"""Difference of a state from its mirror image, relative to the largest displacement, up to which it is symmetric."""
+"""Largest difference of a symmetric state from its mirror image, relative to the largest displacement."""
 
 
 def linearise(state: State) -> LinearisedState:
     """Bring a state to equilibrium and factor its tangent, on the part between the mirrors of the state.
 
-    Changes without its symmetry have factors of their own, computed when first needed. A state between two nodes of its
-    path is interpolated, and takes an iteration or two of Newton's method; its derivatives are those of the
-    equilibrium, not of the interpolation.
+    Changes without the symmetry of the state need other factors, which are computed when first needed. A state between
+    two nodes of its path is interpolated, and takes an iteration or two of Newton's method; its derivatives are those
+    of the equilibrium, not of the interpolation.
 
     Parameters
     ----------
@@ -75,6 +75,6 @@ def mirrors_of_state(state: State) -> tuple[Mirror, ...]:
     return tuple(mirror for mirror in images if keeps_state(mirror))
 
 
-@kept(4)  # consecutive states of a path share what does not change
+@kept(4)  # consecutive states of a path share their blocks
 def _blocks(pad: LoadedPad) -> Sequence[TangentBlock]:
     return tangent_blocks(pad)

@@ -1,8 +1,8 @@
-"""Discretisation error where it affects the light: displacement and slope of the roofs.
+"""Discretisation error where it affects light: displacement and slope of the roofs.
 
 A pad is solved on a second mesh, and the error is extrapolated from the difference (see
-`mitsuba_taxel.base.convergence`), with the actual ratio of the two meshes' sizes: thin walls and curves limit the
-mesher's choice. Meshes are irregular, and two may agree by chance: the error is at least that typical of pads with
+`mitsuba_taxel.base.convergence`) with the actual ratio of element sizes, because thin walls and curves limit the
+mesher. Meshes are irregular, and two may agree by chance: the error is at least a value that is typical of pads with
 elements of this size.
 """
 
@@ -55,9 +55,16 @@ def top_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
 class RoofComparison:
     """Comparison of solutions on a mesh with those on a coarser or finer mesh of the same pad.
 
-    The roofs' mean error along their displacement is at least the fraction ``least`` of it, that of a force at least
-    ``least_of_force``, by default as large a fraction. ``images`` are those of the nodes of both meshes, for each of
-    their common mirrors in the order of `MIRRORS`.
+    Parameters
+    ----------
+    mesh, other : VolumeMesh
+        Undeformed meshes.
+    least : float
+        Least error of the roofs along their displacement, relative to it.
+    least_of_force : float, optional
+        Least relative error of a force; by default ``least``.
+    images : Mapping[Mirror, tuple[ndarray, ndarray]], optional
+        Images of the nodes of both meshes for each common mirror, in the order of `MIRRORS`.
     """
 
     def __init__(
@@ -99,7 +106,20 @@ class RoofComparison:
         return nodes, weights
 
     def error(self, displacement: np.ndarray, other: np.ndarray) -> RoofError:
-        """The error of ``displacement`` (N, 3), from that on the other mesh, in mm."""
+        """Estimated error of a displacement.
+
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            On the mesh, mm.
+        other : (N', 3) ndarray
+            On the other mesh, mm.
+
+        Returns
+        -------
+        RoofError
+            At the roofs.
+        """
         displaced, *slopes = _parts(self._here, displacement)
         moved_there, *slopes_there = _parts(self._there, other)
         difference = moved_there - displaced
@@ -115,19 +135,42 @@ class RoofComparison:
         )
 
     def force_error(self, force: np.ndarray, other: np.ndarray) -> float:
-        """N, of a reaction (3,) in N to a given displacement, from that on the other mesh.
+        """Estimated error of the reaction to a prescribed displacement.
 
-        The least fraction applies to it too: a pad that moves too little under a force resists a displacement too much.
+        The least relative error applies too: a pad that moves too little under a force resists a displacement too much.
+
+        Parameters
+        ----------
+        force : (3,) ndarray
+            Reaction on the mesh, N.
+        other : (3,) ndarray
+            Reaction on the other mesh, N.
+
+        Returns
+        -------
+        float
+            In N.
         """
         difference = abs(self._average) * float(np.linalg.norm(other - force))
         return max(difference, self._least_of_force * np.linalg.norm(force))
 
     def deviations(self, displacement: np.ndarray, other: np.ndarray, of_force: float = 0.0) -> np.ndarray:
-        """(2, N, 3) change of the nodes with twice the element size.
+        """Change of the displacement of the nodes with twice the element size.
 
-        First the part along the displacement, at least the fraction ``least`` of it, then the remainder, which is that
-        of the walls of cells, and 0 elsewhere. Where a displacement is given, the force has a relative error
-        ``of_force`` too, with which the whole pad is displaced more or less, independently of the roofs under a force.
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            On the mesh, mm.
+        other : (N', 3) ndarray
+            On the other mesh, mm.
+        of_force : float
+            Relative error of the force under a prescribed displacement, which scales the displacement of the whole pad.
+
+        Returns
+        -------
+        (2, N, 3) ndarray
+            In mm: the component along the displacement, at least the fraction ``least`` of it, and the remainder, which
+            is 0 except on the walls of cells.
         """
         displaced = _parts(self._here, displacement)[0]
         difference = _parts(self._there, other)[0] - displaced
@@ -138,13 +181,13 @@ class RoofComparison:
         return np.array([along, rest]) / ERROR_SHARE
 
     def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """Signed difference of the least error along the displacement and the estimated one, relative to the
+        """Signed difference of the least and the estimated error along the displacement, relative to the
         displacement."""
         short = self._short(moved, difference)
         return math.copysign(max(self._least - abs(short), 0.0), short)
 
     def _short(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """Mean deficit of the roofs' displacement, relative to it."""
+        """Estimated mean deficit of the roofs' displacement, relative to the displacement."""
         square = self._weight @ (moved**2).sum(axis=1)
         return -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square if square else 0.0
 
@@ -159,7 +202,7 @@ def _on_roofs(location: Location, along: Sequence[np.ndarray]) -> sparse.csr_arr
 
 
 def _on_faces(mesh: VolumeMesh, faces: np.ndarray) -> sparse.csr_array:
-    """As :func:`_on_roofs`, for the points of the faces (F, 6) themselves."""
+    """As :func:`_on_roofs`, for quadrature points of faces (F, 6) of the mesh itself."""
     weights = np.stack([shape_functions(_BARYCENTRIC), *shape_slopes(_BARYCENTRIC)])
     shape = (len(weights), len(faces), len(_BARYCENTRIC), faces.shape[1])
     nodes = np.broadcast_to(faces[:, None], shape).ravel()

@@ -29,21 +29,27 @@ from mitsuba_taxel.mechanics.errors.shorter_reach import with_reach
 from mitsuba_taxel.mechanics.locate import carried
 
 FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
-"""Sizes of a second mesh, relative to the first's, that are tried where one of twice the size does not tell the error:
-thin walls and curves leave the mesher little choice, and a coarse pad may not bear a load. Of elements larger than the
-default ones, the default ones do first; these are relative to them."""
+"""Sizes of a second mesh, relative to the first, that are tried where a mesh of twice the size gives no error estimate:
+thin walls and curves limit the mesher, and a coarse pad may not bear a load. For elements larger than the default, the
+default size is tried first, and these are relative to it."""
 LITTLE_FINER = COARSENING**-0.5
-"""Tried before these under an indenter, where elements are small and many already."""
+"""Size that is tried before these under an indenter, where elements are already small and many."""
 LEAST_RATIO = 1.2
-"""Of the sizes that two meshes have in fact, for their difference to tell the error of one."""
+"""Least actual ratio of element sizes of two meshes for an error estimate."""
 MOST_ELEMENTS_COMPARED = 250_000
-"""A finer second mesh of more is not tried."""
+"""Largest number of elements of a second mesh."""
 
 Result = TypeVar("Result")
 
 
 class SecondMeshes:
-    """The paths on other elements that may tell the error of a ``path``, and how they are compared."""
+    """Paths on other elements from which the error of a path can be estimated.
+
+    Parameters
+    ----------
+    path : PadPath
+        The path.
+    """
 
     def __init__(self, path: PadPath) -> None:
         self._path = path
@@ -51,7 +57,7 @@ class SecondMeshes:
 
     def __iter__(self) -> Iterator[tuple[PadPath, RoofComparison]]:
         path = self._path
-        start = min(path.mesh_size, path.pad.default_mesh_size)  # larger ones may all give the same mesh
+        start = min(path.mesh_size, path.pad.default_mesh_size)  # larger sizes may all give the same mesh
         finer = FINER if path.load.indenter is None else (LITTLE_FINER, *FINER)
         coarser = path.judge.mesh_size if path.judge else COARSENING * path.mesh_size
         default = [start] if start < path.mesh_size else []
@@ -63,7 +69,7 @@ class SecondMeshes:
                 yield second
 
     def first(self, compare: Callable[[PadPath, RoofComparison], Result]) -> Result | None:
-        """What the first tells that bears the load, with the memory that there is; None if none does.
+        """Result of the comparison with the first other path that bears the load within memory; None if none does.
 
         Parameters
         ----------
@@ -75,19 +81,34 @@ class SecondMeshes:
             try:
                 with memory_for("a second mesh"):
                     return compare(second, comparison)
-            except ComputationError:  # its path ends before this load, or memory does
+            except ComputationError:  # its path ends before this load, or memory does not suffice
                 if second.mesh_size < self._path.mesh_size:
-                    break  # and so would those of finer ones, after much more time
+                    break  # finer meshes would fail too, after more time
         return None
 
     def comparison(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> StateComparison:
-        """Comparison of a canonical state of the path with that on the first other mesh that bears the load."""
+        """Comparison of a canonical state with that on the first other mesh that bears the load.
+
+        Parameters
+        ----------
+        value : ndarray
+            Of the load.
+        displacement : (N, 3) ndarray
+            Of the state, mm.
+        pressure : (corners,) ndarray
+            Of the state, MPa.
+
+        Returns
+        -------
+        StateComparison
+            With unknown errors if no other mesh bears the load.
+        """
         path = self._path
         if not value.any():
             return StateComparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
 
         def compare(second: PadPath, comparison: RoofComparison) -> StateComparison:
-            if path.segments.buckled_at(value) is not None:  # as they are not judged, second meshes would stay straight
+            if path.segments.buckled_at(value) is not None:  # second meshes that are not judged would not buckle
                 second = path.on_elements(second.mesh_size, judged=True)
             on_second, there, at = carried_to(second, path.mesh, value, displacement, pressure)
             second.refuse_unresolved(value, on_second)
@@ -103,7 +124,8 @@ class SecondMeshes:
         return with_reach(path, result, value, displacement, pressure) if path.load.self_contact else result
 
     def _compared_with(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
-        """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
+        """The path on elements of another size; None if there is no such mesh, or its actual size differs too
+        little."""
         path = self._path
         judge = path.judge
         second = judge if judge and judge.mesh_size == mesh_size else path.on_elements(mesh_size)
@@ -126,13 +148,13 @@ class SecondMeshes:
         return 0.0 if judge is None else TYPICAL_ERROR * top_ratio(judge.mesh, self._path.mesh) ** ORDER
 
     def typical(self, error: float) -> float:
-        """An error that is typical of elements of the default size, on those of the path."""
+        """The error on the elements of the path, from an error that is typical of the default size."""
         relative_size = min(self._path.mesh_size / self._path.pad.default_mesh_size, COARSENING)
-        return error * relative_size**ORDER  # of larger elements, all may be as coarse as can be
+        return error * relative_size**ORDER  # larger elements may all have the coarsest possible mesh
 
     @property
     def small_load_error(self) -> float:
-        """Relative error of the roofs' change from rest under small loads; infinite where it is not known."""
+        """Relative error of the roofs' displacement under small loads; infinite if it is unknown."""
         for second, comparison in self:
             responses = zip(_small_responses(self._path), _small_responses(second), strict=True)
             return max(comparison.error(here, there).relative for here, there in responses)
@@ -158,12 +180,12 @@ def second_meshes(path: PadPath) -> SecondMeshes:
 
 
 def compared(path: PadPath, state: State) -> State:
-    """A state of a path, with its error: the second mesh that tells it is solved when it is first asked for."""
+    """A state of a path with its error, for which a second mesh is solved when it is first needed."""
     return replace(state, second_mesh=partial(_comparison, path, state))
 
 
 def _comparison(path: PadPath, state: State) -> StateComparison:
-    """What a second mesh tells of a state; the canonical one is compared, and mirrored back."""
+    """Comparison of a state with a second mesh: that of its canonical state, mirrored back."""
     with path.lock:
         path = path.bearing(state.value)
         value, mirrors = path.turned(state.value)
@@ -173,7 +195,7 @@ def _comparison(path: PadPath, state: State) -> StateComparison:
 
 
 def _mirrored(path: PadPath, deviate: Callable[[], np.ndarray], mirrors: list[Mirror]) -> np.ndarray:
-    """(2, N, 3) deviations of the state that ``mirrors`` took to the canonical one."""
+    """(2, N, 3) deviations of the state that ``mirrors`` map to the canonical state."""
     deviations = deviate()
     for mirror in reversed(mirrors):
         deviations = mirror.image(deviations[:, path.images[mirror]])
@@ -181,7 +203,7 @@ def _mirrored(path: PadPath, deviate: Callable[[], np.ndarray], mirrors: list[Mi
 
 
 def share_of(error: float, force: np.ndarray) -> float:
-    """Relative error of a force (3,): all of it, where that is 0 but the error is not."""
+    """Relative error of a force (3,); 1 where the force is 0 and the error is not."""
     size = float(np.linalg.norm(force))
     return error / size if size else float(error > 0)
 
@@ -189,11 +211,33 @@ def share_of(error: float, force: np.ndarray) -> float:
 def carried_to(
     path: PadPath, mesh: VolumeMesh, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
-    """A canonical state of ``path``; under an indenter without its way there, from the same state on another mesh.
+    """A canonical state of a path; under an indenter, solved directly from the same state on another mesh.
 
-    Without friction a state does not depend on the way to it.
+    Without friction a state does not depend on the path that leads to it.
+
+    Parameters
+    ----------
+    path : PadPath
+        Path of the state to be solved.
+    mesh : VolumeMesh
+        The other mesh.
+    value : ndarray
+        Of the load.
+    displacement : (N, 3) ndarray
+        On the other mesh, mm.
+    pressure : (corners,) ndarray
+        On the other mesh, MPa.
+
+    Returns
+    -------
+    displacement : (N', 3) ndarray
+        Of the state, mm.
+    pressure : (corners',) ndarray
+        Of the state, MPa.
+    figures : Interpolated
+        With the seconds of its solution.
     """
-    if path.load.moved_indenter is None or path.load.self_contact:  # of one carried, walls may meet
+    if path.load.moved_indenter is None or path.load.self_contact:  # walls of an interpolated state may intersect
         return path.canonical(value, [], None)
     name = cache.key("jump", *path.key_parts, RESIDUAL_TOLERANCE, _digest(mesh, displacement), value.tolist())
     with cache.alone(name):

@@ -1,5 +1,5 @@
-"""The error of a state by the distances from which its walls repel each other, and within which the law of its feet is
-linear: from the same state with half of both."""
+"""Error of a state by the reach of the barriers, and by the size of the feet with a linear law: from the same state
+with half of both."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from mitsuba_taxel.mechanics.equilibrium.self_touching_pad import SelfTouchingPa
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 
 CLOSER = 0.5
-"""Share of both, in that state."""
+"""Reach and size of the feet in that state, relative to the usual ones."""
 REMAINDER = 2.0
-"""Error by the reach, which is proportional to it, relative to the change with half of it; that by the feet falls
-faster with their size."""
+"""Error by the reach, relative to the change with half of it: the error is proportional to the reach, and falls faster
+with the size of the feet."""
 
 
 class _Closer(NamedTuple):
@@ -32,27 +32,45 @@ class _Closer(NamedTuple):
 
 
 def with_reach(
-    path: PadPath, found: StateComparison, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
+    path: PadPath, comparison: StateComparison, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
 ) -> StateComparison:
-    """The comparison of a canonical state with that of a second mesh, and the error by the reach added to its
-    deviations and to that of the force; nothing is known where the state with half the reach is not found."""
-    deviate = found.deviate
+    """Add the error by the reach to the comparison of a canonical state with a second mesh.
+
+    Parameters
+    ----------
+    path : PadPath
+        Of the state.
+    comparison : StateComparison
+        With a second mesh.
+    value : ndarray
+        Of the load.
+    displacement : (N, 3) ndarray
+        Of the state, mm.
+    pressure : (corners,) ndarray
+        Of the state, MPa.
+
+    Returns
+    -------
+    StateComparison
+        With unknown errors if the state with half the reach is not found.
+    """
+    deviate = comparison.deviate
     closer = None if deviate is None else _closer(path, value, displacement, pressure)
     if deviate is None or closer is None:
-        return StateComparison(seconds=found.seconds)
+        return StateComparison(seconds=comparison.seconds)
 
     def both() -> np.ndarray:
         along, rest = deviate()
         remainder = REMAINDER * (closer.displacement - displacement) / ERROR_SHARE
-        # Both parts of the remainder must not cancel by chance.
+        # Both contributions to the remainder must not cancel by chance.
         return np.array([along, remainder + np.copysign(1.0, (rest * remainder).sum()) * rest])
 
-    force_error = found.force_error
+    force_error = comparison.force_error
     if path.load.gives_displacement:
         here = path.force(value, displacement, pressure)
         there = path.force(value, closer.displacement, closer.pressure, CLOSER)
         force_error += REMAINDER * float(np.linalg.norm(there - here))
-    return StateComparison(found.error, both, force_error, found.seconds + closer.seconds)
+    return StateComparison(comparison.error, both, force_error, comparison.seconds + closer.seconds)
 
 
 def _closer(path: PadPath, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> _Closer | None:
@@ -75,12 +93,12 @@ def _solved_closer(
     path: PadPath, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Displacement and pressure of the state with half the reach; raises Rejected if it is not found."""
-    if path.load.driven is not None:  # the body moves on until it presses as before
+    if path.load.driven is not None:  # the body moves until its force is as before
         driven, indenter_moved = path.driven, path.driven_to(value, None)
         closer, squeezed = _solved_closer(driven, indenter_moved, displacement, pressure)
         missing = float((value - driven.force(indenter_moved, closer, squeezed))[2])
         rate, stiffness = path.rate_by_depth(value)
         return closer - missing / stiffness * rate, squeezed
     *_, pad = path.segments.part_to(*path.segments.to(value)[-1])
-    assert isinstance(pad, SelfTouchingPad)  # as the load goes on
+    assert isinstance(pad, SelfTouchingPad)  # loads with self_contact
     return pad.split(pad.closer(pad.gather(displacement, pressure), value))
