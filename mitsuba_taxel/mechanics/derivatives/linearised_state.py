@@ -218,6 +218,7 @@ class LinearisedState:
         adjoints: dict[TangentBlock, np.ndarray] = {}
 
         def along(push: Push) -> float:
+            """Derivative of L by a change with these forces."""
             total = 0.0
             for block, forces in push.items():
                 if block not in adjoints:
@@ -228,7 +229,7 @@ class LinearisedState:
         if self._pad.load.moves_plate:
             value = np.array([np.vdot(gradient, rate) for rate in self._plate_rates])
         else:
-            value = np.array([along(push) for push in map(self._push_of_value, np.eye(self._pad.load.components))])
+            value = np.array([along(push) for push in self._pushes_of_units])
         material = {name: along(push) for name, push in self._pushes_of_material.items()}
         return Gradient(value, material, {name: along(push) for name, push in pushes.items()})
 
@@ -277,9 +278,8 @@ class LinearisedState:
 
         def residual_of(material: Material) -> np.ndarray:
             load_forces = block.model.penalty_forces(material, self._on(block)[0], self._value)
-            return (
-                assembly.over_unknowns(*strained.of(material)) - load_forces - material.youngs_modulus * barrier_forces
-            )
+            internal_forces = assembly.over_unknowns(*strained.of(material))
+            return internal_forces - load_forces - material.youngs_modulus * barrier_forces
 
         return {block: -material_rate(residual_of, self._pad.material, name)}
 
@@ -300,6 +300,10 @@ class LinearisedState:
         """(N, 3) N, forces of contact with walls, board and bodies."""
         contacts = self._pad.contacts
         return contacts.all_forces(self.displacement) if contacts else np.zeros_like(self.displacement)
+
+    @cached_property
+    def _pushes_of_units(self) -> list[Push]:
+        return [self._push_of_value(unit) for unit in np.eye(self._pad.load.components)]
 
     @cached_property
     def _pushes_of_material(self) -> dict[str, Push]:
