@@ -93,7 +93,7 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
     """Compare the stated errors of readings by the finite elements with the true ones.
 
     Settings of pads and loads are read one by one, each in its own process, the fastest first; files contain those read
-    so far. Then errors of figures that need no pad are counted on made-up truth: of recordings, tolerances, fits,
+    so far. Then errors of figures that need no pad are counted on synthetic data: of recordings, tolerances, fits,
     calibrations, exported models, noise as a force and differences of variants; and how often the probabilities of a
     comparison come true.
     """

@@ -9,18 +9,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from itertools import cycle
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.base.kinds import Kind
 from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow
 from mitsuba_taxel.evidence.coverage.touch_cases import FINE_OF_TOUCH, touch_settings
+from mitsuba_taxel.evidence.rows.kind_examples import indenter_of, law_of, other_cells, other_indenters, pad_of
 from mitsuba_taxel.kernels.protocols import PadShape
-from mitsuba_taxel.mechanics.contact.indenter import Indenter
-from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
     Load,
@@ -31,23 +28,21 @@ from mitsuba_taxel.mechanics.elements.loads import (
 )
 from mitsuba_taxel.mechanics.errors.roof_error import size_ratio
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.pads.cells.cell_shape import CellShape
 from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
-from mitsuba_taxel.parameters import REQUIRED
 from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
 from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.scene.scene_pads import loaded_pads
 
 FINE = 0.4
-"""Largest mesh size of the truth in mm, which is extrapolated from this size and COARSER times that."""
+"""Largest mesh size of the truth in mm; it is extrapolated from this size and from `COARSER` times it."""
 FINER = 2.0
-"""Minimum ratio of the mesh sizes of the reading and the truth."""
+"""Smallest ratio of the mesh sizes of the reading and of the truth."""
 COARSER = math.sqrt(2)
 PITCH_OF_THICK_WALLS = 3.55
 TOUCHED = ("sphere", "punch", "cylinder", "plane")
-"""Indenters of the settings of touch."""
+"""Indenters of `touch_settings`."""
 FINE_OF_DOMES = {"spherical": 0.25, "hemispheric": 0.4}
-"""Mesh sizes in mm of the truth of four domes: half of the reading's would take too long."""
+"""Mesh sizes in mm of the truth of 2 x 2 domes: half the size of the reading would take too long."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +51,14 @@ class CoverageCase:
 
     Attributes
     ----------
+    name : str
+        Words for the row.
     sensor : PadSensor
-        Sensor that is read on the default mesh, with its error, and on fine ones.
+        Sensor that is read on the default mesh, with its error, and on fine meshes.
     file_format : str
-        ``.step`` or ``.stl`` if the pad is read from a file; the truth is that of the parametric pad.
+        ``.step`` or ``.stl`` if the pad is read from a file; the truth is read from the parametric pad.
     fine : float or None
-        Size of the finest elements in mm, if those of the default would take too long.
+        Size of the finest elements in mm, if `FINE` would take too long.
     """
 
     name: str
@@ -75,22 +72,22 @@ class CoverageCase:
         with tempfile.TemporaryDirectory() as folder:
             scene = self.sensor.scene() if not self.file_format else self._from_file(Path(folder))
             try:
-                here, pad = _read(scene, mechanics_error=True)
+                default, pad = _read(scene, mechanics_error=True)
                 truth, extrapolated = self._truth(pad.mesh_size or pad.pad.default_mesh_size)
             except ComputationError as error:
                 return CoverageRow(self.name, str(error))
-        stated, power = here.mechanics_error, here.power
-        true = power - truth
-        assert here.deviation is not None
-        within = np.abs(true) <= 2 * stated
+        stated_error, power = default.mechanics_error, default.power
+        true_error = power - truth
+        assert default.deviation is not None
+        within = np.abs(true_error) <= 2 * stated_error
         return CoverageRow(
             self.name,
-            "; ".join(here.notes) if np.isnan(stated).any() else "",
+            "; ".join(default.notes) if np.isnan(stated_error).any() else "",
             elements=len(pad.state.mesh.tets),
-            true=float(np.max(np.abs(true) / power)),
-            corrected=float(np.max(np.abs(true - ERROR_SHARE * here.deviation) / power)),
-            stated=float(np.max(stated / power)),
-            light=float(np.max(here.geometry_error / power)),
+            true=float(np.max(np.abs(true_error) / power)),
+            corrected=float(np.max(np.abs(true_error - ERROR_SHARE * default.deviation) / power)),
+            stated=float(np.max(stated_error / power)),
+            light=float(np.max(default.geometry_error / power)),
             extrapolated=float(np.max(extrapolated / power)),
             readings=len(power),
             within=int(within.sum()),
@@ -102,14 +99,16 @@ class CoverageCase:
         return CoverageRow(self.name, end)
 
     def _truth(self, mesh_size: float) -> tuple[np.ndarray, np.ndarray]:
-        """(T,) W in the limit of small elements, smaller than the reading's of ``mesh_size`` in mm, and (T,) W, its
-        change by the extrapolation from the finest."""
+        """Power (T,) in W in the limit of small elements, and its change (T,) by the extrapolation from the finest.
+
+        ``mesh_size`` is that of the reading, in mm.
+        """
         size = self.fine or min(FINE, mesh_size / FINER)
         scene = self.sensor.scene()
         (coarse, larger), (fine, smaller) = (_read(scene.with_mesh_size(h)) for h in (COARSER * size, size))
         ratio = size_ratio(smaller.state.mesh, larger.state.mesh)
-        further = (fine.power - coarse.power) / (ratio**ORDER - 1)
-        return fine.power + further, np.abs(further)
+        correction = (fine.power - coarse.power) / (ratio**ORDER - 1)
+        return fine.power + correction, np.abs(correction)
 
     def _from_file(self, folder: Path) -> Scene:
         """The scene with its pad as a file."""
@@ -153,8 +152,8 @@ def _write_step(pad: Pad, file: Path) -> None:
 
 def coverage_cases() -> list[CoverageCase]:
     """The rows of the table, in its order."""
-    kinds = (_one_cell, _loads, _four_cells, _files, _ten_cells, _further_kinds, _touched)
-    return [case for kind in kinds for case in kind()]
+    groups = (_one_cell, _loads, _four_cells, _files, _ten_cells, _other_kinds, _touched)
+    return [case for group in groups for case in group()]
 
 
 def _pad(cell: str, rows: int, columns: int, wall: float) -> Pad:
@@ -190,43 +189,24 @@ def _four_cells() -> Iterator[CoverageCase]:
         yield CoverageCase(f"{cell}, 2 x 2, wall {wall:g} mm, {force:g} N{truth}", sensor, fine=fine)
 
 
-def _further_kinds() -> Iterator[CoverageCase]:
-    """All registered kinds that no other setting has, so that a new one is judged without being named here: shapes with
-    walls of several thicknesses, and laws and indenters on shapes in turn."""
-    shapes = [name for name in CellShape.kinds() if name not in CELL_SHAPES]
-    for cell in shapes:
+def _other_kinds() -> Iterator[CoverageCase]:
+    """All registered kinds that no other setting has: cells with walls of several thicknesses, and laws and indenters
+    on cells in turn. A new kind is judged without being named here."""
+    for cell in other_cells():
         for wall in (1.0, 0.5, 0.3):
-            sensor = PadSensor(_pad_of_kind(cell, wall), force=(0.0, 0.0, -1.0))
+            sensor = PadSensor(pad_of(cell, rows=1, columns=1, wall=wall), force=(0.0, 0.0, -1.0))
             yield CoverageCase(f"{cell}, 1 x 1, wall {wall:g} mm, -1 N", sensor)
-    turn = cycle([*shapes, *CELL_SHAPES])
-    for name, law in Material.kinds().items():
-        cell = next(turn)
-        made: Any = law
-        sensor = PadSensor(_pad_of_kind(cell, 0.7), made(**_required(law)), force=(0.3, 0.0, -1.0))
+    cells_in_turn = cycle([*other_cells(), *CELL_SHAPES])
+    for name in Material.kinds():
+        cell = next(cells_in_turn)
+        sensor = PadSensor(pad_of(cell, rows=1, columns=1, wall=0.7), law_of(name), force=(0.3, 0.0, -1.0))
         yield CoverageCase(f"{cell}, 1 x 1, wall 0.7 mm, {name}, 0.3 N along x at -1 N", sensor)
-    for name, body in IndenterShape.kinds().items():
-        if name not in TOUCHED and name != "file":
-            for cell, at in zip(turn, ((0.0, 0.0), (0.6, 0.2)), strict=False):
-                load = IndenterDisplacement(Indenter(name, at=at, **_required(body)))
-                sensor = PadSensor(_pad_of_kind(cell, 1.0), load=load, force=(0.0, 0.0, -0.2))
-                words = f"{cell}, 1 x 1, {name} at {at} mm, 0.2 mm deep (truth: {FINE_OF_TOUCH:g} mm)"
-                yield CoverageCase(words, sensor, fine=FINE_OF_TOUCH)
-
-
-def _pad_of_kind(cell: str, wall: float) -> Pad:
-    """A pad of one cell of any shape; that of a profile is as a hemisphere's."""
-    if cell == "profile":
-        return _pad("hemispheric", 1, 1, wall).as_profile()
-    return Pad(cell, 1, 1, wall=wall, **_required(CellShape.named(cell)))
-
-
-def _required(kind: type[Kind]) -> dict[str, Any]:
-    """Values for the parameters of a kind that have no default: lengths of some mm, moduli of silicones, and ratios
-    well above 1."""
-    by_unit = {"mm": (2.0, 3.0, 1.5), "MPa": (0.5, 0.3), "": (3.0,)}
-    required = [(name, each.unit) for name, each in kind.own_parameters().items() if each.default is REQUIRED]
-    values = {unit: cycle(numbers) for unit, numbers in by_unit.items()}
-    return {name: next(values[unit]) for name, unit in required}
+    for name in other_indenters(TOUCHED):
+        for cell, at in zip(cells_in_turn, ((0.0, 0.0), (0.6, 0.2)), strict=False):
+            load = IndenterDisplacement(indenter_of(name, at=at))
+            sensor = PadSensor(pad_of(cell, rows=1, columns=1), load=load, force=(0.0, 0.0, -0.2))
+            words = f"{cell}, 1 x 1, {name} at {at} mm, 0.2 mm deep (truth: {FINE_OF_TOUCH:g} mm)"
+            yield CoverageCase(words, sensor, fine=FINE_OF_TOUCH)
 
 
 def _touched() -> Iterator[CoverageCase]:

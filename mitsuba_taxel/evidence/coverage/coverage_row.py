@@ -13,26 +13,28 @@ class CoverageRow:
 
     Attributes
     ----------
+    case : str
+        Name of the setting.
     remark : str
-        Reason why there is no true or no stated error, empty if there are both.
+        Reason why the true or the stated error is missing; else empty.
     elements : float
-        Of the pad.
+        Number of elements of the pad.
     true : float
         Relative error of the reading of the worst taxel due to the finite elements.
     corrected : float
-        True error after the estimated error, with its sign, is subtracted from the readings.
+        True error after the signed error estimate is subtracted from the readings.
     stated : float
-        Relative error stated for them.
+        Relative stated error of the worst taxel due to the finite elements.
     light : float
-        Relative error stated for the light, which all readings of a setting share but for its change with the shape.
+        Relative stated error of the light. It is nearly the same on all meshes, and no part of the comparison.
     extrapolated : float
         Relative change of the truth by the extrapolation from the finest elements.
     readings : float
         Number of taxels.
     within : float
-        Number of these whose true error is within twice the stated error.
+        Number of taxels whose true error is within twice the stated error.
     seconds : float
-        Of processors' time.
+        CPU time of all meshes.
     """
 
     COLUMNS: ClassVar = {
@@ -63,5 +65,5 @@ class CoverageRow:
 
     @property
     def ratio(self) -> float:
-        """True error, relative to the stated one."""
+        """True over stated error."""
         return self.true / self.stated if self.stated else math.inf

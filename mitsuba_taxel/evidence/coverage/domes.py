@@ -1,4 +1,4 @@
-"""Domes compared with independent references: the sphere, and loaded ones on much smaller elements."""
+"""Cells compared with independent references: exact roofs without a load, much smaller elements under a load."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ import numpy as np
 
 from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.base.files.markdown import markdown_table
-from mitsuba_taxel.evidence.coverage.sphere_light import DOMES, SPACING
+from mitsuba_taxel.evidence.coverage.flat_roof_light import FlatRoof
+from mitsuba_taxel.evidence.coverage.sphere_light import BOARD, DOMES, SPACING, Dome
+from mitsuba_taxel.evidence.rows.kind_examples import cell_parameters, other_cells, pad_of
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.cells.cell_shape import CellShape, LightSizes
+from mitsuba_taxel.pads.cells.profile import Profile
 from mitsuba_taxel.sensing import Readings, Scene, measure
 
 Force = tuple[float, float, float]
@@ -37,12 +40,15 @@ CASES = (
     (1, (0.2, 0.2, -0.6)),
     (3, (0.6, 0.0, -2.0)),
 )
-"""Cells along a side of the pad, and force on each cell in N."""
+"""Cells along a side of the pad, and force on each cell in N, of the paper's domes."""
+OTHER_CASES = ((1, (0.0, 0.0, 0.0)), (1, (0.0, 0.0, -1.0)))
+"""The same of each other registered shape of cells that the paper does not have."""
 FINE = {1: 0.25, 3: 0.4}
-"""Mesh size in mm of the truth of domes under normal forces, by cells along a side."""
+"""Mesh size in mm of the truth under normal forces, by cells along a side."""
 FINE_ASIDE = {1: 0.3, 3: 0.4}
-"""The same under tangential ones, for which half the pad is solved, not an eighth; of 3 x 3 cells that takes too much
-memory, and their truth is judged on the default elements and solved by parts of the pad, as readings are."""
+"""The same under tangential forces, for which half the pad is solved, not an eighth. For 3 x 3 cells this takes too
+much memory: the stability of their truth is judged on the default elements, and they are solved by parts of the pad, as
+readings are."""
 PADS: tuple[tuple[float, dict[str, float]], ...] = (
     (-1.0, {}),
     (-2.0, {}),
@@ -51,13 +57,13 @@ PADS: tuple[tuple[float, dict[str, float]], ...] = (
     (-2.5, {"cell_size": 2.2, "wall": 1.2}),
     (-1.2, {"youngs_modulus": 2.0}),
 )
-"""Pads of one hemispheric mirror: force in N, and what differs from the default, in mm and MPa."""
+"""Pads of one hemispheric mirror: force in N, and parameters that are not the default, in mm and MPa."""
 LARGER, SMALLEST = 1.25, 0.3
-"""Mesh sizes in mm of these pads, beside the default, and of their truth."""
+"""Mesh sizes in mm of these pads: one that is compared beside the default size, and that of the truth."""
 POINTS, RAYS = 1 << 13, 1 << 19
-"""Points per replicate, of all taxels of a mirror together; and of each of the 16 runs of rays on a sphere."""
+"""Points per replicate for all taxels of a mirror together; rays of each of the 16 runs of a reference."""
 MORE_POINTS = {("spherical", "rough mirror"): 16}
-"""Times as many, where few paths carry the light."""
+"""Factor of the number of points, where few paths carry the light."""
 
 PAD_HEADINGS = ("pad", "load [N]", "truth [W/W]", "deviation", "its noise", "stated", f"deviation, {LARGER:g} mm")
 HEADINGS = ("cell", "roof", "cells", "N per cell", "truth [W/W]", "deviation", "its noise", "stated for the shape")
@@ -67,16 +73,20 @@ _PAGE = """\
 
 Written by `{command}`; do not edit by hand.
 
-Readings of domed cells at the default settings, compared with independent references. Unloaded domes are spheres: the
-reference is a quadrature for diffuse walls, and ray tracing on the exact sphere for mirrors; neither uses elements,
-triangles or a renderer (`mitsuba_taxel/evidence/coverage/sphere_light.py`). Loaded ones are compared with elements of
-{fine[1]:g} mm (1 x 1 cells), {aside[1]:g} mm (those under tangential forces) or {fine[3]:g} mm (3 x 3), not of the
-default 0.625 to 0.75 mm. Stability of 3 x 3 cells under tangential forces is judged on elements of {judge:g} mm in
-both.
+Readings of domes, and of every other shape of cells that is not in the paper, at the default settings, compared with
+independent references. Unloaded roofs are known exactly: the reference is a quadrature for diffuse walls, and ray
+tracing on the exact roof for mirrors; neither uses elements, triangles or a renderer
+(`mitsuba_taxel/evidence/coverage/sphere_light.py` and `flat_roof_light.py`). The profile is that of the hemisphere; a
+shape with a roof that is neither spherical nor flat is compared with smaller elements. Loaded cells are compared with
+elements of {fine[1]:g} mm (1 x 1 cells), {aside[1]:g} mm (1 x 1 under tangential forces) or {fine[3]:g} mm (3 x 3); the
+default is 0.625 to 0.75 mm for domes. Stability of 3 x 3 cells under tangential forces is judged on elements of
+{judge:g} mm in both.
+
+**{summary}**
 
 {table}
 
-- **deviation**: of the mean of all taxels from the truth, relative; **its noise**: one standard error, of both.
+- **deviation**: of the mean of all taxels from the truth, relative. **its noise**: one standard error, of both.
 - **stated for the shape**: relative error stated for the geometry and, under load, the mechanics.
 - rough mirror: root-mean-square slope of 2 degrees.
 
@@ -89,33 +99,50 @@ One hemispheric cell on elements of the default size, and of {larger:g} mm, comp
 
 @dataclass(frozen=True)
 class DomeRow:
-    """One row; `off`, `noise` and `stated` are relative."""
+    """One row of the table; `deviation`, `noise` and `stated` are relative."""
 
     cell: str
     wall: str
     cells: int
     load: Force
     truth: float
-    off: float
+    deviation: float
     noise: float
     stated: float
 
 
 @dataclass(frozen=True)
 class PadRow:
-    """One row of the mirrors of other pads; all but `pad`, `load` and `truth` are relative."""
+    """One row of the mirrors of other pads; all numbers but `load` and `truth` are relative."""
 
     pad: str
     load: float
     truth: float
-    off: float
+    deviation: float
     noise: float
     stated: float
-    off_larger: float
+    deviation_larger: float
 
 
 def dome_scene(cell: str, roof: dict[str, Any], cells: int = 1, **pad: Any) -> Scene:
-    """Domes over LEDs without a hole, of which only the roof does not absorb."""
+    """A scene of cells over LEDs without a hole; all walls but the roof absorb.
+
+    Parameters
+    ----------
+    cell : str
+        Shape of the cells.
+    roof : dict
+        Parameters of the roof's wall.
+    cells : int
+        Number of cells along a side of the pad.
+    **pad : Any
+        Other parameters of the pad.
+
+    Returns
+    -------
+    Scene
+        With a photo-reflector in each cell.
+    """
     walls = {"type": "region", "roof": {"type": "wall", **roof}}
     reflector = {"type": "photo_reflector", "rows": cells, "columns": cells, "spacing": SPACING}
     reflector |= {"led": {"type": "annular_led", "hole": 0.0}, "detector": {"type": "phototransistor"}}
@@ -125,37 +152,37 @@ def dome_scene(cell: str, roof: dict[str, Any], cells: int = 1, **pad: Any) -> S
 
 def domes(starting: Callable[[str], None] | None = None) -> Iterator[DomeRow]:
     """Rows of the table as they are measured; ``starting`` is called with the name of each."""
-    for cell in DOMES:
+    for cell in (*DOMES, *other_cells()):
         for name in WALLS:
-            sphere = None
-            for cells, load in CASES:
+            exact = None
+            for cells, load in CASES if cell in DOMES else OTHER_CASES:
                 if starting:
                     starting(f"{cell}, {name}, {cells} x {cells}, {_listed(load)} N per cell")
-                sphere = sphere or _on_sphere(cell, name)
-                truth = _on_small_elements(cell, name, cells, load) if any(load) else sphere
+                exact = exact or _on_exact_roof(cell, name)
+                truth = exact if exact and not any(load) else _on_small_elements(cell, name, cells, load)
                 yield _row(cell, name, cells, load, truth)
 
 
 def mirrors_of_pads(starting: Callable[[str], None] | None = None) -> Iterator[PadRow]:
-    """Rows of the mirrors of other pads as they are measured; ``starting`` is called with the name of each."""
-    for load, changed in PADS:
-        pad = ", ".join(f"{name} = {value:g}" for name, value in changed.items()) or "default"
+    """Rows of mirrors in other pads, as they are measured; ``starting`` is called with the name of each."""
+    for load, changes in PADS:
+        pad = ", ".join(f"{name} = {value:g}" for name, value in changes.items()) or "default"
         if starting:
             starting(f"hemispheric, mirror, {pad}, {load:g} N")
-        about: dict[str, Any] = {"force": [0, 0, load], **changed}
-        default = measure(dome_scene("hemispheric", WALLS["mirror"], **about), points=POINTS, seed=1)
+        parameters: dict[str, Any] = {"force": [0, 0, load], **changes}
+        default = measure(dome_scene("hemispheric", WALLS["mirror"], **parameters), points=POINTS, seed=1)
         larger, truth = (
             measure(
-                dome_scene("hemispheric", WALLS["mirror"], mesh_size=size, **about),
+                dome_scene("hemispheric", WALLS["mirror"], mesh_size=size, **parameters),
                 points=POINTS,
                 seed=2,
                 mechanics_error=False,
             )
             for size in (LARGER, SMALLEST)
         )
-        (power, error), (value, uncertain) = _mean(default), _mean(truth)
-        noise, stated = math.hypot(error, uncertain) / value, stated_for_shape(default)
-        yield PadRow(pad, load, value, power / value - 1, noise, stated, _mean(larger)[0] / value - 1)
+        (power, error), (value, truth_error) = _mean(default), _mean(truth)
+        noise, stated_error = math.hypot(error, truth_error) / value, stated_for_shape(default)
+        yield PadRow(pad, load, value, power / value - 1, noise, stated_error, _mean(larger)[0] / value - 1)
 
 
 def stated_for_shape(readings: Readings) -> float:
@@ -164,51 +191,64 @@ def stated_for_shape(readings: Readings) -> float:
 
 
 def _row(cell: str, name: str, cells: int, load: Force, truth: tuple[float, float]) -> DomeRow:
-    scene = dome_scene(cell, WALLS[name], cells, force=_on_pad(load, cells))
+    scene = dome_scene(cell, WALLS[name], cells, force=_on_pad(load, cells), **cell_parameters(cell))
     readings = measure(scene, points=_points(cell, name, cells), seed=1)
     power, error = _mean(readings)
-    value, uncertain = truth
-    noise = math.hypot(error, uncertain) / value
+    value, truth_error = truth
+    noise = math.hypot(error, truth_error) / value
     return DomeRow(cell, name, cells, load, value, power / value - 1, noise, stated_for_shape(readings))
 
 
-def _on_sphere(cell: str, name: str) -> tuple[float, float]:
-    """Power on the phototransistor in W, and its standard error."""
-    wall = WALLS[name]
+def _on_exact_roof(cell: str, name: str) -> tuple[float, float] | None:
+    """Power in W on the phototransistor of an unloaded cell, and its standard error.
+
+    None if the roof is neither spherical nor flat and round.
+    """
+    pad, wall = pad_of(cell, rows=1, columns=1), WALLS[name]
+    roof: Dome | FlatRoof
+    if cell == Profile.name:  # `pad_of` gives it the meridian of a hemisphere
+        roof = DOMES["hemispheric"]
+    elif cell in DOMES:
+        roof = DOMES[cell]
+    elif "roof" not in pad.shape.round_regions and not pad.shape.is_square:
+        roof = FlatRoof(float(pad.shape.outline()[-2, 0]), pad.top_of_cell - BOARD, SPACING)
+    else:
+        return None
     if "mirror" in name:
-        return DOMES[cell].mirror_power(wall.get("rms_slope", 0.0), seed=1, points=RAYS)
-    return DOMES[cell].diffuse_power(wall["scattering"], 24), 0.0
+        return roof.mirror_power(wall.get("rms_slope", 0.0), seed=1, points=RAYS)
+    return roof.diffuse_power(wall["scattering"], 24), 0.0
 
 
 def _on_small_elements(cell: str, name: str, cells: int, load: Force) -> tuple[float, float]:
+    """Power in W on the phototransistor with small elements, and its standard error."""
     size = (FINE_ASIDE if any(load[:2]) else FINE)[cells]
     by_parts = cells > 1 and any(load[:2])
-    given = {} if by_parts else {"mesh_size": size}
-    scene = dome_scene(cell, WALLS[name], cells, force=_on_pad(load, cells), **given)
+    mesh = {} if by_parts else {"mesh_size": size}
+    scene = dome_scene(cell, WALLS[name], cells, force=_on_pad(load, cells), **cell_parameters(cell), **mesh)
     with _default_elements(cell, size) if by_parts else nullcontext():
         return _mean(measure(scene, points=_points(cell, name, cells), seed=2, mechanics_error=False))
 
 
 @contextmanager
 def _default_elements(cell: str, size: float) -> Iterator[None]:
-    """While it lasts, loaded domes have elements of a ``size`` in mm by default."""
+    """Change the default size of elements of a loaded shape to ``size`` mm within the context."""
     relative = size / Pad(cell).default_mesh_size
     shape = CellShape.named(cell)
-    usual = shape.light_sizes
+    default_sizes = shape.light_sizes
     try:
         shape.light_sizes = LightSizes(diffuse=relative, mirrors=relative, mirrors_side_by_side=relative)
         yield
     finally:
-        shape.light_sizes = usual
+        shape.light_sizes = default_sizes
 
 
 def _on_pad(load: Force, cells: int) -> list[float]:
-    """In N, the force on all cells."""
+    """Force on the pad in N, from the force on each cell."""
     return [component * cells**2 for component in load]
 
 
 def _listed(load: Force) -> str:
-    """A force, by its normal component alone where that is all."""
+    """A force in words: its normal component alone if the others are 0."""
     return ", ".join(f"{component:g}" for component in (load if any(load[:2]) else load[2:]))
 
 
@@ -218,28 +258,48 @@ def _points(cell: str, name: str, cells: int) -> int | None:
 
 
 def _mean(readings: Readings) -> tuple[float, float]:
-    """Mean power of all equal taxels, and its standard error."""
+    """Mean power in W of the taxels, which are all alike, and its standard error."""
     means = readings.replicates.mean(axis=1)
     return float(means.mean()), float(np.std(means, ddof=1) / math.sqrt(len(means)))
 
 
 def dome_cells(row: DomeRow) -> list[str]:
     """The row as text, below `HEADINGS`."""
-    off, noise, stated = f"{row.off:+.3%}", f"{row.noise:.3%}", f"{row.stated:.3%}"
-    return [row.cell, row.wall, f"{row.cells} x {row.cells}", _listed(row.load), f"{row.truth:.6g}", off, noise, stated]
+    relative = f"{row.deviation:+.3%}", f"{row.noise:.3%}", f"{row.stated:.3%}"
+    return [row.cell, row.wall, f"{row.cells} x {row.cells}", _listed(row.load), f"{row.truth:.6g}", *relative]
 
 
 def pad_cells(row: PadRow) -> list[str]:
     """The row as text, below `PAD_HEADINGS`."""
-    relative = f"{row.off:+.2%}", f"{row.noise:.2%}", f"{row.stated:.2%}", f"{row.off_larger:+.2%}"
+    relative = f"{row.deviation:+.2%}", f"{row.noise:.2%}", f"{row.stated:.2%}", f"{row.deviation_larger:+.2%}"
     return [row.pad, f"{row.load:g}", f"{row.truth:.6g}", *relative]
 
 
+def summary(rows: Sequence[DomeRow]) -> str:
+    """A sentence with the number of readings within twice their stated error and three times the noise; the others."""
+    beyond = [row for row in rows if abs(row.deviation) > 2 * row.stated + 3 * row.noise]
+    names = "; ".join(f"{row.cell}, {row.wall}, {row.cells} x {row.cells}, {_listed(row.load)} N" for row in beyond)
+    counted = f"{len(rows) - len(beyond)} of {len(rows)} readings are within twice the stated error and the noise"
+    return f"{counted}; beyond: {names}." if beyond else f"{counted}."
+
+
 def write_page(rows: Sequence[DomeRow], pads: Sequence[PadRow], file: Path, command: str) -> None:
-    """Write the rows as a page with an explanation of its columns."""
+    """Write rows as a page that explains its columns.
+
+    Parameters
+    ----------
+    rows : sequence of DomeRow
+        Of the first table.
+    pads : sequence of PadRow
+        Of mirrors in other pads.
+    file : Path
+        Page, which is replaced.
+    command : str
+        Command that the page names as its origin.
+    """
     table = markdown_table(HEADINGS, map(dome_cells, rows), HEADINGS[:2])
-    others = markdown_table(PAD_HEADINGS, map(pad_cells, pads), PAD_HEADINGS[:1])
+    pads_table = markdown_table(PAD_HEADINGS, map(pad_cells, pads), PAD_HEADINGS[:1])
     sizes = {"fine": FINE, "aside": FINE_ASIDE, "larger": LARGER, "smallest": SMALLEST}
     sizes["judge"] = Pad("hemispheric").default_mesh_size
-    text = _PAGE.format(command=command, table=table, pads=others, **sizes)
+    text = _PAGE.format(command=command, summary=summary(rows), table=table, pads=pads_table, **sizes)
     write_text(file, text)

@@ -1,7 +1,7 @@
-"""The table of balls that are dragged to a place, beside the same balls pressed there.
+"""The table of bodies dragged to a position, compared with the same bodies pressed in there.
 
-Without friction both are one state, and are solved as one; the dragged ball rubs by next to nothing, so that its
-elements are those along its way, and its states follow each other.
+Without friction both are the same state, and the solver treats them alike. The dragged body has a tiny friction: then
+its path is followed step by step, on elements that are small along the path.
 """
 
 from __future__ import annotations
@@ -20,40 +20,45 @@ from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.peers.elements import mean_roof_displacement
 from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
+from mitsuba_taxel.evidence.rows.kind_examples import generator, indenter_of, other_cells, other_indenters, pad_of
 from mitsuba_taxel.evidence.rows.row import cells, headings
-from mitsuba_taxel.evidence.rows.row_files import ResumedTable
+from mitsuba_taxel.evidence.rows.row_files import ResumedTable, not_measured
 from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean, load_path, reactions
 from mitsuba_taxel.mechanics.continuation.state import State
-from mitsuba_taxel.pads import CELL_SHAPES, Pad
+from mitsuba_taxel.pads import CELL_SHAPES
 
 SEED = 52
 FRICTION = 1e-4
-"""Of dragged balls: its force is far below the errors by the elements."""
-RADII, PLACES, DEPTH = (0.3, 0.5, 1.0), (0.4, 0.8, 1.2, 1.6, 2.0), 0.1
-"""In mm, of a grid of states: radii, places along x, and the depth, on a parallelepiped. As many more have radii from
-0.3 to 3 mm, and shapes, places and depths drawn at random."""
+"""Coefficient of dragged bodies: the friction force is far below the errors of the elements."""
+RADII, POSITIONS, DEPTH = (0.3, 0.5, 1.0), (0.4, 0.8, 1.2, 1.6, 2.0), 0.1
+"""Radii, positions along x and depth in mm of a grid of balls on a parallelepiped. As many more balls have radii from
+0.3 to 3 mm, on the paper's cells, at random positions and depths."""
+OTHER_CASES = 2
+"""Number of states of each other kind of cell and of indenter."""
 ALLOWED, LARGEST = 2.0, 0.03
-"""Deviations that are allowed, in combined errors and relative."""
+"""Largest deviations in combined errors, and relative."""
 
 _PAGE = """\
 # Dragged and pressed
 
 Written by `{command}`; do not edit by hand.
 
-Balls on pads of one cell, with elements of the usual size, pressed into the middle and dragged to a place with a
-friction of {friction:g}, beside the same balls pressed there without friction. The elements of the former are small
-along the way, those of the latter below the ball, and the states are reached by different steps. Forces and the mean
-displacement of the roof should agree within their stated errors; they are closer, as the elements around the ball are
-of one size, and so are their errors.
+Each row compares two ways to the same state of a pad of one cell, on elements of the default size. A body is pressed
+into the middle and dragged to a position, with a friction of {friction:g}; and the same body is pressed in at that
+position, without friction. Elements are small along the path in the first case, and below the body in the second; the
+load steps differ as well. Forces and the mean displacement of the roof should agree within their stated errors. They
+agree better than that, as elements of equal size around the body have similar errors.
 
 **{summary}**
 
 {table}
 
-- **force**: of the ball that is pressed there. **deviation**: of that of the dragged ball, as a vector, relative.
-- **stated**: the errors stated for the two, as the root of the sum of their squares, relative.
-- **roof**: the same of the mean displacement of the roof.
+- **force**: on the body that is pressed in. **deviation**: of the force on the dragged body, as a vector, relative.
+- **stated**: root of the sum of squares of the two stated errors, relative.
+- **roof**: the same for the mean displacement of the roof.
 - **CPU s**: time of all processors for both states with their errors.
+
+{missing}
 """
 
 
@@ -64,13 +69,13 @@ class DragRow:
     Attributes
     ----------
     force : float
-        Of the ball that is pressed there, in N.
+        Force on the body that is pressed in, in N.
     force_off, force_stated : float
-        Deviation of the dragged ball's, and the errors stated for both, relative.
+        Relative deviation of the force on the dragged body, and stated error of both.
     roof_off, roof_stated : float
-        The same of the mean displacement of the roof.
+        The same for the mean displacement of the roof.
     seconds : float
-        Of processors' time.
+        CPU time.
     """
 
     COLUMNS: ClassVar = {
@@ -106,17 +111,28 @@ class DragRow:
 
 @dataclass(frozen=True)
 class DragCase:
-    """A ball of a ``radius`` at a place (x, y, -depth), all in mm, on one cell of a shape."""
+    """A body on a pad of one cell.
+
+    Attributes
+    ----------
+    cell : str
+        Shape of the cell.
+    body : Indenter
+        Without friction, at x = y = 0.
+    position : tuple[float, float, float]
+        (x, y, -depth) in mm, to which it is dragged.
+    """
 
     cell: str
-    radius: float
-    place: tuple[float, float, float]
+    body: Indenter
+    position: tuple[float, float, float]
 
     @property
     def name(self) -> str:
         """Words for the row."""
-        x, y, z = self.place
-        return f"{self.cell}, ball of {self.radius:g} mm at ({x:g}, {y:g}) mm, {-z:g} mm deep"
+        x, y, z = self.position
+        body = f"ball of {self.body.radius:g} mm" if self.body.shape == "sphere" else self.body.shape
+        return f"{self.cell}, {body} at ({x:g}, {y:g}) mm, {-z:g} mm deep"
 
     def failed(self, end: str) -> DragRow:
         """The row of a process that returned none."""
@@ -124,52 +140,71 @@ class DragCase:
 
     def measured(self) -> DragRow:
         """The row, measured in this process."""
-        began, (x, y, z) = time.process_time(), self.place
-        dragged = Indenter("sphere", radius=self.radius, friction=FRICTION)
+        start, (x, y, z) = time.process_time(), self.position
         try:
-            (_, there), (pressed,) = (
-                self._states(dragged, (0, 0, z), self.place),
-                self._states(Indenter("sphere", radius=self.radius, at=(x, y)), (0, 0, z)),
-            )
-            row = self._compared(pressed, there)
+            _, dragged = self._states(replace(self.body, friction=FRICTION), (0, 0, z), self.position)
+            (pressed,) = self._states(replace(self.body, at=(x, y)), (0, 0, z))
+            row = self._compared(pressed, dragged)
         except ComputationError as error:
             row = DragRow(self.name, str(error))
-        return replace(row, seconds=time.process_time() - began)
+        return replace(row, seconds=time.process_time() - start)
 
-    def _states(self, ball: Indenter, *places: tuple[float, float, float]) -> list[State]:
-        return load_path(Pad(self.cell, 1, 1), NeoHookean(), places, load=IndenterDisplacement(ball))
+    def _states(self, body: Indenter, *positions: tuple[float, float, float]) -> list[State]:
+        pad = pad_of(self.cell, rows=1, columns=1)
+        return load_path(pad, NeoHookean(), positions, load=IndenterDisplacement(body))
 
     def _compared(self, pressed: State, dragged: State) -> DragRow:
         forces, roofs = [], []
         for state in (pressed, dragged):
             if state.error is None:
                 return DragRow(self.name, "an error of the elements is unknown")
-            forces.append(np.append(reactions(state).applied_force, state.force_error))
+            forces.append((reactions(state).applied_force, state.force_error))
             roofs.append(
-                np.array([mean_roof_displacement(state.mesh, state.displacement, 1), state.error.displacement])
+                (np.array([mean_roof_displacement(state.mesh, state.displacement, 1)]), state.error.displacement)
             )
-        figures = [float(np.linalg.norm(forces[0][:3])), *_deviation(forces), *_deviation(roofs)]
-        return DragRow(self.name, "", *figures)
+        force = float(np.linalg.norm(forces[0][0]))
+        return DragRow(self.name, "", force, *_relative_deviation(*forces), *_relative_deviation(*roofs))
 
 
-def _deviation(figures: Sequence[np.ndarray]) -> tuple[float, float]:
-    """Of the second from the first, and their stated errors, which come last, relative to the first."""
-    size = np.linalg.norm(figures[0][:-1])
-    off = np.linalg.norm(figures[1][:-1] - figures[0][:-1])
-    return float(off / size), float(math.hypot(figures[0][-1], figures[1][-1]) / size)
+def _relative_deviation(pressed: tuple[np.ndarray, float], dragged: tuple[np.ndarray, float]) -> tuple[float, float]:
+    """Deviation of two values with stated errors, and the combined error, relative to the first value."""
+    (reference, reference_error), (value, error) = pressed, dragged
+    size = np.linalg.norm(reference)
+    return float(np.linalg.norm(value - reference) / size), float(math.hypot(reference_error, error) / size)
 
 
 def drag_cases() -> list[DragCase]:
-    """All states, those of a grid and those drawn in turn."""
-    grid = [DragCase("parallelepiped", radius, (x, 0.0, -DEPTH)) for x in PLACES for radius in RADII]
+    """All states: balls of a grid and drawn balls in turn, then other kinds of cells and of indenters.
+
+    Other kinds are drawn from the registries, with random numbers of their own: a new kind changes no other state.
+    """
+    grid = [
+        DragCase("parallelepiped", Indenter("sphere", radius=radius), (x, 0.0, -DEPTH))
+        for x in POSITIONS
+        for radius in RADII
+    ]
     rng = np.random.default_rng(SEED)
-    drawn = []
-    for number, size in enumerate(rng.permutation(np.geomspace(0.3, 3.0, len(grid)))):
-        radius = float(f"{size:.2g}")
-        depth = float(f"{np.exp(rng.uniform(np.log(0.05), np.log(min(0.4, 0.4 * radius)))):.2g}")
-        x, y = np.round(rng.uniform(-1.5, 1.5, 2), 2).tolist()
-        drawn.append(DragCase(CELL_SHAPES[number % len(CELL_SHAPES)], radius, (x, y, -depth)))
-    return [case for pair in zip(grid, drawn, strict=True) for case in pair]
+    radii = rng.permutation(np.geomspace(0.3, 3.0, len(grid)))
+    drawn = [_drawn_ball(CELL_SHAPES[k % len(CELL_SHAPES)], radius, rng) for k, radius in enumerate(radii)]
+    cases = [case for pair in zip(grid, drawn, strict=True) for case in pair]
+    for cell in other_cells():
+        rng = generator(SEED, cell)
+        cases += [_drawn_ball(cell, rng.uniform(0.5, 3.0), rng) for _ in range(OTHER_CASES)]
+    for name in other_indenters(("sphere",)):
+        rng = generator(SEED, name)
+        for cell in rng.permutation(CELL_SHAPES)[:OTHER_CASES].tolist():
+            x, y = np.round(rng.uniform(-1.0, 1.0, 2), 2).tolist()
+            depth = float(f"{rng.uniform(0.05, 0.15):.2g}")
+            cases.append(DragCase(cell, indenter_of(name), (x, y, -depth)))
+    return cases
+
+
+def _drawn_ball(cell: str, size: float, rng: np.random.Generator) -> DragCase:
+    """A ball of a radius, rounded to two digits, at a random position and depth."""
+    radius = float(f"{size:.2g}")
+    depth = float(f"{np.exp(rng.uniform(np.log(0.05), np.log(min(0.4, 0.4 * radius)))):.2g}")
+    x, y = np.round(rng.uniform(-1.5, 1.5, 2), 2).tolist()
+    return DragCase(cell, Indenter("sphere", radius=radius), (x, y, -depth))
 
 
 def drags(
@@ -178,24 +213,47 @@ def drags(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[DragRow]:
-    """Rows of the table as they are measured, each in a process of its own; see `ResumedTable.rows`."""
-    made = ResumedTable("drags", drag_cases(), DragRow, lambda case: measure_isolated(case), write_page)
-    return made.rows(only, csv_file, markdown, starting)
+    """Yield rows of the table as they are measured, each in its own process.
+
+    Parameters
+    ----------
+    only, csv_file, markdown, starting
+        As for `ResumedTable.rows`.
+
+    Returns
+    -------
+    Iterator[DragRow]
+        In the order of the table.
+    """
+    table = ResumedTable("drags", drag_cases(), DragRow, lambda case: measure_isolated(case), write_page)
+    return table.rows(only, csv_file, markdown, starting)
 
 
 def summary(rows: Sequence[DragRow]) -> str:
-    """A sentence with the number of states that agree, of how many."""
+    """A sentence with the numbers of states that agree, that could not be solved, and that were run."""
     solved = [row for row in rows if not row.remark]
-    said = (
+    sentence = (
         f"{sum(row.agrees for row in solved)} of {len(solved)} states agree within {ALLOWED:g} combined errors and "
         f"{LARGEST:.0%}"
     )
     if len(solved) < len(rows):
-        said += f"; {len(rows) - len(solved)} could not be solved"
-    return f"{said}; {len(rows)} of {len(drag_cases())} states were run."
+        sentence += f"; {len(rows) - len(solved)} could not be solved"
+    return f"{sentence}; {len(rows)} of {len(drag_cases())} states were run."
 
 
 def write_page(rows: Sequence[DragRow], file: Path, command: str) -> None:
-    """Write the rows as a page with an explanation of its columns."""
+    """Write the rows as a page that explains its columns.
+
+    Parameters
+    ----------
+    rows : sequence of DragRow
+        The measured rows.
+    file : Path
+        Page, which is replaced.
+    command : str
+        Command that the page names as its origin.
+    """
     table = markdown_table(headings(DragRow), map(cells, rows), ("state", "remark"))
-    write_text(file, _PAGE.format(command=command, friction=FRICTION, summary=summary(rows), table=table))
+    missing = not_measured(drag_cases(), rows)
+    text = _PAGE.format(command=command, friction=FRICTION, summary=summary(rows), table=table, missing=missing)
+    write_text(file, text)

@@ -34,17 +34,17 @@ SEED, CASES = 53, 40
 TRIES = 100
 LOADS = 8
 OTHER_KINDS = {4: "tangential force", 7: "random paths", 9: "viscoelastic"}
-"""Of ten scenes by their last digit; the others are under a normal force."""
+"""Kinds of scenes, by the last digit of their number; all others are under a normal force."""
 STRAINS = (0.008, 0.04)
-"""Range of the largest pressure over Young's modulus."""
+"""Range of the largest pressure, relative to Young's modulus."""
 STEP = math.sqrt(2)
-"""Ratio of the sizes of elements from which the truth is extrapolated."""
+"""Ratio of the two element sizes from which the truth is extrapolated."""
 FINE = 0.6
 """Largest size in mm of the finest elements of the truth."""
 POINTS = 1 << 14
-"""Random paths of the truth for each taxel and replicate, where light needs them."""
+"""Number of random paths of the truth for each taxel and replicate, where light needs them."""
 OTHER_SEED = 7
-"""Of these: that of the sweeps is 0."""
+"""Seed of these paths; the seed of the sweeps is 0."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,12 @@ class FigureCase:
 
     Attributes
     ----------
+    name : str
+        Words for the row.
     sensor : PadSensor
+        The scene.
     vary, together : dict[str, list of float]
-        Loads as for `sweep`.
+        Loads, as arguments of `sweep`.
     """
 
     name: str
@@ -65,7 +68,7 @@ class FigureCase:
 
     def measured(self) -> Any:
         """The row, measured in this process."""
-        began = time.process_time()
+        start = time.process_time()
         numbers: dict[str, float] = {}
         try:
             with tempfile.TemporaryDirectory() as folder:
@@ -73,35 +76,35 @@ class FigureCase:
                 self.sensor.scene().write_xml(file)
                 for target, error in TARGETS.items():
                     study = sweep(file, self.vary, together=self.together, target_error=error)
-                    for figure, (value, stated) in _figures(study).items():
-                        numbers |= {f"{figure}_{target}_value": value, f"{figure}_{target}_error": stated}
-                seconds = time.process_time() - began
+                    for figure, (value, error) in _figures(study).items():
+                        numbers |= {f"{figure}_{target}_value": value, f"{figure}_{target}_error": error}
+                seconds = time.process_time() - start
                 size = study.attrs.get("mesh_size") or self.sensor.pad.default_mesh_size
                 fine = min(size / STEP, FINE)
                 numbers |= self._truth(file, fine, study)
         except (ComputationError, InputError) as error:
             return FigureRow(self.name, str(error))
-        return FigureRow(self.name, "", seconds, time.process_time() - began - seconds, fine, **numbers)
+        return FigureRow(self.name, "", seconds, time.process_time() - start - seconds, fine, **numbers)
 
     def failed(self, end: str) -> Any:
         """The row of a process that returned none."""
         return FigureRow(self.name, end)
 
     def _truth(self, file: Path, fine: float, study: xr.Dataset) -> dict[str, float]:
-        """Figures in the limit of small elements, and their change from the finest ones, ``fine`` mm."""
+        """Figures in the limit of small elements, and their change by extrapolation from elements of ``fine`` mm."""
         random = POINTS if study.attrs["points"] else None
         seed = OTHER_SEED if random else 0
         power = []
         with open_pool() as pool:
             for size in (fine * STEP, fine):
                 batch = make_batch(file, self.vary, together=self.together, mesh_size=size, points=random, seed=seed)
-                found = run_batch(replace(batch, bare=True), pool, None)
-                power.append(found.replicate_power)
+                result = run_batch(replace(batch, bare=True), pool, None)
+                power.append(result.replicate_power)
         coarse, smallest = power
         ratio = size_ratio(*(self.sensor.pad.mesh(size) for size in (fine, fine * STEP)))
         limit = smallest + (smallest - coarse) / (ratio**ORDER - 1)
         smooth = "derivative" in study
-        true, finest = (_true_figures(found.assign(replicate_power=values), smooth) for values in (limit, smallest))
+        true, finest = (_true_figures(result.assign(replicate_power=values), smooth) for values in (limit, smallest))
         numbers = {f"{name}_further": true[name][0] - finest[name][0] for name in true}
         for name, (value, noise) in true.items():
             numbers |= {f"{name}_true": value, f"{name}_noise": noise}
@@ -109,26 +112,26 @@ class FigureCase:
 
 
 def _figures(study: xr.Dataset) -> dict[str, tuple[float, float]]:
-    """Value and stated error of the figures of the first taxel's first run of growing force."""
-    found = simulated_experiments(study)
-    table = characteristics(found.experiments, found.off)
+    """Value and stated error of each figure of the first taxel, over its first run of growing force."""
+    recordings = simulated_experiments(study)
+    table = characteristics(recordings.experiments, recordings.off)
     rows = table[(table.taxel == 1) & (table.loading == 1) & table.figure.isin(FIGURES)]
     return {row.figure: (row.value, row.error) for row in rows.itertuples()}
 
 
 def _true_figures(study: xr.Dataset, smooth: bool) -> dict[str, tuple[float, float]]:
-    """The same of readings in the limit, whose only error is the noise of random paths.
+    """Value and error of each figure of readings in the limit, whose only error is the noise of random paths.
 
-    Where the sweep has derivatives, its slopes are those of a curve; here of the polynomial through all readings, as
-    the loads are those at which it does not oscillate.
+    With derivatives, the slopes of a sweep are those of a smooth curve. Here they are those of the polynomial through
+    all readings, which does not oscillate, as the loads are Chebyshev points.
     """
     figures = _figures(study)
     if smooth:
         (name,) = (str(dim) for dim in study.replicate_power.dims if dim not in ("replicate", "taxel"))
         force, power = study[name].values, study.replicate_power.mean("replicate").isel(taxel=0).values
         rates = Chebyshev.fit(force, power, len(force) - 1).deriv()
-        most = rates(np.linspace(force.min(), force.max(), 1001))
-        figures |= {"max_slope": (float(most[np.abs(most).argmax()]), 0.0), "zero_slope": (float(rates(0.0)), 0.0)}
+        slopes = rates(np.linspace(force.min(), force.max(), 1001))
+        figures |= {"max_slope": (float(slopes[np.abs(slopes).argmax()]), 0.0), "zero_slope": (float(rates(0.0)), 0.0)}
     return figures
 
 
@@ -139,8 +142,10 @@ def figure_cases(seed: int = SEED) -> list[FigureCase]:
 
 
 def _thin_roof() -> FigureCase:
-    """A scene of an earlier draw, whose default elements and those of twice their size have a single layer in the roof:
-    their difference tells a third of the error."""
+    """A scene of an earlier draw with one layer of elements in the roof, on the default mesh and on the second mesh.
+
+    The difference of the two meshes shows a third of the error only.
+    """
     pad = Pad("parallelepiped", 1, 1, pitch=3.97, wall=0.96, height=2.76, cell_size=3.01, cell_height=1.55)
     reflector = PhotoReflector(led=AnnularLed(law="cosine_power", exponent=4.0))
     roof = Wall(scattering="isotropic", reflectance=0.82)
@@ -150,12 +155,12 @@ def _thin_roof() -> FigureCase:
 
 
 def _loads(largest: float) -> list[float]:
-    """Loads from 0 on at which a polynomial through all readings does not oscillate: Chebyshev's, with both ends."""
-    return [round(largest * share, 5) + 0.0 for share in (1 - np.cos(np.linspace(0, np.pi, LOADS))) / 2]
+    """Chebyshev points from 0 to the largest load, with both ends: a polynomial through them does not oscillate."""
+    return [round(largest * fraction, 5) + 0.0 for fraction in (1 - np.cos(np.linspace(0, np.pi, LOADS))) / 2]
 
 
 def _drawn(random: np.random.Generator, number: int) -> FigureCase:
-    """A scene, drawn again until its parts fit."""
+    """A scene, drawn again until its components fit."""
     kind = OTHER_KINDS.get(number % 10, "normal force")
     cell = CELL_SHAPES[(number - 1) % len(CELL_SHAPES)]
     for _ in range(TRIES):
@@ -167,7 +172,7 @@ def _drawn(random: np.random.Generator, number: int) -> FigureCase:
 
 
 def _sensor(random: np.random.Generator, kind: str, cell: str) -> tuple[PadSensor, str]:
-    """A sensor, and its parts in words."""
+    """A sensor, and its components in words."""
     size, wall = round(random.uniform(2.0, 3.4), 2), round(random.uniform(0.7, 1.5), 2)
     columns = 2 if kind == "normal force" and random.random() < 0.1 else 1
     roof = round(random.uniform(1.0, 3.0), 2)
@@ -177,12 +182,12 @@ def _sensor(random: np.random.Generator, kind: str, cell: str) -> tuple[PadSenso
         cell_height=None if cell == "hemispheric" else cell_height,
     )  # fmt: skip
     law = str(random.choice(["uniform_solid_angle", "lambertian", "cosine_power"], p=[0.4, 0.3, 0.3]))
-    more: dict[str, dict[str, Any]] = {
+    law_parameters: dict[str, dict[str, Any]] = {
         "uniform_solid_angle": {"cone_angle": round(random.uniform(30, 90))},
         "cosine_power": {"exponent": 4.0},
     }
-    led = AnnularLed(law=law, **more.get(law, {}))
-    walls = {part: _wall(random) for part in ("roof", "side")}
+    led = AnnularLed(law=law, **law_parameters.get(law, {}))
+    walls = {region: _wall(random) for region in ("roof", "side")}
     if random.random() < 0.8:  # scenes whose sides reflect take some minutes each
         walls["side"] = Wall(scattering="absorbing")
     if kind == "random paths":
@@ -213,7 +218,7 @@ def _words(wall: Wall) -> str:
 
 
 def _with_loads(random: np.random.Generator, number: int, kind: str, sensor: PadSensor, name: str) -> FigureCase:
-    """The case, with loads that compress the pad by some percent."""
+    """The case, with loads that compress the pad by a few percent."""
     x, y, _ = sensor.pad.extent
     law: Any = getattr(sensor.material, "law", sensor.material)
     modulus = law.youngs_modulus

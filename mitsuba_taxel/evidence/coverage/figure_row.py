@@ -12,33 +12,33 @@ TARGETS = {"default": None, "permille_2": 0.002, "permille_1": 0.001}
 KINDS = ("value", "error")
 
 _TRUE = ("true", "noise", "further")
-"""Of each figure: its value in the limit of small elements, the noise of that, and its change by the extrapolation."""
+"""Columns of the truth of each figure: value in the limit of small elements, its noise, change by the extrapolation."""
 
 
 TRUTH_SHARE = 0.5
-"""Error of what is extrapolated to elements of no size, relative to the extrapolation, which assumes that errors fall
-with the power 1.5 of their size: powers of 1 and 2 change it by 50 and -25 %, where sizes differ little."""
+"""Error of the truth, relative to the change by the extrapolation, which assumes that errors fall with the power 1.5 of
+the element size. Powers of 1 and 2 change the extrapolation by 50 and -25 % if the two sizes differ little."""
 LEAST_TRUTH = 0.002
-"""Least error of a slope in the limit, relative to it: two meshes may agree by chance. Elements of 0.6 mm have errors
-of 0.4 %, if default ones of 1.1 mm have the 1 % that is typical of them, and half of that is left."""
+"""Least relative error of a slope in the limit: two meshes may agree by chance. Elements of 0.6 mm have errors of 0.4
+%, if elements of 1.1 mm have the typical error of 1 %; the extrapolation halves it."""
 
 
 def _truth_error(row: Any, figure: str) -> float:
-    """Standard error of a figure in the limit of small elements: by the extrapolation and the noise of random paths."""
-    true, noise, further = (getattr(row, f"{figure}_{kind}") for kind in _TRUE)
+    """Standard error of a figure in the limit of small elements, from the extrapolation and the noise."""
+    true, noise, extrapolation = (getattr(row, f"{figure}_{kind}") for kind in _TRUE)
     least = LEAST_TRUTH * abs(true) if figure.endswith("slope") else 0.0
-    return math.hypot(max(TRUTH_SHARE * abs(further), least), noise)
+    return math.hypot(max(TRUTH_SHARE * abs(extrapolation), least), noise)
 
 
 def _deviation(row: Any, figure: str, target: str) -> float:
-    """Error of a figure of a sweep over the stated one, combined with that of the truth; NaN if it is unknown."""
+    """Error of a figure of a sweep over the combined error of sweep and truth; NaN if it is unknown."""
     value, error = (getattr(row, f"{figure}_{target}_{kind}") for kind in KINDS)
-    stated = math.hypot(error, row.truth_error(figure))
-    return (value - getattr(row, f"{figure}_true")) / stated if stated else math.nan
+    combined_error = math.hypot(error, row.truth_error(figure))
+    return (value - getattr(row, f"{figure}_true")) / combined_error if combined_error else math.nan
 
 
 def _weakness(row: Any, figure: str, target: str) -> float:
-    """Error of the truth over the stated one: above 1, the comparison says little of what is stated."""
+    """Error of the truth over the stated error: above 1, the comparison cannot judge the stated error."""
     error = getattr(row, f"{figure}_{target}_error")
     return row.truth_error(figure) / error if error else math.nan
 

@@ -75,56 +75,84 @@ def figures(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[Any]:
-    """Rows of the table as they are measured, each in a process of its own; see `ResumedTable.rows`."""
-    made = ResumedTable(
+    """Yield rows of the table as they are measured, each in its own process.
+
+    Parameters
+    ----------
+    only, csv_file, markdown, starting
+        As for `ResumedTable.rows`.
+
+    Returns
+    -------
+    Iterator[FigureRow]
+        In the order of the table.
+    """
+    table = ResumedTable(
         "figures", figure_cases(), FigureRow, lambda case: measure_isolated(case, MOST_SECONDS), write_page
     )
-    return made.rows(only, csv_file, markdown, starting)
+    return table.rows(only, csv_file, markdown, starting)
 
 
 def deviations(rows: Sequence[Any], figure: str, target: str) -> tuple[list[float], int]:
-    """Magnitudes of the errors over the stated ones, of the scenes in which the figure is judged, and the number of the
-    others that have it."""
-    known = [row for row in rows if not math.isnan(row.deviation(figure, target))]
-    every = [(abs(row.deviation(figure, target)), row.weakness(figure, target)) for row in known]
-    judged = [value for value, weakness in every if not weakness > 1 or value > 2]
-    return judged, len(every) - len(judged)
+    """Errors of a figure at a target error, relative to the combined stated errors of sweep and truth.
+
+    Parameters
+    ----------
+    rows : sequence of FigureRow
+        Measured rows.
+    figure, target : str
+        One of `FIGURES` and of `TARGETS`.
+
+    Returns
+    -------
+    judged : list[float]
+        Magnitudes, for the scenes in which the figure is judged.
+    unjudged : int
+        Number of the other scenes that have the figure.
+    """
+    with_error = [row for row in rows if not math.isnan(row.deviation(figure, target))]
+    ratios = [(abs(row.deviation(figure, target)), row.weakness(figure, target)) for row in with_error]
+    judged = [value for value, weakness in ratios if not weakness > 1 or value > 2]
+    return judged, len(ratios) - len(judged)
 
 
 def counts(rows: Sequence[Any]) -> list[list[str]]:
-    """Cells of a row for each figure and target: how many errors are within once and twice the stated one, the median
-    of stated over true errors, and the largest of true over stated ones."""
-    found = []
+    """Cells of a row for each figure and target error, below `COUNTS`.
+
+    They hold the numbers of figures, of unjudged figures, and of errors within once and twice the stated error; the
+    median of stated over true errors; and the largest of true over stated errors.
+    """
+    table = []
     for figure in FIGURES:
         for target in TARGETS:
-            values, others = deviations(rows, figure, target)
-            if values or others:
+            values, unjudged = deviations(rows, figure, target)
+            if values or unjudged:
                 ratio = median(1 / value if value else math.inf for value in values) if values else math.nan
                 within, worst = [sum(value <= count for value in values) for count in (1, 2)], max(values, default=0.0)
-                numbers = (len(values) + others, others, *within, f"{ratio:.1f}", f"{worst:.2f}")
-                found.append([figure, NAMES[target], *map(str, numbers)])
-    return found
+                numbers = (len(values) + unjudged, unjudged, *within, f"{ratio:.1f}", f"{worst:.2f}")
+                table.append([figure, NAMES[target], *map(str, numbers)])
+    return table
 
 
 def summary(rows: Sequence[Any]) -> str:
-    """Sentences with the number of figures within their errors, and the costs."""
-    found = [deviations(rows, figure, target) for figure in FIGURES for target in TARGETS]
-    every, others = [value for values, _ in found for value in values], sum(count for _, count in found)
+    """A sentence with the number of figures within twice their stated errors."""
+    pairs = [deviations(rows, figure, target) for figure in FIGURES for target in TARGETS]
+    ratios, unjudged = [value for values, _ in pairs for value in values], sum(count for _, count in pairs)
     read = [row for row in rows if not row.remark]
-    if not every:
+    if not ratios:
         return f"None of {len(rows)} scenes could be read."
-    within = sum(value <= 2 for value in every)
-    ratio = median(1 / value if value else math.inf for value in every)
-    lacking = f"; {others} figures are not judged" if others else ""
+    within = sum(value <= 2 for value in ratios)
+    ratio = median(1 / value if value else math.inf for value in ratios)
+    lacking = f"; {unjudged} figures are not judged" if unjudged else ""
     lacking += f"; {len(rows) - len(read)} scenes could not be read" if len(read) < len(rows) else ""
     return (
-        f"{within} of {len(every)} figures ({within / len(every):.1%}) of {len(read)} scenes are within twice the "
+        f"{within} of {len(ratios)} figures ({within / len(ratios):.1%}) of {len(read)} scenes are within twice the "
         f"stated error, which is {ratio:.1f} times the true one in the median{lacking}."
     )
 
 
 def cells(row: Any) -> list[str]:
-    """The cells of a scene in the second table."""
+    """Cells of a scene in the second table, below `HEADINGS`."""
     ratios = [row.deviation(figure, target) for figure in SHOWN for target in TARGETS]
     ratios += [row.weakness(figure, "default") for figure in SHOWN]
     costs = ((row.fine, 2), (row.seconds + row.true_seconds, 0), (row.true_seconds, 0))
@@ -137,7 +165,17 @@ def cells(row: Any) -> list[str]:
 
 
 def write_page(rows: Sequence[Any], file: Path, command: str) -> None:
-    """Write the rows as a page with an explanation of its columns."""
+    """Write rows as a page that explains its columns.
+
+    Parameters
+    ----------
+    rows : sequence of FigureRow
+        The measured rows.
+    file : Path
+        Page, which is replaced.
+    command : str
+        Command that the page names as its origin.
+    """
     text = _PAGE.format(
         command=command,
         every=len(figure_cases()),

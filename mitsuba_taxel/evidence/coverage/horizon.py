@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,13 +22,13 @@ from mitsuba_taxel.transport import reception
 from mitsuba_taxel.transport.exchange import HORIZON
 
 WIDER = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-"""Widths, relative to the one in use."""
+"""Widths, relative to the default."""
 DESIGNS = 11
-"""Along a line."""
+"""Number of designs along a line."""
 POINTS = 32
-"""Along a side of the phototransistor, for the readings at both ends that the mean derivative is compared with."""
+"""Number of points along a side of the phototransistor for the readings at both ends of a line."""
 DEGREE = 3
-"""Of the polynomial that is taken off derivatives along a line to see how they scatter."""
+"""Degree of the polynomial that is subtracted from the derivatives along a line, to compute their scatter."""
 SQUARE = {"cell_size": 2.75, "cell_height": 2.4, "height": 3.6, "wall": 0.8, "mesh_size": 1.6}
 """Dimensions in mm of a cell with a profile of square section, as in `docs/optimum.md`."""
 PROFILE = "1 {}; 0.56 0.5; 0 0.5"
@@ -37,9 +37,9 @@ FIRST, LAST = 0.73, 0.75
 
 
 def _square(z: float) -> Scene:
-    moved = {} if z == FIRST else {"meshed_as": f"profile_z1={FIRST}"}
-    about: dict[str, Any] = {"profile": PROFILE.format(z), "section": "square", "force": [0, 0, -2.2]} | SQUARE | moved
-    return dome_scene("profile", {"scattering": "isotropic"}, **about)
+    mesh = {} if z == FIRST else {"meshed_as": f"profile_z1={FIRST}"}
+    cell = {"profile": PROFILE.format(z), "section": "square"}
+    return dome_scene("profile", {"scattering": "isotropic"}, force=[0, 0, -2.2], **cell, **SQUARE, **mesh)
 
 
 def _box(fx: float) -> Scene:
@@ -50,7 +50,7 @@ LINES: dict[str, tuple[Callable[[float], Scene], str, float, float]] = {
     "square profile at -2.2 N": (_square, "profile_z1", FIRST, LAST),
     "parallelepiped at -1 N": (_box, "fx", 0.9, 1.5),
 }
-"""By name: the scene by the value of a parameter, that parameter, and the ends of the line."""
+"""Lines by name: scene as a function of a parameter, name of the parameter, and its values at both ends."""
 
 
 @dataclass(frozen=True)
@@ -61,14 +61,15 @@ class HorizonRow:
     Attributes
     ----------
     line, parameter : str
+        Name of the line, and parameter that changes along it.
     width : float
-        Cosine up to which a direction counts as along the horizon, between walls.
+        Largest cosine of directions that count as along the horizon, between walls.
     bias : float
-        Of the mean derivative.
+        Deviation of the mean derivative.
     scatter : float
-        Standard deviation of derivatives from a smooth curve.
+        Standard deviation of the derivatives from a smooth curve.
     stated : float
-        Root mean square of the part of the stated error that counts the horizon's width; NaN if it is not known.
+        Root mean square of the stated error that is due to the width; NaN if unknown.
     """
 
     COLUMNS: ClassVar = {
@@ -114,12 +115,12 @@ def horizon(starting: Callable[[str], None] | None = None) -> Iterator[HorizonRo
         values = np.linspace(first, last, DESIGNS)
         slopes = np.array([_derivatives(scene(round(float(value), 6)), parameter) for value in values])
         mean = (_reading(scene(last)) - _reading(scene(first))) / (last - first)
-        for number, wider in enumerate(WIDER):
-            yield HorizonRow(line, parameter, HORIZON * wider, *_judged(values, slopes / mean, number))
+        for number, factor in enumerate(WIDER):
+            yield HorizonRow(line, parameter, HORIZON * factor, *_bias_scatter_and_error(values, slopes / mean, number))
 
 
 def _reading(scene: Scene) -> float:
-    """The power of the one taxel in W, with more points on the phototransistor."""
+    """Power of the only taxel in W, with more points on the phototransistor."""
     cells = DiffuseCells(scene.load(), POINTS)
     patches = cells.patches(0)
     walls = patches.rest + patches.carried(cells.pad.state.displacement)
@@ -127,26 +128,36 @@ def _reading(scene: Scene) -> float:
 
 
 def _derivatives(scene: Scene, parameter: str) -> list[float]:
-    """The derivatives of its reading with each width."""
+    """Derivatives of the reading of a scene by a parameter, one for each width."""
     live, change = scene.load(), [rates(scene, parameter)]
-    found = (derivatives_by(change, live, with_errors=False, wider=wider) for wider in WIDER)
-    return [float(each.values[0, 0]) for each in found]
+    results = (derivatives_by(change, live, with_errors=False, wider=factor) for factor in WIDER)
+    return [float(result.values[0, 0]) for result in results]
 
 
-def _judged(values: np.ndarray, slopes: np.ndarray, number: int) -> tuple[float, float, float]:
-    """Bias, scatter and stated error of derivatives (N, W) in units of the mean slope, with one of the widths."""
+def _bias_scatter_and_error(values: np.ndarray, slopes: np.ndarray, number: int) -> tuple[float, float, float]:
+    """Bias, scatter and stated error for one width of derivatives (N, W), which are relative to the mean slope."""
     of_width = slopes[:, number]
     bias = float(np.trapezoid(of_width, values) / np.ptp(values)) - 1
     smooth = np.polynomial.Polynomial.fit(values, of_width, DEGREE)(values)
     scatter = float(np.sqrt(np.square(of_width - smooth).sum() / (len(values) - DEGREE - 1)))
     if number + 1 == len(WIDER):
         return bias, scatter, float("nan")
-    stated = HORIZON_SHARE * (slopes[:, number + 1] - of_width)
-    return bias, scatter, float(np.sqrt(np.square(stated).mean()))
+    horizon_error = HORIZON_SHARE * (slopes[:, number + 1] - of_width)
+    return bias, scatter, float(np.sqrt(np.square(horizon_error).mean()))
 
 
 def write_page(rows: Sequence[HorizonRow], file: Path, command: str) -> None:
-    """Write the rows as a page with an explanation of its columns."""
+    """Write rows as a page that explains its columns.
+
+    Parameters
+    ----------
+    rows : sequence of HorizonRow
+        All rows.
+    file : Path
+        Page, which is replaced.
+    command : str
+        Command that the page names as its origin.
+    """
     table = markdown_table(headings(HorizonRow), map(cells, rows), headings(HorizonRow)[:2])
     about = {"designs": DESIGNS, "points": POINTS, "width": HORIZON, "wider": reception.WIDER}
     write_text(file, _PAGE.format(command=command, table=table, **about))

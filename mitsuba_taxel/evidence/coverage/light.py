@@ -12,32 +12,35 @@ from mitsuba_taxel.evidence.coverage.light_cases import DERIVED, TIGHT, light_ca
 from mitsuba_taxel.evidence.coverage.light_row import LightRow
 from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
 from mitsuba_taxel.evidence.rows.row import cells, headings
-from mitsuba_taxel.evidence.rows.row_files import ResumedTable
+from mitsuba_taxel.evidence.rows.row_files import ResumedTable, not_measured
 
 ALLOWED, TWICE = 3.0, 2.0
-"""Combined errors within which all readings should agree, and 95 % of them."""
+"""Largest deviations in combined errors of all readings, and of 95 % of them."""
 SECONDS, MEGABYTES = 30.0, 3000.0
-"""Most time and memory of a reading."""
+"""CPU time in s and memory in MB above which a reading counts as expensive."""
 
 _PAGE = """\
 # Light of random configurations
 
 Written by `{command}`; do not edit by hand.
 
-Unloaded and loaded pads of one cell, with laws of the LED (cones of 0.05 to 90 degrees, powers of the cosine up to a
-million, tables), responses, walls, sizes and dies drawn at random from a seed. Each is read as by default, and by
-random paths alone, which need neither patches nor their rules.
+Unloaded and loaded pads of one cell, of every registered shape, with laws of the LED (cones of 0.05 to 90 degrees,
+powers of the cosine up to a million, tables), responses, walls, sizes and dies drawn at random from a seed. Each is
+read at the default settings, and by random paths alone, which need neither patches nor their quadrature.
 
 **{summary}**
 
 {table}
 
 - **random paths**: whether the default reading needs them; if not, it has no noise.
-- **deviation**: of the default reading from that of random paths, relative; **stated**, **noise**: stated errors of
-  the two, of random paths by noise and by triangles. **combined errors**: the deviation in units of the root of the sum
-  of their squares.
-- **slope**: the same of the derivative by {derived} that deviates most in these units, relative to the reading per mm.
+- **deviation**: of the default reading from that by random paths, relative. **stated**: error that the default reading
+  states. **noise**: error of random paths, by noise and by triangles. **combined errors**: the deviation over the root
+  of the sum of their squares.
+- **slope**: the same for the derivative by {derived} that deviates most in combined errors, relative to the reading,
+  per mm.
 - **CPU s**, **MB**: time of all processors at the default and to {tight:.1%}, with compilation, and peak memory.
+
+{missing}
 """
 
 
@@ -47,9 +50,20 @@ def light(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[LightRow]:
-    """Rows of the table as they are measured, each in a process of its own; see `ResumedTable.rows`."""
-    made = ResumedTable("light", light_cases(), LightRow, lambda case: measure_isolated(case), write_page)
-    return made.rows(only, csv_file, markdown, starting)
+    """Yield rows of the table as they are measured, each in its own process.
+
+    Parameters
+    ----------
+    only, csv_file, markdown, starting
+        As for `ResumedTable.rows`.
+
+    Returns
+    -------
+    Iterator[LightRow]
+        In the order of the table.
+    """
+    table = ResumedTable("light", light_cases(), LightRow, lambda case: measure_isolated(case), write_page)
+    return table.rows(only, csv_file, markdown, starting)
 
 
 def summary(rows: Sequence[LightRow]) -> str:
@@ -57,27 +71,43 @@ def summary(rows: Sequence[LightRow]) -> str:
     read = [row for row in rows if not row.remark]
     if not read:
         return f"None of {len(rows)} configurations could be read."
-    quiet = [row for row in read if row.random == "no"]
-    resolved = [row.stated / abs(row.off) for row in quiet if row.off and row.noise < row.stated]
+    noiseless = [row for row in read if row.random == "no"]
+    resolved = [row.stated / abs(row.off) for row in noiseless if row.off and row.noise < row.stated]
     slopes = [row for row in read if row.slope_deviates == row.slope_deviates]
-    dear = sum(max(row.seconds, row.tight_seconds) > SECONDS or row.megabytes > MEGABYTES for row in read)
+    expensive = sum(max(row.seconds, row.tight_seconds) > SECONDS or row.megabytes > MEGABYTES for row in read)
     sentences = [
         f"{sum(row.deviates <= ALLOWED for row in read)} of {len(read)} readings agree within {ALLOWED:g} combined "
-        f"errors, {sum(row.deviates <= TWICE for row in read)} within {TWICE:g}; {len(quiet)} need no random paths",
+        f"errors, {sum(row.deviates <= TWICE for row in read)} within {TWICE:g}; {len(noiseless)} need no random paths",
     ]
     if resolved:
         sentences.append(f"their stated error is {median(resolved):.1f} times the deviation in the median")
     sentences.append(
         f"{sum(row.slope_deviates <= ALLOWED for row in slopes)} of {len(slopes)} slopes agree within {ALLOWED:g}"
     )
-    sentences.append(f"{dear} readings take more than {SECONDS:g} CPU s or {MEGABYTES / 1000:g} GB")
+    sentences.append(f"{expensive} readings take more than {SECONDS:g} CPU s or {MEGABYTES / 1000:g} GB")
     if len(read) < len(rows):
         sentences.append(f"{len(rows) - len(read)} configurations could not be read")
     return "; ".join(sentences) + "."
 
 
 def write_page(rows: Sequence[LightRow], file: Path, command: str) -> None:
-    """Write the rows as a page with an explanation of its columns."""
-    table = markdown_table(headings(LightRow), map(cells, rows), ("configuration", "random paths", "remark"))
-    derived = " or ".join(f"`{name}`" for name in DERIVED)
-    write_text(file, _PAGE.format(command=command, summary=summary(rows), table=table, derived=derived, tight=TIGHT))
+    """Write the rows as a page that explains its columns.
+
+    Parameters
+    ----------
+    rows : sequence of LightRow
+        The measured rows.
+    file : Path
+        Page, which is replaced.
+    command : str
+        Command that the page names as its origin.
+    """
+    text = _PAGE.format(
+        command=command,
+        summary=summary(rows),
+        table=markdown_table(headings(LightRow), map(cells, rows), ("configuration", "random paths", "remark")),
+        derived=" or ".join(f"`{name}`" for name in DERIVED),
+        tight=TIGHT,
+        missing=not_measured(light_cases(), rows),
+    )
+    write_text(file, text)

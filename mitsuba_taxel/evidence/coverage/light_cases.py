@@ -14,23 +14,28 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.evidence.coverage.light_row import LightRow
+from mitsuba_taxel.evidence.rows.kind_examples import cell_parameters, generator, other_cells
 from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.targets import geometry_of
 
 CASES, SLOPES = 120, 12
-"""Number of configurations, and of those whose derivatives are compared."""
+"""Number of configurations of the paper's shapes of cells, and of those whose derivatives are compared."""
+OTHER_CASES = 2
+"""Number of configurations of each other shape; derivatives are compared for the last."""
+TRIES = 1000
+"""Largest number of draws of a configuration."""
 FIRST, MOST = 1 << 12, 1 << 18
-"""Points per replicate of the first trace of random paths, and of the last at most."""
+"""Points per replicate of the first trace of random paths, and largest number of the last."""
 TRACE_SECONDS = 15.0
-"""Of processors' time for each comparison by random paths, about."""
+"""Approximate CPU time of each comparison by random paths."""
 NOISE = 3e-5
-"""Relative standard error of random paths below which no more are traced."""
+"""Relative standard error of random paths at which tracing ends."""
 TIGHT = 0.001
-"""Relative target error whose time is measured beside the default's."""
+"""Relative target error whose CPU time is measured beside that of the default settings."""
 DERIVED = ("cell_height", "cell_size")
-"""Parameters of the derivatives."""
+"""Parameters of the derivatives that are compared."""
 
 
 @dataclass(frozen=True)
@@ -68,32 +73,32 @@ class LightCase:
     def scene(self, folder: Path) -> Scene:
         """The scene, with its tables as files in a folder."""
         source = {**self.source, "package": dict(self.source["package"])}
-        for part, rows in self.tables.items():
-            file = folder / f"{part}.csv"
+        for component, rows in self.tables.items():
+            file = folder / f"{component}.csv"
             file.write_text("\n".join(f"{angle:.6g},{value:.6g}" for angle, value in rows), encoding="utf-8")
-            source["package"][part] = {**source["package"][part], "file": str(file)}
+            source["package"][component] = {**source["package"][component], "file": str(file)}
         return Scene(source)
 
     def _compared(self, scene: Scene) -> LightRow:
-        began = time.process_time()
+        start = time.process_time()
         default = measure(scene, mechanics_error=False)
-        seconds, quiet = time.process_time() - began, default.points == 0
-        began = time.process_time()
+        seconds, deterministic = time.process_time() - start, default.points == 0
+        start = time.process_time()
         measure(scene, target_error=TIGHT, mechanics_error=False)
-        tight = time.process_time() - began
+        tight = time.process_time() - start
         megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         truth = traced(scene)
         power, true = float(default.power[0]), float(truth.power[0])
         scale = true or power or 1.0
-        stated, noise = (float(each.total_error[0]) / scale for each in (default, truth))
+        stated_error, noise = (float(result.total_error[0]) / scale for result in (default, truth))
         noise = math.hypot(noise, geometry_of(prepare(scene), seed=1).share)
         slopes = self._slopes(scene, default) if self.with_slopes else (math.nan,) * 3
         return LightRow(
             self.name,
-            "no" if quiet else "yes",
+            "no" if deterministic else "yes",
             power,
             (power - true) / scale,
-            stated,
+            stated_error,
             noise,
             *slopes,
             seconds,
@@ -102,7 +107,10 @@ class LightCase:
         )
 
     def _slopes(self, scene: Scene, default: Readings) -> tuple[float, float, float]:
-        """The derivative that is furthest off, relative to the reading per mm: deviation, stated error, and noise."""
+        """Deviation, stated error and noise of the worst derivative, relative to the reading, per mm.
+
+        The worst one deviates most in combined errors. All are NaN for scenes whose light needs random paths.
+        """
         from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
         from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
         from mitsuba_taxel.sensing.derivatives.scene_rates import rates
@@ -111,54 +119,77 @@ class LightCase:
 
         changes, ready = [rates(scene, name) for name in DERIVED], prepare(scene)
         try:
-            found = derivatives_by(changes, ready.scene)
+            default_slopes = derivatives_by(changes, ready.scene)
         except (NotDiffuse, NotFollowed):
             return (math.nan,) * 3
         points = FIRST
         truth = derivatives_of_paths(changes, ready, measure(ready, points=points, seed=7).replicates, 7, points, True)
-        off = (found.values - truth.values)[0] / default.power[0]
-        stated, noise = (each.standard_errors[0] / default.power[0] for each in (found, truth))
-        worst = np.argmax(np.abs(off) / np.hypot(stated, noise))
-        return float(off[worst]), float(stated[worst]), float(noise[worst])
+        deviation = (default_slopes.values - truth.values)[0] / default.power[0]
+        error, noise = (slopes.standard_errors[0] / default.power[0] for slopes in (default_slopes, truth))
+        worst = np.argmax(np.abs(deviation) / np.hypot(error, noise))
+        return float(deviation[worst]), float(error[worst]), float(noise[worst])
 
 
 def traced(scene: Scene) -> Readings:
     """Readings by random paths, as many as the noise asks for and the time allows."""
-    began, points = time.process_time(), FIRST
+    start, points = time.process_time(), FIRST
     readings = measure(scene, points=points, seed=1, mechanics_error=False)
     while True:
-        taken = max(time.process_time() - began, 0.05)
+        seconds = max(time.process_time() - start, 0.05)
         noise = readings.relative_error
-        if not NOISE < noise or points >= MOST or 5 * taken > TRACE_SECONDS:
+        if not NOISE < noise or points >= MOST or 5 * seconds > TRACE_SECONDS:
             return readings
         points *= 4
-        began = time.process_time()
+        start = time.process_time()
         readings = measure(scene, points=points, seed=1, mechanics_error=False)
 
 
 def light_cases(seed: int = 52) -> list[LightCase]:
-    """The rows of the table, in its order; the same for a seed."""
+    """Draw the configurations of the table: those of the paper's shapes, then some of each other registered shape.
+
+    Parameters
+    ----------
+    seed : int
+        Of the draw. Other shapes have random numbers of their own: a new shape changes no other configuration.
+
+    Returns
+    -------
+    list of LightCase
+        In the order of the table.
+    """
     random = np.random.default_rng(seed)
-    chosen: list[LightCase] = []
-    while len(chosen) < CASES:
-        drawn = _drawn(random, len(chosen) + 1)
-        if drawn is not None:
-            chosen.append(drawn)
-    return chosen
+    cases = []
+    for number in range(1, CASES + 1):
+        cell = CELL_SHAPES[(number - 1) % len(CELL_SHAPES)]
+        cases.append(_drawn(random, f"{number:03d} {cell}", cell, with_slopes=number % (CASES // SLOPES) == 0))
+    for cell in other_cells():
+        random = generator(seed, cell)
+        for number in range(1, OTHER_CASES + 1):
+            cases.append(_drawn(random, f"{cell} {number}:", cell, with_slopes=number == OTHER_CASES))
+    return cases
 
 
-def _drawn(random: np.random.Generator, number: int) -> LightCase | None:
-    """A configuration, None if its parts do not fit."""
+def _drawn(random: np.random.Generator, label: str, cell: str, with_slopes: bool) -> LightCase:
+    """A configuration with cells of a shape, drawn again until its components fit."""
+    for _ in range(TRIES):
+        case = _draw(random, label, cell, with_slopes)
+        if case is not None:
+            return case
+    raise AssertionError(f"no drawn configuration of {cell} cells fits")
+
+
+def _draw(random: np.random.Generator, label: str, cell: str, with_slopes: bool) -> LightCase | None:
+    """A configuration; None if its components do not fit."""
     tables: dict[str, list[tuple[float, float]]] = {}
-    led, of_led = _led(random, tables)
-    sensor, of_sensor = _sensor(random, tables)
-    cell = CELL_SHAPES[(number - 1) % len(CELL_SHAPES)]
+    led, led_words = _led(random, tables)
+    sensor, sensor_words = _sensor(random, tables)
     size = round(random.uniform(2.0, 3.6), 2)
     pad: dict[str, Any] = {"cell": cell, "rows": 1, "columns": 1, "cell_size": size, "pitch": round(size + 1.0, 2)}
+    pad |= cell_parameters(cell)
     if cell != "hemispheric" and random.random() < 0.5:
         pad["cell_height"] = round(random.uniform(1.2, 2.2), 2)
-    roof, of_roof = _wall(random)
-    side, of_side = _wall(random) if random.random() < 0.5 else (None, "absorbing")
+    roof, roof_words = _wall(random)
+    side, side_words = _wall(random) if random.random() < 0.5 else (None, "absorbing")
     loaded = random.random() < 0.25
     if loaded:
         pad |= {"force": [0.0, 0.0, -round(random.uniform(0.2, 0.8), 2)], "mesh_size": 1.25}
@@ -174,8 +205,8 @@ def _drawn(random: np.random.Generator, number: int) -> LightCase | None:
     package = {"type": "photo_reflector", "spacing": spacing, "led": led, "sensor": sensor}
     source = {"type": "scene", "pad": {"type": "deformable_pad", **pad, "bsdf": walls}, "package": package}
     load = f", {pad['force'][2]:g} N" if loaded else ""
-    name = f"{number:03d} {cell} {size:g} mm{load}, roof {of_roof}, sides {of_side}; LED {of_led}; response {of_sensor}"
-    return LightCase(name, source, tables, with_slopes=number % (CASES // SLOPES) == 0)
+    name = f"{label} {size:g} mm{load}, roof {roof_words}, sides {side_words}; LED {led_words}; response {sensor_words}"
+    return LightCase(name, source, tables, with_slopes)
 
 
 def _led(random: np.random.Generator, tables: dict) -> tuple[dict[str, Any], str]:

@@ -13,20 +13,24 @@ class LightRow:
 
     Attributes
     ----------
+    case : str
+        Name of the configuration.
     random : str
-        ``no`` if the default reading needs no random numbers, ``yes`` if it does.
+        ``yes`` if the default reading needs random numbers, else ``no``.
     power : float
         Reading at the default settings, in W.
     off, stated : float
-        Its deviation from random paths, and the error that it states, relative.
+        Relative deviation of the reading from random paths, and its relative stated error.
     noise : float
-        Stated error of the random paths, relative.
+        Relative stated error of the random paths.
     slope_off, slope_stated, slope_noise : float
-        The same of the worst derivative, relative to the reading per mm.
+        The same for the worst derivative, relative to the reading, per mm.
     seconds, tight_seconds : float
-        Of processors' time at the default settings, and to 0.1 %.
+        CPU time at the default settings, and to 0.1 %.
     megabytes : float
         Peak memory of both.
+    remark : str
+        Reason why the configuration could not be read; else empty.
     """
 
     COLUMNS: ClassVar = {
@@ -61,12 +65,12 @@ class LightRow:
 
     @property
     def deviates(self) -> float:
-        """Deviation in combined errors of both."""
+        """Deviation over the combined error of both readings."""
         return _ratio(abs(self.off), math.hypot(self.stated, self.noise))
 
     @property
     def slope_deviates(self) -> float:
-        """The same of the worst derivative."""
+        """The same for the worst derivative."""
         return _ratio(abs(self.slope_off), math.hypot(self.slope_stated, self.slope_noise))
 
 

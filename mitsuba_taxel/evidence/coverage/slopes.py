@@ -20,7 +20,7 @@ FORCES = ((0.0, 0.0, -0.8), (0.1, 0.03, -1.0))
 """Forces on one cell in N."""
 PARAMETERS = ("fz", "fx", "youngs_modulus", "cell_size", "wall", "spacing")
 FINE = 0.6
-"""Mesh size in mm of the truth, half the default of boxes and cylinders."""
+"""Mesh size in mm of the truth, half the default of cells with flat roofs."""
 
 HEADINGS = ("cell", "force [N]", "by", "value", "unit", "stated", "deviation", "deviation / stated", "CPU s for all")
 
@@ -29,23 +29,23 @@ _PAGE = """\
 
 Written by `{command}`; do not edit by hand.
 
-Derivatives of one cell's reading at the default settings, compared with those on elements of {fine:g} mm. These are
-half as large as those of boxes and cylinders, and their own error is about a third of the deviation given here.
-Loaded domes have elements of 0.625 mm (spherical) and 0.75 mm (hemispheric): their rows tell how much slopes
-scatter from one mesh to another of nearly the same size, rather than how far they are off. Roofs scatter
-isotropically. Both use the same patches for the light: their error is not part of the comparison, and is bounded
-with smaller ones in `tests/sensing/test_derivatives.py`.
+Derivatives of the reading of one cell at the default settings, compared with those on elements of {fine:g} mm. These
+are half as large as the default for cells with flat roofs; the error that they still have is about a third of the
+deviation given here. Loaded domes have elements of 0.625 mm (spherical) and 0.75 mm (hemispheric): their rows
+show how much slopes scatter between meshes of nearly the same size, rather than an error. Roofs scatter isotropically.
+Both meshes use the same patches for the light: their error is not part of the comparison;
+`tests/sensing/test_derivatives.py` bounds it with smaller patches.
 
 {table}
 
-- **stated**: one standard deviation, relative; **deviation**: relative to the value on small elements.
-- **CPU s for all**: seconds of all processors for six derivatives, after the pad has been solved for.
+- **stated**: one standard deviation, relative. **deviation**: relative to the value on small elements.
+- **CPU s for all**: time of all processors for six derivatives, after the pad is solved.
 """
 
 
 @dataclass(frozen=True)
 class SlopeRow:
-    """One derivative; `seconds` are those of all of its state."""
+    """One derivative; `seconds` is the CPU time for all derivatives of its state."""
 
     cell: str
     force: tuple[float, ...]
@@ -63,11 +63,11 @@ def slopes(starting: Callable[[str], None] | None = None) -> Iterator[SlopeRow]:
         for force in FORCES:
             if starting:
                 starting(f"{cell}, {force} N")
-            found, seconds = _derivatives(cell, force, {})
+            derivatives, seconds = _derivatives(cell, force, {})
             truth, _ = _derivatives(cell, force, {"mesh_size": FINE})
-            for k, name in enumerate(PARAMETERS):
-                value, stated, expected = found.values[0, k], found.standard_errors[0, k], truth.values[0, k]
-                yield SlopeRow(cell, force, name, found.units[k], value, stated, expected, seconds)
+            for k, (name, unit) in enumerate(zip(PARAMETERS, derivatives.units, strict=True)):
+                value, error = derivatives.values[0, k], derivatives.standard_errors[0, k]
+                yield SlopeRow(cell, force, name, unit, value, error, truth.values[0, k], seconds)
 
 
 def _derivatives(cell: str, force: Sequence[float], pad: dict[str, Any]) -> tuple[Derivatives, float]:
@@ -79,20 +79,31 @@ def _derivatives(cell: str, force: Sequence[float], pad: dict[str, Any]) -> tupl
 
 def slope_cells(row: SlopeRow) -> list[str]:
     """The row as text, below `HEADINGS`."""
-    off = row.value - row.truth
+    deviation = row.value - row.truth
     force = ", ".join(f"{component:g}" for component in row.force)
-    relative = f"{row.stated / abs(row.value):.2%}", f"{off / abs(row.truth):+.2%}", f"{abs(off) / row.stated:.2f}"
-    return [row.cell, force, row.parameter, f"{row.value:.4e}", row.unit, *relative, f"{row.seconds:.1f}"]
+    relative = f"{row.stated / abs(row.value):.2%}", f"{deviation / abs(row.truth):+.2%}"
+    ratio, seconds = f"{abs(deviation) / row.stated:.2f}", f"{row.seconds:.1f}"
+    return [row.cell, force, row.parameter, f"{row.value:.4e}", row.unit, *relative, ratio, seconds]
 
 
 def summary(rows: Sequence[SlopeRow]) -> str:
-    """Sentence with the numbers of rows within once and twice the stated error."""
+    """A sentence with the numbers of derivatives within once and twice the stated error."""
     ratios = [abs(row.value - row.truth) / row.stated for row in rows]
     within = [sum(ratio <= bound for ratio in ratios) for bound in (1, 2)]
     return f"{within[0]} of {len(rows)} derivatives are within the stated error, {within[1]} within twice that."
 
 
 def write_page(rows: Sequence[SlopeRow], file: Path, command: str) -> None:
-    """Write the rows as a page with an explanation of its columns."""
+    """Write rows as a page that explains its columns.
+
+    Parameters
+    ----------
+    rows : sequence of SlopeRow
+        All rows.
+    file : Path
+        Page, which is replaced.
+    command : str
+        Command that the page names as its origin.
+    """
     table = markdown_table(HEADINGS, map(slope_cells, rows)) + f"\n\n{summary(rows)}"
     write_text(file, _PAGE.format(command=command, table=table, fine=FINE))

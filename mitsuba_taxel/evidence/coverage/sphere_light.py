@@ -1,4 +1,4 @@
-"""Light in a spherical cell: quadrature and ray tracing without elements, triangles or a renderer.
+"""Light in cells with spherical or flat roofs: quadrature and ray tracing without elements, triangles or a renderer.
 
 Lengths are in mm, heights above the plane of LED and phototransistor, powers in W per W of an LED that is uniform over
 its square and over the solid angle of its cone. All other surfaces absorb.
@@ -15,13 +15,31 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.special import erf
 from scipy.stats import qmc
 
-RADIUS = 1.275  # of the cell
+RADIUS = 1.275
+"""Of the cell's mouth."""
+BOARD = 0.5
+"""Height of the plane of LED and phototransistor above the board."""
 LED, WIDTH, DEPTH = 0.25, 0.52, 0.3
+"""Sides of the LED, and of the phototransistor along x and y."""
 CONE = math.radians(88.0)
+"""Half the apex angle of the LED's cone."""
 
 
 def gauss(low, high, count):
-    """Nodes and weights of the Gauss-Legendre rule on an interval; ends may be arrays."""
+    """Gauss-Legendre rule on an interval.
+
+    Parameters
+    ----------
+    low, high : float or ndarray
+        Ends; arrays for several intervals.
+    count : int
+        Number of nodes.
+
+    Returns
+    -------
+    nodes, weights : (..., count) ndarray
+        Of each interval.
+    """
     x, w = np.polynomial.legendre.leggauss(count)
     half = 0.5 * (np.asarray(high) - low)[..., None]
     return np.asarray(low)[..., None] + half * (x + 1), half * w
@@ -45,57 +63,64 @@ class Dome:
         return math.asin(RADIUS / self.radius)
 
     def at(self, polar, azimuth):
+        """Points of the sphere at angles from its axis."""
         sine = np.sin(polar)
-        place = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(polar) + 0 * azimuth], axis=-1)
-        return self.centre + self.radius * place
+        direction = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(polar) + 0 * azimuth], axis=-1)
+        return self.centre + self.radius * direction
 
     # ---- walls that scatter in all directions
 
     def diffuse_power(self, law: str, count: int = 36) -> float:
-        """Power with a roof that scatters all light, ``lambertian`` or ``isotropic``."""
+        """Power with a roof that scatters all light.
+
+        Parameters
+        ----------
+        law : str
+            ``lambertian`` or ``isotropic``.
+        count : int
+            Number of quadrature points along the meridian.
+
+        Returns
+        -------
+        float
+            In W.
+        """
+        # Points of the roof, and their areas.
         polar, weight = gauss(0.0, self.widest, count)
         azimuth = 2 * math.pi * np.arange(2 * count) / (2 * count)
         weight = np.repeat(weight * np.sin(polar), 2 * count) * self.radius**2 * math.pi / count
         points = self.at(*np.broadcast_arrays(polar[:, None], azimuth)).reshape(-1, 3)
-        seen = self._seen_by_detector(points, law)
+        # Response to light at each point: directly, and after further reflections.
+        direct = direct_response(points, (self.centre - points) / self.radius, law, self.spacing)
         if law == "lambertian":  # each part of a sphere lights all others equally
-            share = weight / (4 * math.pi * self.radius**2)
-            value = seen + share @ seen / (1 - share.sum())
+            fraction = weight / (4 * math.pi * self.radius**2)
+            value = direct + fraction @ direct / (1 - fraction.sum())
         else:
-            value = self._isotropic(points, polar, weight, seen)
+            value = self._isotropic(points, polar, weight, direct)
+        # Mean over the light of the LED, by interpolation between the points.
         grid = value.reshape(count, -1)
         columns = np.concatenate([azimuth[-8:] - 2 * math.pi, azimuth, azimuth[:8] + 2 * math.pi])
         spline = RectBivariateSpline(polar, columns, np.concatenate([grid[:, -8:], grid, grid[:, :8]], axis=1))
         return self._emitted(spline)
 
-    def _seen_by_detector(self, points, law):
-        """Share of the light scattered at each point that reaches the phototransistor directly."""
-        x, wx = gauss(0.5 * self.spacing - 0.5 * WIDTH, 0.5 * self.spacing + 0.5 * WIDTH, 6)
-        y, wy = gauss(-0.5 * DEPTH, 0.5 * DEPTH, 6)
-        target = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((6, 6))], axis=-1).reshape(-1, 3)
-        way = target - points[:, None]
-        distance = np.linalg.norm(way, axis=2)
-        down = points[:, 2:] / distance
-        normal = (self.centre - points) / self.radius
-        leaving = np.einsum("pqi,pi->pq", way, normal) / distance / math.pi if law == "lambertian" else 0.5 / math.pi
-        return (leaving * down / distance**2) @ np.outer(wx, wy).ravel()
+    def _isotropic(self, points, polar, weight, direct):
+        """Response to light at each point with an isotropic roof.
 
-    def _isotropic(self, points, polar, weight, seen):
-        """Value of light at each point, seen + integral of value / (4 pi R distance), as cos / r^2 is 1 / (2 R r).
-
-        The kernel's singularity is subtracted: its integral over the cap is known along each direction.
+        It is the direct response + the integral of the response / (4 pi R r) at the distance r, as cos / r^2 is
+        1 / (2 R r) on a sphere. The kernel's singularity is subtracted: its integral over the cap is known along each
+        direction.
         """
         distance = np.linalg.norm(points[:, None] - points, axis=2)
         np.fill_diagonal(distance, np.inf)
         kernel = weight / (4 * math.pi * self.radius * distance)
-        turn, share = gauss(0.0, math.pi, 200)
-        a, b = np.cos(polar)[:, None], np.sin(polar)[:, None] * np.cos(turn)
+        angle, angle_weight = gauss(0.0, math.pi, 200)
+        a, b = np.cos(polar)[:, None], np.sin(polar)[:, None] * np.cos(angle)
         far = np.arctan2(b, a) + np.arccos(np.clip(math.cos(self.widest) / np.hypot(a, b), -1, 1))
-        whole = np.repeat(2 * np.sin(0.5 * far) @ share / (2 * math.pi), len(points) // len(polar))
-        rest = whole - kernel.sum(axis=1)
-        value = seen
+        kernel_integral = np.repeat(2 * np.sin(0.5 * far) @ angle_weight / (2 * math.pi), len(points) // len(polar))
+        self_coupling = kernel_integral - kernel.sum(axis=1)
+        value = direct
         for _ in range(80):
-            value = seen + kernel @ value + rest * value
+            value = direct + kernel @ value + self_coupling * value
         return value
 
     def _emitted(self, value) -> float:
@@ -121,12 +146,27 @@ class Dome:
     # ---- mirrors
 
     def mirror_power(self, rms_slope: float = 0.0, seed: int = 0, points: int = 1 << 16) -> tuple[float, float]:
-        """Power with a mirror roof of roughness ``rms_slope`` in degrees, by ray tracing, and its standard error, from
-        16 runs."""
+        """Power with a mirror roof, by ray tracing in 16 runs.
+
+        Parameters
+        ----------
+        rms_slope : float
+            Roughness, in degrees.
+        seed : int
+            Of the rays.
+        points : int
+            Number of rays of each run.
+
+        Returns
+        -------
+        power, standard_error : float
+            In W.
+        """
         runs = [self._rays(rms_slope, qmc.Sobol(24, rng=seed * 16 + run).random(points)) for run in range(16)]
         return float(np.mean(runs)), float(np.std(runs, ddof=1) / 4)
 
     def _rays(self, rms_slope, u):
+        """Power by rays from random numbers (N, 24)."""
         x = np.stack([LED * (u[:, 0] - 0.5) - 0.5 * self.spacing, LED * (u[:, 1] - 0.5), 0 * u[:, 0]], axis=1)
         cosine = 1 - u[:, 2] * (1 - math.cos(CONE))
         sine, phi = np.sqrt(1 - cosine**2), 2 * math.pi * u[:, 3]
@@ -151,15 +191,61 @@ class Dome:
             normal = -hit / self.radius
             if rms_slope:
                 v = u[:, 4 + 2 * bounce : 6 + 2 * bounce] if bounce < 10 else rng.random((len(x), 2))
-                d, factor = _from_a_facet(-d, normal, alpha, v)
+                d, factor = reflected_at_facets(-d, normal, alpha, v)
                 weight = weight * factor
             else:
                 d = d - 2 * (d * normal).sum(axis=1, keepdims=True) * normal
         return power / count
 
 
-def _from_a_facet(wi, normal, alpha, v):
-    """Direction of reflection at a facet with a normal sampled from Beckmann's distribution, and its weight."""
+def direct_response(points, normals, law, spacing):
+    """Fraction of the light scattered at points of a roof that reaches the phototransistor directly.
+
+    Parameters
+    ----------
+    points, normals : (N, 3) ndarray
+        In mm above the LED; unit vectors into the cell.
+    law : str
+        ``lambertian`` or ``isotropic``.
+    spacing : float
+        Distance of LED and phototransistor, mm.
+
+    Returns
+    -------
+    (N,) ndarray
+        For light that is all scattered.
+    """
+    x, wx = gauss(0.5 * spacing - 0.5 * WIDTH, 0.5 * spacing + 0.5 * WIDTH, 6)
+    y, wy = gauss(-0.5 * DEPTH, 0.5 * DEPTH, 6)
+    target = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((6, 6))], axis=-1).reshape(-1, 3)
+    connection = target - points[:, None]
+    distance = np.linalg.norm(connection, axis=2)
+    down = points[:, 2:] / distance
+    density = 0.5 / math.pi
+    if law == "lambertian":
+        density = np.einsum("pqi,pi->pq", connection, normals) / distance / math.pi
+    return (density * down / distance**2) @ np.outer(wx, wy).ravel()
+
+
+def reflected_at_facets(wi, normal, alpha, v):
+    """Reflect rays at microfacets whose normals are sampled from Beckmann's distribution.
+
+    Parameters
+    ----------
+    wi, normal : (N, 3) ndarray
+        Directions towards the origin of each ray, and normals of the wall.
+    alpha : float
+        Roughness.
+    v : (N, 2) ndarray
+        Random numbers.
+
+    Returns
+    -------
+    directions : (N, 3) ndarray
+        Of the reflected rays.
+    weights : (N,) ndarray
+        Their weights.
+    """
     cosine = 1 / np.sqrt(1 - alpha**2 * np.log1p(-v[:, 0]))
     sine, phi = np.sqrt(1 - cosine**2), 2 * math.pi * v[:, 1]
     helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
@@ -181,9 +267,9 @@ def _visible(cosine, alpha):
 
 
 SPACING = 0.6
-"""Of the LED and the phototransistor of the domes."""
+"""Distance of LED and phototransistor of the domes."""
 DOMES = {
     "hemispheric": Dome(1.275, 0.0, SPACING),
     "spherical": Dome(2.55, 1.1 - (2.55 - math.sqrt(2.55**2 - 1.275**2)), SPACING),
 }
-"""The cells of the paper's pads: the rim of the hemisphere is as high as LED and phototransistor."""
+"""Domes of the paper's pads. The rim of the hemisphere is as high as LED and phototransistor."""

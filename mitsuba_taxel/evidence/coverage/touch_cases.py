@@ -16,14 +16,14 @@ from mitsuba_taxel.sensing import PadSensor
 
 SEED = 52
 FINE_OF_TOUCH = 0.75
-"""Size in mm of the finest elements of the truth. Under a body they are smaller in proportion: for 0.4 mm, there would
-be thirty times as many there as by default."""
+"""Size in mm of the finest elements of the truth. Elements under a body are smaller in proportion: with 0.4 mm, there
+would be thirty times as many as by default."""
 
 Setting = tuple[str, dict[str, Any]]
 
 
 def touch_settings() -> Iterator[tuple[str, PadSensor]]:
-    """Names and sensors: each kind on each shape of cell."""
+    """Names and sensors: each kind of touch on each of the paper's shapes of cells."""
     rng = np.random.default_rng(SEED)
     kinds: tuple[Callable[[np.random.Generator], Setting], ...] = (
         _pressed_ball,
@@ -39,9 +39,9 @@ def touch_settings() -> Iterator[tuple[str, PadSensor]]:
     )
     for cell in CELL_SHAPES:
         for kind in kinds:
-            name, parts = kind(rng)
-            pad = Pad(cell, 1, 1, **parts.pop("sizes", {}))
-            yield f"{cell}, 1 x 1, {name}", PadSensor(pad, **parts)
+            name, parameters = kind(rng)
+            pad = Pad(cell, 1, 1, **parameters.pop("sizes", {}))
+            yield f"{cell}, 1 x 1, {name}", PadSensor(pad, **parameters)
 
 
 def _drawn(rng: np.random.Generator, low: float, high: float) -> float:
@@ -49,7 +49,7 @@ def _drawn(rng: np.random.Generator, low: float, high: float) -> float:
     return float(f"{np.exp(rng.uniform(np.log(low), np.log(high))):.2g}")
 
 
-def _place(rng: np.random.Generator, largest: float = 1.5) -> tuple[float, float]:
+def _position(rng: np.random.Generator, largest: float = 1.5) -> tuple[float, float]:
     x, y = np.round(rng.uniform(-largest, largest, 2), 2).tolist()
     return x, y
 
@@ -61,14 +61,14 @@ def _ball(rng: np.random.Generator, smallest: float = 0.3) -> tuple[float, float
 
 
 def _pressed_ball(rng: np.random.Generator) -> Setting:
-    (radius, depth), at = _ball(rng), _place(rng)
+    (radius, depth), at = _ball(rng), _position(rng)
     load = IndenterDisplacement(Indenter(radius=radius, at=at))
     name = f"ball of {radius:g} mm at {at} mm, {depth:g} mm deep"
     return name, {"load": load, "force": (0.0, 0.0, -depth)}
 
 
 def _dragged_ball(rng: np.random.Generator) -> Setting:
-    (radius, depth), (x, y) = _ball(rng), _place(rng)
+    (radius, depth), (x, y) = _ball(rng), _position(rng)
     name = f"ball of {radius:g} mm dragged to {(x, y)} mm, {depth:g} mm deep"
     return name, {"load": IndenterDisplacement(Indenter(radius=radius)), "force": (x, y, -depth)}
 
@@ -109,7 +109,7 @@ def _plate(rng: np.random.Generator) -> Setting:
 
 
 def _ball_by_force(rng: np.random.Generator) -> Setting:
-    radius, force, at = _drawn(rng, 0.5, 3.0), _drawn(rng, 0.05, 0.5), _place(rng, 1.0)
+    radius, force, at = _drawn(rng, 0.5, 3.0), _drawn(rng, 0.05, 0.5), _position(rng, 1.0)
     load = IndenterForce(Indenter(radius=radius, at=at))
     return f"ball of {radius:g} mm at {at} mm, -{force:g} N", {"load": load, "force": (0.0, 0.0, -force)}
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from mitsuba_taxel.evidence.extremes.case import MESH_SIZE, NORMAL, Case
 from mitsuba_taxel.evidence.extremes.slivers import SliverPad
+from mitsuba_taxel.evidence.rows.kind_examples import indenter_of, law_of, other_cells, other_indenters, pad_of
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
@@ -18,7 +19,7 @@ from mitsuba_taxel.mechanics.elements.loads import (
     Pressure,
     SpreadForce,
 )
-from mitsuba_taxel.mechanics.materials.laws import MooneyRivlin, NeoHookean
+from mitsuba_taxel.mechanics.materials.laws import Material, MooneyRivlin, NeoHookean
 from mitsuba_taxel.mechanics.materials.silicones import silicone
 from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, DEFAULT_MESH_SIZE, Pad
 
@@ -27,6 +28,9 @@ CELL = replace(_PAD, rows=1, columns=1)
 """The pad of one cell into which bodies are pressed."""
 _E = NeoHookean().youngs_modulus
 _TANGENTIAL = (20.0, 0.0, -8.0)
+LAWS = ("neo_hookean", "mooney_rivlin", "yeoh")
+INDENTERS = ("sphere", "punch", "cylinder", "plane")
+"""Laws and indenters whose extremes are listed below, one by one."""
 
 
 def stability_cases() -> list[Case]:
@@ -35,7 +39,7 @@ def stability_cases() -> list[Case]:
     pads = (_walls, _sizes, _arrays)
     loads = (_loads, _indenters, _large_forces, _self_contacts, _one_step)
     meshes = (_default_meshes, _meshes)
-    return [case for kind in (*materials, *pads, *loads, *meshes) for case in kind()]
+    return [case for group in (*materials, *pads, *loads, *meshes, _other_kinds) for case in group()]
 
 
 def _poisson_ratios() -> Iterator[Case]:
@@ -167,6 +171,32 @@ def _self_contacts() -> Iterator[Case]:
         for size in (DEFAULT_MESH_SIZE, DEFAULT_MESH_SIZE / 2):
             name = f"-30 N on one {shape} cell with self_contact, mesh of {size:g} mm"
             yield Case(name, Pad(shape, rows=1, columns=1), load=spread, value=(0.0, 0.0, -30.0), mesh_size=size)
+
+
+def _other_kinds() -> Iterator[Case]:
+    """Registered cells, laws and indenters that no other case has: a new kind is judged without being named here."""
+    # Cells.
+    for cell in other_cells():
+        pad = pad_of(cell)
+        yield Case(f"{cell}, -200 N", pad, value=(0.0, 0.0, -200.0))
+        yield Case(f"{cell}, 20 N along x at -8 N", pad, value=_TANGENTIAL)
+        single, load = pad_of(cell, rows=1, columns=1), SpreadForce(self_contact=True)
+        name = f"-30 N on one {cell} cell with self_contact, mesh of {DEFAULT_MESH_SIZE:g} mm"
+        yield Case(name, single, load=load, value=(0.0, 0.0, -30.0), mesh_size=DEFAULT_MESH_SIZE)
+    # Laws.
+    for name in Material.kinds():
+        if name not in LAWS:
+            yield Case(f"{name}, -2 N", material=law_of(name), value=(0.0, 0.0, -2.0))
+    # Indenters.
+    for name in other_indenters(INDENTERS):
+        body = indenter_of(name)
+        for words, changed, value in (
+            ("0.3 mm deep", body, (0, 0, -0.3)),
+            ("90 % of the height", body, (0, 0, -0.9 * CELL.height)),
+            ("dragged with a friction of 2", replace(body, friction=2.0), (0.3, 0, -0.3)),
+            ("beside the pad", replace(body, at=(50.0, 0.0)), (0, 0, -0.3)),
+        ):
+            yield Case(f"pressed by {name}, {words}", CELL, load=IndenterDisplacement(changed), value=value)
 
 
 def _one_step() -> Iterator[Case]:

@@ -17,9 +17,11 @@ from mitsuba_taxel import parts
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.evidence.extremes.reading_row import MOST_DEVIATIONS, RIGHT, ReadingRow
 from mitsuba_taxel.evidence.extremes.table_case import TimedCase
+from mitsuba_taxel.evidence.rows.kind_examples import pad_of
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
-from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
+from mitsuba_taxel.pads.cells.cell_shape import CellShape
+from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.parts import mirror_curve, read_part
 from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
 from mitsuba_taxel.sensing.reading.runs import prepare
@@ -145,8 +147,8 @@ def _windows() -> Iterator[ReadingCase]:
 
 def _walls() -> Iterator[ReadingCase]:
     white = Wall("lambertian", 1.0)
-    for shape in CELL_SHAPES:
-        sensor = PadSensor(pad=Pad(shape, rows=1, columns=1), roof=white, side=white)
+    for shape in CellShape.kinds():
+        sensor = PadSensor(pad=pad_of(shape, rows=1, columns=1), roof=white, side=white)
         yield ReadingCase(f"{shape}, all walls white (reflectance 1)", partial(_against_counted, sensor.scene))
     narrow = PhotoReflector(led=AnnularLed(law="uniform_solid_angle", cone_angle=1.0))
     sensor = PadSensor(pad=Pad("hemispheric", rows=1, columns=1), photo_reflector=narrow)

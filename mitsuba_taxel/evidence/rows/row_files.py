@@ -131,6 +131,26 @@ class ResumedTable(Generic[Row]):
             yield measured[case.name]
 
 
+def not_measured(cases: Sequence[NamedCase], rows: Sequence[Any]) -> str:
+    """A paragraph of a page with the names of the cases that have no row yet.
+
+    Parameters
+    ----------
+    cases : sequence of NamedCase
+        All cases of the table.
+    rows : sequence
+        Measured rows, whose field ``case`` is the name of a case.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
+    measured = {row.case for row in rows}
+    names = [case.name for case in cases if case.name not in measured]
+    return f"Not measured yet ({len(names)}): {'; '.join(names)}." if names else "All cases are measured."
+
+
 def command_of(name: str, csv_file: Path | None, markdown: Path | None) -> str:
     """The command line that writes the files of a table.
 

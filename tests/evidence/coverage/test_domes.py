@@ -12,7 +12,8 @@ from mitsuba_taxel.evidence.coverage.domes import dome_scene as scene
 from mitsuba_taxel.evidence.coverage.sphere_light import DOMES
 from mitsuba_taxel.kernels.dome_elements import size_for_light
 from mitsuba_taxel.mechanics import SpreadForce
-from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads import CELL_SHAPES, Pad
+from mitsuba_taxel.pads.cells.cell_shape import CellShape
 
 
 def test_a_row_compares_with_its_truth(llvm_mono, monkeypatch, tmp_path):
@@ -21,10 +22,33 @@ def test_a_row_compares_with_its_truth(llvm_mono, monkeypatch, tmp_path):
     truth = DOMES["hemispheric"].diffuse_power("lambertian", 18)
     row = domes._row("hemispheric", "lambertian", 1, (0.0, 0.0, 0.0), (truth / 2, 0.01 * truth / 2))
     assert row.noise == pytest.approx(0.01) and 0 < row.stated < 1e-2
-    assert row.off == pytest.approx(1, abs=1e-3)
+    assert row.deviation == pytest.approx(1, abs=1e-3)
     domes.write_page([row], [], tmp_path / "domes.md", "taxel bench domes --markdown domes.md")
     page = (tmp_path / "domes.md").read_text()
+    assert "**0 of 1 readings are within" in page and "beyond: hemispheric, lambertian, 1 x 1, 0 N." in page
     assert "| hemispheric | lambertian | 1 x 1 | 0 | 0.0147775 |" in page and "`taxel bench domes --markdown" in page
+
+
+def test_a_flat_roof_compares_with_its_quadrature(llvm_mono):
+    """A frustum, whose reading does not depend on its elements; the quadrature has neither elements nor patches."""
+    row = domes._row("frustum", "lambertian", 1, (0.0, 0.0, 0.0), domes._on_exact_roof("frustum", "lambertian"))
+    assert 0 < row.stated < 3e-4 and abs(row.deviation) < 2 * row.stated and row.noise < 1e-5
+
+
+def test_every_shape_of_cells_that_the_paper_does_not_have_has_rows(monkeypatch):
+    monkeypatch.setattr(domes, "_row", lambda *row: row)
+    monkeypatch.setattr(domes, "_on_exact_roof", lambda *row: None)
+    monkeypatch.setattr(domes, "_on_small_elements", lambda *row: (1.0, 0.0))
+    cells = [cell for cell, *_ in domes.domes()]
+    others = set(CellShape.kinds()) - set(CELL_SHAPES)
+    assert set(cells) == {*DOMES, *others} and cells.count("frustum") == len(domes.WALLS) * len(domes.OTHER_CASES)
+
+
+def test_only_known_roofs_have_an_exact_reference(monkeypatch):
+    """The profile has that of the hemisphere; a square section has none."""
+    monkeypatch.setattr(domes, "RAYS", 1 << 4)
+    hemisphere, profile = (domes._on_exact_roof(cell, "lambertian") for cell in ("hemispheric", "profile"))
+    assert profile == hemisphere and domes._on_exact_roof("parallelepiped", "lambertian") is None
 
 
 def test_a_row_of_another_pad(llvm_mono, monkeypatch):
@@ -34,7 +58,7 @@ def test_a_row_of_another_pad(llvm_mono, monkeypatch):
     monkeypatch.setattr(domes, "dome_scene", lambda *given, **pad: scene(*given, **{**pad, "mesh_size": 1.2}))
     (row,) = domes.mirrors_of_pads()
     assert 0.6 < row.truth < 0.9 and 0 < row.noise < 0.05 and 0 < row.stated < 0.1
-    assert abs(row.off) < 5 * row.noise and row.off_larger == 0
+    assert abs(row.deviation) < 5 * row.noise and row.deviation_larger == 0
     assert domes.pad_cells(row)[:2] == ["wall = 1.2", "-0.5"]
 
 

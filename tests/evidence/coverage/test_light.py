@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -11,6 +12,9 @@ from taxel_cli.bench import command
 
 from mitsuba_taxel.evidence.coverage import light, light_cases
 from mitsuba_taxel.evidence.coverage.light_row import LightRow
+from mitsuba_taxel.evidence.rows.row_files import read_rows
+from mitsuba_taxel.pads import CELL_SHAPES
+from mitsuba_taxel.pads.cells.cell_shape import CellShape
 
 SLICE = (9, 18, 21, 53)
 """Numbers of configurations with a narrow table, a cone, a power and a wide table."""
@@ -19,14 +23,23 @@ SLICE = (9, 18, 21, 53)
 def test_configurations_are_of_every_kind_and_the_same_for_a_seed():
     cases = light_cases.light_cases()
     assert cases == light_cases.light_cases() != light_cases.light_cases(1)
-    assert len(cases) == len({case.name for case in cases}) == 120 and sum(case.with_slopes for case in cases) == 12
+    paper, others = cases[: light_cases.CASES], cases[light_cases.CASES :]
+    assert len(cases) == len({case.name for case in cases}) and len(paper) == 120
+    assert sum(case.with_slopes for case in paper) == 12
     leds = [case.source["package"]["led"] for case in cases]
     cones = [led["cone_angle"] for led in leds if "cone_angle" in led]
     assert min(cones) < 0.1 and max(cones) > 60
     exponents = [led["exponent"] for led in leds if "exponent" in led]
     assert min(exponents) < 1 and max(exponents) > 1e5
-    assert len({case.source["pad"]["cell"] for case in cases}) == 4 and any("force" in c.source["pad"] for c in cases)
+    assert {case.source["pad"]["cell"] for case in paper} == set(CELL_SHAPES)
+    assert {case.source["pad"]["cell"] for case in others} == set(CellShape.kinds()) - set(CELL_SHAPES)
+    assert any("force" in case.source["pad"] for case in cases) and any(case.with_slopes for case in others)
     assert {name for case in cases for name in case.tables} == {"led", "sensor"}
+
+
+def test_configurations_that_were_measured_stay():
+    rows = read_rows(Path(__file__).parents[3] / "docs" / "light.csv", LightRow)
+    assert len(rows) >= 120 and rows.keys() <= {case.name for case in light_cases.light_cases()}
 
 
 @pytest.mark.parametrize("number", SLICE)

@@ -1,0 +1,125 @@
+"""Examples of registered kinds: the tables judge a new cell, law or indenter without naming it."""
+
+from __future__ import annotations
+
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.kinds import Kind
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.pads.cells.cell_shape import CellShape
+from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
+from mitsuba_taxel.parameters import REQUIRED
+
+LENGTHS, MODULI, RATIOS = (2.0, 3.0, 1.5), (0.5, 0.3), (3.0,)
+"""Values of required parameters, used in turn: lengths in mm, moduli of silicones in MPa, ratios well above 1."""
+RADIUS = 1.5
+"""Radius of round indenters, in mm."""
+
+
+def required_values(kind: type[Kind]) -> dict[str, Any]:
+    """Values for the parameters of a kind that have no default.
+
+    Parameters
+    ----------
+    kind : type
+        Of cells, laws or indenters.
+
+    Returns
+    -------
+    dict[str, Any]
+        Values by name, in the units of the parameters.
+    """
+    values = {"mm": cycle(LENGTHS), "MPa": cycle(MODULI), "": cycle(RATIOS)}
+    required = {name: own.unit for name, own in kind.own_parameters().items() if own.default is REQUIRED}
+    return {name: next(values[unit]) for name, unit in required.items()}
+
+
+def other_cells() -> list[str]:
+    """Names of the registered shapes of cells that are not in the paper."""
+    return [name for name in CellShape.kinds() if name not in CELL_SHAPES]
+
+
+def other_indenters(listed: tuple[str, ...]) -> list[str]:
+    """Names of the registered indenters, except for the listed ones and bodies from files."""
+    return [name for name in IndenterShape.kinds() if name not in (*listed, "file")]
+
+
+def pad_of(cell: str, **parameters: Any) -> Pad:
+    """A pad of any shape of cells.
+
+    Parameters
+    ----------
+    cell : str
+        Name of the shape; cells with a profile are hemispheric.
+    **parameters : Any
+        Other arguments of the pad.
+
+    Returns
+    -------
+    Pad
+        With examples of the parameters that the shape requires.
+
+    Raises
+    ------
+    InputError
+        if the shape does not fit the other parameters.
+    """
+    if cell == "profile":
+        return Pad("hemispheric", **parameters).as_profile()
+    return Pad(cell, **required_values(CellShape.named(cell)), **parameters)
+
+
+def cell_parameters(cell: str) -> dict[str, Any]:
+    """Values by name of the parameters that describe cells of this shape, beyond those of all pads."""
+    pad, shape = pad_of(cell), CellShape.named(cell)
+    names = (*shape.uses, *shape.own_parameters())
+    return {name: getattr(pad, name) for name in ("cell_height", *names)} if names else {}
+
+
+def law_of(name: str) -> Material:
+    """A material of any law, with examples of the parameters that it requires."""
+    law: Any = Material.named(name)
+    return law(**required_values(law))
+
+
+def indenter_of(name: str, **parameters: Any) -> Indenter:
+    """An indenter of any shape.
+
+    Parameters
+    ----------
+    name : str
+        Name of the shape.
+    **parameters : Any
+        Other arguments of the indenter.
+
+    Returns
+    -------
+    Indenter
+        With examples of the parameters that the shape requires.
+    """
+    shape = IndenterShape.named(name)
+    radius = {"radius": RADIUS} if "radius" in shape.uses else {}
+    return Indenter(name, **radius | required_values(shape) | parameters)
+
+
+def generator(seed: int, name: str) -> np.random.Generator:
+    """Random numbers for the cases of a kind, which stay the same when other kinds are added.
+
+    Parameters
+    ----------
+    seed : int
+        Of the table.
+    name : str
+        Of the kind.
+
+    Returns
+    -------
+    Generator
+        Seeded by both.
+    """
+    return np.random.default_rng([seed, *name.encode()])
