@@ -20,11 +20,23 @@ class CommandReference(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         from taxel_cli import taxel
 
-        lines = [line for path, ctx in _commands(taxel, "taxel", None) for line in _section(path, ctx)]
+        lines = _overview(taxel)
+        lines += [line for path, ctx in _commands(taxel, "taxel", None) for line in _section(path, ctx)]
         section = nodes.section()
         section.document = self.state.document
         nested_parse_with_titles(self.state, StringList(lines, source="taxel --help"), section)
         return section.children
+
+
+def _overview(taxel: click.Group) -> list[str]:
+    """Lines of RST: a table of all commands, and of those below them, each with what it does in a few words."""
+    rows = []
+    for path, ctx in _commands(taxel, "taxel", None):
+        if path != "taxel":
+            label = path.replace(" ", "-")
+            rows.append(f"   * - :ref:`{path} <{label}>`\n     - {_escaped(ctx.command.get_short_help_str(200))}")
+    table = ".. list-table::\n   :header-rows: 1\n   :widths: 30 70\n\n   * - command\n     - what it does\n"
+    return [*(table + "\n".join(rows)).splitlines(), ""]
 
 
 def _commands(command: click.Command, path: str, parent: click.Context | None) -> Iterator[tuple[str, click.Context]]:

@@ -21,6 +21,19 @@ KINDS = {
     "integrator": "Integrators",
     "sampler": "Samplers",
 }
+SHOWN = {
+    "deformable_pad": "A pad of nine spherical cells under a normal and a tangential force, cut open",
+    "photo_reflector": "Six photo-reflectors, each with its LED (red) and phototransistor (green)",
+    "annular_led": "Radiant intensity of three laws by angle, and the emitting areas of both outlines",
+    "phototransistor": "Reading of a parallel beam by its angle to the normal, relative to that on the axis",
+    "wall": "Light that four walls reflect in the plane of incidence, by angle; a mirror reflects it in one direction",
+    "region": "The regions of a pad: roof (orange), side (yellow), top (blue) and outside (light blue); the cut is grey",
+    "taxel_tracer": "Irradiance of one phototransistor under a Lambertian dome, by paths joined from both ends",
+    "taxel_path": "The same irradiance, by as many paths from the phototransistor",
+    "analog_tracer": "The same irradiance, by as many rays that are counted",
+    "owen_sobol": "256 points of two sequences fill the square evenly; random numbers do not",
+}
+"""What the picture of each plugin shows; `python docs/draw_pictures.py` draws them."""
 HEADINGS = ("parameter", "type", "unit", "default", "meaning")
 WIDTHS = "20 9 9 17 45"
 
@@ -54,6 +67,7 @@ def _section(page: PluginPage) -> list[str]:
     parts = [
         f".. _plugin-{page.name}:",
         f"{title}\n{'-' * len(title)}",
+        f".. image:: ../pictures/plugins/{page.name}.png\n   :alt: {SHOWN[page.name]}\n\n*{SHOWN[page.name]}.*",
         f".. list-table::\n   :header-rows: 1\n   :widths: {WIDTHS}",
         "\n".join(map(_row, rows)),
         page.text,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -10,11 +11,13 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
+from sphinx.search.en import SearchEnglish
 
 import mitsuba_taxel
 from mitsuba_taxel.specification.plugin_pages import plugin_names, plugin_page
 
 DOCS = Path(__file__).parents[2] / "docs"
+SOURCES = sorted({*DOCS.rglob("*.md"), *DOCS.rglob("*.rst")} - {DOCS / "index.md"})
 
 
 class Page(HTMLParser):
@@ -81,6 +84,32 @@ def test_every_plugin_has_a_section(site, pages):
             for word in parameter.name.split(", "):
                 assert f">{word}<" in text or word == "(nested)", (name, word)
     assert ":monosp:" not in text and "|float|" not in text
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.stem)
+def test_a_page_says_first_for_whom_it_is(source):
+    paragraphs = re.split(r"\n{2,}", source.read_text(encoding="utf-8"))
+    assert paragraphs[1].startswith("For ") or "\nFor " in paragraphs[0], paragraphs[:2]
+
+
+def test_every_plugin_has_a_picture(pages):
+    shown = {Path(file).stem for file in pages[Path("reference/plugins.html")].loaded if file.endswith(".png")}
+    assert shown == set(plugin_names())
+
+
+@pytest.mark.parametrize(
+    "word, page",
+    [
+        ("hysteresis", "tutorials/memory"),
+        ("crosstalk", "howto/convergence"),
+        ("STL", "tutorials/own_pad"),
+        ("saturation", "tutorials/volts"),
+    ],
+)
+def test_search_finds(site, word, page):
+    index = json.loads(re.search(r"setIndex\((.*)\)", (site / "searchindex.js").read_text(encoding="utf-8"))[1])
+    found = index["terms"].get(SearchEnglish({}).stem(word.lower()), [])
+    assert page in {index["docnames"][number] for number in ([found] if isinstance(found, int) else found)}
 
 
 def test_every_command_has_a_section(pages):

@@ -28,6 +28,8 @@ HEADINGS = (
 _PAGE = """\
 # The nominal study
 
+For users who ask how long a study takes and how exact it is.
+
 Written by `{command}`; do not edit by hand.
 
 Nine taxels of `pad.xml`, for each shape under normal force to -20 N and under tangential force along x at -8 N to

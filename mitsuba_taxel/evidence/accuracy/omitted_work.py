@@ -257,6 +257,8 @@ def _deviation(first: dict, second: dict) -> float:
 
 PAGE = """# Savings from omitted work
 
+For users who ask what makes a scene slow, and for people who change the code.
+
 Written by `taxel bench omitted-work --markdown docs/omitted_work.md`; do not edit by hand.
 `taxel render SCENE --explain` lists the work omitted for a scene.
 

@@ -27,6 +27,8 @@ MOST_MEMORY = 48 * 2**30
 _PAGE = """\
 # Stated and true errors
 
+For users who ask how often the true reading is within the stated error.
+
 Written by `{command}`; do not edit by hand.
 
 Each setting is read on the default mesh, which gives the stated error of the finite elements. The truth is read on

@@ -71,6 +71,8 @@ HEADINGS = ("cell", "roof", "cells", "N per cell", "truth [W/W]", "deviation", "
 _PAGE = """\
 # Domes
 
+For users of spherical and hemispheric cells.
+
 Written by `{command}`; do not edit by hand.
 
 Readings of domes, and of every other shape of cells that is not in the paper, at the default settings, compared with

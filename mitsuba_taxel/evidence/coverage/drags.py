@@ -41,6 +41,8 @@ ALLOWED, LARGEST = 2.0, 0.03
 _PAGE = """\
 # Dragged and pressed
 
+For users of indenters with friction.
+
 Written by `{command}`; do not edit by hand.
 
 Each row compares two ways to the same state of a pad of one cell, on elements of the default size. A body is pressed

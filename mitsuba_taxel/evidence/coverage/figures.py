@@ -29,6 +29,8 @@ COUNTS = ("figure", "target", "figures", "not judged", "within once", "within tw
 _PAGE = """\
 # Figures of scenes drawn at random
 
+For users of slopes, nonlinearity and hysteresis who ask how well their stated errors hold.
+
 Written by `{command}`; do not edit by hand.
 
 Pads of one or two cells with shapes, dimensions, walls, LED, material and loads drawn at random from the seed {seed}:

@@ -91,6 +91,8 @@ class HorizonRow:
 _PAGE = """\
 # The width of the horizon
 
+For people who change how derivatives are computed.
+
 Written by `{command}`; do not edit by hand.
 
 Derivatives of the reading of a cell with an isotropic roof at {designs} designs or loads, from one to another on one

@@ -22,6 +22,8 @@ SECONDS, MEGABYTES = 30.0, 3000.0
 _PAGE = """\
 # Light of random configurations
 
+For users who ask whether light without random numbers is right for their optics.
+
 Written by `{command}`; do not edit by hand.
 
 Unloaded and loaded pads of one cell, of every registered shape, with laws of the LED (cones of 0.05 to 90 degrees,

@@ -27,6 +27,8 @@ HEADINGS = ("cell", "force [N]", "by", "value", "unit", "stated", "deviation", "
 _PAGE = """\
 # Derivatives
 
+For users of derivatives.
+
 Written by `{command}`; do not edit by hand.
 
 Derivatives of the reading of one cell at the default settings, compared with those on elements of {fine:g} mm. These

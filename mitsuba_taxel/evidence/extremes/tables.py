@@ -24,6 +24,8 @@ LEFT = ("case", "setting", "verdict", "stability", "reference by", "remark")
 _PAGE = """\
 # Extreme cases
 
+For users who load pads to the limit, or use extreme shapes, materials and circuits.
+
 Written by `{command}`; do not edit by hand. A process that crashed or went beyond {seconds:g} s or {memory:g} GB
 is reported. `WRONG` marks a failure, with which the command exits with 1.
 """

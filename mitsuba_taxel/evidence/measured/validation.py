@@ -36,6 +36,8 @@ _FINE = np.linspace(0.25, 6.5, 626)
 _HEAD = """\
 # Comparison with measured sensors
 
+For users who ask how well the program predicts measured sensors.
+
 Written by `{command}`; do not edit by hand. Values called *fitted* come from the measurement itself; all others are
 predicted. The numbers of the measurements are in `mitsuba_taxel/evidence/measured/measured.py` and in the part's file.
 With an empty DIR the command takes about {minutes} minutes of one core; what is there is not computed again.

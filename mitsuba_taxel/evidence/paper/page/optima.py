@@ -42,6 +42,8 @@ Optima = Mapping[str, Mapping[str, xr.Dataset]]
 _HEAD = """\
 # The paper's sensor optimised
 
+For designers who ask how much better the paper's sensor can become.
+
 Written by `{command}`; do not edit by hand. Every number and every comparison in the text comes from the runs.
 
 The paper compares four shapes of cells, each of one size. Here [`taxel optimise`](theory/optimum.md) looks for the

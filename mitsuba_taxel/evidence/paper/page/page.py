@@ -19,6 +19,8 @@ from mitsuba_taxel.studies.plan.files import make_folder
 _HEAD = """\
 # The paper, rerun
 
+For readers of the paper, and for those who ask whether the program reproduces it.
+
 Written by `{command}`; do not edit by hand. Every number and every comparison in the text comes from the runs.
 
 *Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile Sensor* simulates a pad of 3 x 3 cells
