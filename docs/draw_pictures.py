@@ -43,7 +43,13 @@ def sensor_picture(file: Path, *scene: str) -> None:
         full = Path(folder) / "picture.png"
         command = [Path(sys.executable).with_name("taxel"), "picture", *scene, "--width", str(WIDTH), "-o", full]
         subprocess.run(command, check=True, cwd=GALLERY, stdout=subprocess.DEVNULL)
-        Image.open(full).convert("RGB").quantize(160, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(file, optimize=True)
+        write_small(full, file)
+
+
+def write_small(full: Path, file: Path) -> None:
+    """Write a picture as PNG with a palette that keeps colours of small areas, such as the LEDs'."""
+    picture = Image.open(full).convert("RGB")
+    picture.quantize(160, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(file, optimize=True)
 
 
 def draw_gallery(name: str) -> None:
@@ -82,7 +88,7 @@ def draw_region(file: Path) -> None:
     with TemporaryDirectory() as folder:
         full = Path(folder) / "picture.png"
         drawing.write_picture(pixels, full)
-        Image.open(full).convert("RGB").quantize(160, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(file, optimize=True)
+        write_small(full, file)
 
 
 def draw_annular_led(file: Path) -> None:

@@ -27,7 +27,7 @@ SHOWN = {
     "annular_led": "Radiant intensity of three laws by angle, and the emitting areas of both outlines",
     "phototransistor": "Reading of a parallel beam by its angle to the normal, relative to that on the axis",
     "wall": "Light that four walls reflect in the plane of incidence, by angle; a mirror reflects it in one direction",
-    "region": "The regions of a pad: roof (orange), side (yellow), top (blue) and outside (light blue); the cut is grey",
+    "region": "Regions of a pad: roof (orange), side (yellow), top (blue) and outside (light blue); the cut is grey",
     "taxel_tracer": "Irradiance of one phototransistor under a Lambertian dome, by paths joined from both ends",
     "taxel_path": "The same irradiance, by as many paths from the phototransistor",
     "analog_tracer": "The same irradiance, by as many rays that are counted",
