@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -37,9 +37,10 @@ FIRST, LAST = 0.73, 0.75
 
 
 def _square(z: float) -> Scene:
-    mesh = {} if z == FIRST else {"meshed_as": f"profile_z1={FIRST}"}
-    cell = {"profile": PROFILE.format(z), "section": "square"}
-    return dome_scene("profile", {"scattering": "isotropic"}, force=[0, 0, -2.2], **cell, **SQUARE, **mesh)
+    cell: dict[str, Any] = {"profile": PROFILE.format(z), "section": "square", **SQUARE}
+    if z != FIRST:
+        cell["meshed_as"] = f"profile_z1={FIRST}"
+    return dome_scene("profile", {"scattering": "isotropic"}, force=[0, 0, -2.2], **cell)
 
 
 def _box(fx: float) -> Scene:
