@@ -48,7 +48,7 @@ def kept_off(points: np.ndarray, bodies: RigidBodies, width: float) -> tuple[np.
 
     Parameters
     ----------
-    places : (V, 3) ndarray
+    points : (V, 3) ndarray
         In mm.
     bodies : RigidBodies
         Bodies that the pad may touch.
