@@ -1,4 +1,4 @@
-"""Set-up of Mitsuba: choice of LLVM and variant, registration of plugins."""
+"""Set-up of Mitsuba: selection of LLVM and variant, registration of plugins."""
 
 from __future__ import annotations
 
@@ -39,8 +39,11 @@ __all__ = [
 def report() -> dict[str, object]:
     """Versions, the LLVM in use, variants and plugins of this installation.
 
-    Returns a dictionary with the keys ``versions`` (name -> version), ``llvm`` (``path``, ``version``),
-    ``variants`` (those our plugins work in), and ``plugins`` (sorted names).
+    Returns
+    -------
+    dict[str, object]
+        ``versions``, by name; ``llvm``, with ``path`` and ``version``; ``variants`` that the plugins of this package
+        support; ``plugins``, their sorted names.
     """
     import os
 
@@ -61,15 +64,15 @@ def report() -> dict[str, object]:
 
 @kept(None)
 def versions() -> Mapping[str, str]:
-    """Versions of Python, this package and what it computes with, by name; read once in a process."""
+    """Versions of Python, this package and the packages that it uses, by name; read once in a process."""
     import importlib.metadata
     import platform
 
-    ours = ("mitsuba_taxel", "mitsuba", "drjit", "numpy", "scipy")
-    found = {"python": platform.python_version()}
-    for name in (*ours, "netgen-mesher", "rslab", "trimesh", "pytetwild", "meshio", "xarray"):
+    packages = ("mitsuba_taxel", "mitsuba", "drjit", "numpy", "scipy")
+    installed = {"python": platform.python_version()}
+    for name in (*packages, "netgen-mesher", "rslab", "trimesh", "pytetwild", "meshio", "xarray"):
         try:
-            found[name] = importlib.metadata.version(name)
+            installed[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return MappingProxyType(found)
+            installed[name] = "not installed"
+    return MappingProxyType(installed)

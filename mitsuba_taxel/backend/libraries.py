@@ -1,7 +1,8 @@
-"""Which folders plugins may be loaded from as libraries: a scene is data, and never brings code.
+"""Folders from which plugins may be loaded as libraries: a scene is data and must not contain code.
 
-Mitsuba looks for the library of a plugin, ``plugins/<type>.so``, in every folder of its file resolver, which are those
-of the scene, of its ``<path>`` elements and the working directory as well, and loads it before it knows what it is.
+Mitsuba searches for the library of a plugin, ``plugins/<type>.so``, in every folder of its file resolver. These include
+the folder of the scene, those of its ``<path>`` elements, and the working directory. It loads the library before it
+checks what it is.
 """
 
 from __future__ import annotations
@@ -17,17 +18,18 @@ import mitsuba as mi
 from mitsuba_taxel.base.errors import InputError
 
 VARIABLE = "MITSUBA_TAXEL_LIBRARIES"
-"""Environment variable with further folders whose subfolder ``plugins`` holds libraries, separated as in ``PATH``."""
+"""Environment variable with additional trusted folders, separated as in ``PATH``; their subfolder ``plugins`` contains
+libraries."""
 _ENDINGS = (".so", ".dylib", ".dll")
 
 
 def put_own_libraries_first(resolver: mi.FileResolver) -> None:
-    """Have Mitsuba's libraries come before files of the same name elsewhere, and those of :data:`VARIABLE` last.
+    """Order the folders of a file resolver: Mitsuba's libraries first, those of :data:`VARIABLE` last.
 
     Parameters
     ----------
     resolver : mi.FileResolver
-        Whose folders are put in order.
+        The resolver, which is changed in place.
 
     Raises
     ------
@@ -39,12 +41,12 @@ def put_own_libraries_first(resolver: mi.FileResolver) -> None:
     except UnicodeDecodeError as error:
         raise InputError("the scene's folder is not allowed: a name in UTF-8 is needed.") from error
     resolver.clear()
-    for folder in dict.fromkeys((_mitsuba(), *scene, *_stated())):
+    for folder in dict.fromkeys((_mitsuba_folder(), *scene, *_trusted_folders())):
         resolver.append(str(folder))
 
 
 def check_plugin_types(types: Iterable[str]) -> None:
-    """Raise unless each type of plugin is a name, whose library, if any, lies in a folder that is trusted.
+    """Raise unless each plugin type is a name whose library, if there is one, lies in a trusted folder.
 
     Parameters
     ----------
@@ -54,31 +56,36 @@ def check_plugin_types(types: Iterable[str]) -> None:
     Raises
     ------
     InputError
-        if one has other characters than letters, digits and ``_``, or Mitsuba would load a library from a folder of the
-        scene or the working directory.
+        if a name has characters other than letters, digits and ``_``, or if Mitsuba would load a library from a folder
+        of the scene or the working directory.
     """
-    trusted = {folder.resolve() for folder in (_mitsuba(), *_stated())}
+    trusted = {folder.resolve() for folder in (_mitsuba_folder(), *_trusted_folders())}
     for name in dict.fromkeys(types):
         if not re.fullmatch(r"\w+", name, re.ASCII):
-            raise InputError(f"type = {name!r} is not allowed: a plugin's name, of letters, digits and _, is needed.")
-        if _libraries(_mitsuba(), name):
+            raise InputError(
+                f"type = {name!r} is not allowed: the name of a plugin, of letters, digits and _, is needed."
+            )
+        if _libraries(_mitsuba_folder(), name):
             continue
         folders = {Path(str(folder)).resolve(): None for folder in (*mi.file_resolver(), ".")}
         for library in chain.from_iterable(_libraries(folder, name) for folder in folders if folder not in trusted):
             raise InputError(
-                f"type = {name!r} is not allowed: {library} is a library, which a scene must not bring; if you trust "
+                f"type = {name!r} is not allowed: {library} is a library, which a scene must not contain; if you trust "
                 f"it, set {VARIABLE}={library.parents[1]}."
             )
 
 
-def _mitsuba() -> Path:
+def _mitsuba_folder() -> Path:
+    """The folder of the package mitsuba."""
     return Path(mi.__file__).parent
 
 
-def _stated() -> list[Path]:
+def _trusted_folders() -> list[Path]:
+    """The folders of :data:`VARIABLE`."""
     return [Path(folder).absolute() for folder in os.environ.get(VARIABLE, "").split(os.pathsep) if folder]
 
 
 def _libraries(folder: Path, name: str) -> list[Path]:
+    """Existing libraries of a plugin in a folder."""
     files = (folder / "plugins" / f"{name}{ending}" for ending in _ENDINGS)
     return [file for file in files if os.path.lexists(file)]

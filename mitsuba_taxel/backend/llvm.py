@@ -1,7 +1,7 @@
-"""Choose an LLVM that works, before Dr.Jit chooses one that does not.
+"""Selection of an LLVM that works, before Dr.Jit selects an unsuitable version.
 
-Dr.Jit 1.5 looks for any LLVM on the system; version 14 is refused with an exception, but 15 and 16 abort the
-whole process at the first render (``Cannot select: fminimum``). The library is fixed when mitsuba is imported.
+Dr.Jit 1.5 uses any LLVM on the system. It refuses version 14 with an exception, but versions 15 and 16 abort the
+process at the first render (``Cannot select: fminimum``). The library is fixed when mitsuba is imported.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 from mitsuba_taxel.base.caches import kept
 
 OLDEST_LLVM = 19
-"""Oldest major version known to render (19, 22 and 23 were tried)."""
+"""Oldest major version that is known to render (19, 22 and 23 were tested)."""
 
 _SYSTEM_FOLDERS = (
     "/usr/lib/x86_64-linux-gnu",
@@ -34,7 +34,7 @@ _REMEDY = (
 
 
 def choose_llvm() -> None:
-    """Point ``DRJIT_LIBLLVM_PATH`` at a suitable LLVM, unless the user has set it or Dr.Jit is already loaded."""
+    """Set ``DRJIT_LIBLLVM_PATH`` to a suitable LLVM, unless the user has set it or Dr.Jit is already loaded."""
     if "drjit" in sys.modules or os.environ.get("DRJIT_LIBLLVM_PATH"):
         return
     library = _packaged_library() or _newest(_system_libraries())
@@ -43,12 +43,12 @@ def choose_llvm() -> None:
 
 
 def check_llvm(variant: str) -> None:
-    """Refuse an LLVM that would abort the process at the first render, for a variant of Mitsuba's that uses it.
+    """Raise for an LLVM that would abort the process at the first render, if a variant uses LLVM.
 
     Parameters
     ----------
     variant : str
-        Of Mitsuba.
+        Name of a variant of Mitsuba.
 
     Raises
     ------
@@ -67,19 +67,20 @@ def check_llvm(variant: str) -> None:
             f"DRJIT_LIBLLVM_PATH = {chosen!r} cannot be loaded: a libLLVM of version {OLDEST_LLVM} or newer is needed."
         )
     if loaded and version[0] < OLDEST_LLVM:
-        found = ".".join(map(str, version))
-        raise ImportError(f"Dr.Jit has loaded LLVM {found}, which aborts at the first render: {_REMEDY}.")
+        loaded_version = ".".join(map(str, version))
+        raise ImportError(f"Dr.Jit has loaded LLVM {loaded_version}, which aborts at the first render: {_REMEDY}.")
     if loaded and chosen:
         _skip_optional_passes(chosen)
 
 
 @kept(None)
 def _skip_optional_passes(library: str) -> None:
-    """Have kernels compiled in half the time, by LLVM without the passes that it can do without.
+    """Halve the time of compiling kernels by skipping the optional passes of LLVM.
 
-    What Dr.Jit hands over is in vectors and without what is not needed: results keep all their digits, and random paths
-    take up to 5 % longer, less than compiling saves but in long runs. Neither LLVM nor Dr.Jit offers a function for it,
-    so it is the option with which LLVM's developers seek a faulty pass; an LLVM that does not know it ignores it.
+    The code that Dr.Jit generates is vectorised and contains no dead code already. Results keep all their digits.
+    Random paths take up to 5 % longer, which exceeds the savings only in long runs. Neither LLVM nor Dr.Jit has a
+    function for this, so the option is used with which LLVM's developers search for a faulty pass; an LLVM without that
+    option ignores it.
     """
     options = (b"mitsuba_taxel", b"-opt-bisect-verbose=0", b"-opt-bisect-limit=0")
     parse = ctypes.CDLL(library).LLVMParseCommandLineOptions
@@ -87,7 +88,7 @@ def _skip_optional_passes(library: str) -> None:
 
 
 def is_fit() -> bool:
-    """Whether Dr.Jit has loaded an LLVM that renders; without one, an array of its ends the process."""
+    """Whether Dr.Jit has loaded a suitable LLVM; without it, an array of an LLVM variant ends the process."""
     import drjit as dr
 
     version = dr.detail.llvm_version()
@@ -95,7 +96,7 @@ def is_fit() -> bool:
 
 
 def _packaged_library() -> Path | None:
-    """The library of the ``karellen-llvm-core`` wheel, if it is installed."""
+    """The library of the package ``karellen-llvm-core``; None if it is not installed."""
     import importlib.metadata
 
     try:
@@ -106,18 +107,19 @@ def _packaged_library() -> Path | None:
 
 
 def _system_libraries() -> Iterable[Path]:
+    """All libraries of LLVM in the usual folders of the system."""
     for folder in (*_SYSTEM_FOLDERS, *map(str, Path("/usr/lib").glob("llvm-*/lib"))):
         yield from Path(folder).glob("libLLVM*")
 
 
 def _newest(libraries: Iterable[Path]) -> Path | None:
-    """The library of the highest suitable version, by its file name."""
+    """The library of the highest suitable version, by its file name; None if there is none."""
     fit = [(version, path) for path in libraries if (version := _version(path)) >= OLDEST_LLVM and path.exists()]
     return max(fit)[1] if fit else None
 
 
 def _version(path: Path) -> int:
-    """Major version in the name of a library (``libLLVM.so.23.1``, ``libLLVM-19.so.1``), 0 if there is none."""
+    """Major version in the name of a library (``libLLVM.so.23.1``, ``libLLVM-19.so.1``); 0 without a version."""
     match = re.fullmatch(r"libLLVM(?:-(\d+))?(?:\.\d+)*\.(?:so|dylib)(?:\.(\d+))?(?:\.\d+)*", path.name)
     if match is None:
         return 0

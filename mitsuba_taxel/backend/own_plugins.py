@@ -1,6 +1,6 @@
-"""Mitsuba plugins in Python files of the user, for this process and for those that compute for it.
+"""Mitsuba plugins in Python files of the user, for this process and its workers.
 
-Only files that the user names are run: none that a scene, a study or a folder of results names.
+Only files that the user passes are run; files named in a scene, a study or a folder of results are never run.
 """
 
 from __future__ import annotations
@@ -14,19 +14,20 @@ from mitsuba_taxel.base.arguments import path_of
 from mitsuba_taxel.base.errors import InputError
 
 _LOADED: dict[Path, None] = {}
-"""Files that have been run, in their order."""
+"""Files that have been run, in this order."""
 
 
 def load_plugins(*files: str | Path) -> None:
-    """Run Python files that register plugins, such as by ``mi.register_bsdf``; each once in a process.
+    """Run Python files that register plugins, such as by ``mi.register_bsdf``, once in a process.
 
-    Worker processes and Dask workers of studies run them as well, under the same path. Results in a folder are of the
-    files as they were: the folder is refused once they have changed.
+    Worker processes and Dask workers of studies run the files as well, under the same path. A folder of results depends
+    on the contents of the files: it is refused after a file has changed.
 
     Parameters
     ----------
     *files : str or Path
-        Paths. A file finds Mitsuba in the variant in use, which it must leave, and imports what is installed.
+        Paths of the files. A file runs in the current variant of Mitsuba, which it must not change, and may import
+        installed packages.
 
     Raises
     ------
@@ -48,23 +49,25 @@ def loaded_plugins() -> tuple[Path, ...]:
     Returns
     -------
     tuple[Path, ...]
-        In the order in which they were run.
+        Files in the order in which they were run.
     """
     return tuple(_LOADED)
 
 
 def _is_file(path: Path) -> bool:
+    """Whether a path is a file; False for a name that is too long."""
     try:
         return path.is_file()
-    except OSError:  # its name is too long
+    except OSError:
         return False
 
 
 def _run(path: Path) -> None:
+    """Run a file as a module with a unique name; raises `InputError`."""
     import mitsuba as mi
 
     variant = activate_variant()
-    name = f"own_plugin_{len(_LOADED)}_{path.stem}"  # no other module's
+    name = f"own_plugin_{len(_LOADED)}_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
@@ -76,4 +79,4 @@ def _run(path: Path) -> None:
         raise InputError(f"plugin = {path.name!r} cannot be run: {reason}.") from error
     if mi.variant() != variant:
         mi.set_variant(variant)
-        raise InputError(f"plugin = {path.name!r} is not allowed: it sets another variant than {variant}.")
+        raise InputError(f"plugin = {path.name!r} is not allowed: it changes the variant, which must be {variant}.")

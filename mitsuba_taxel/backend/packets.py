@@ -1,8 +1,8 @@
-"""Arrays of numbers in memory that Dr.Jit's kernels can use.
+"""Arrays of numbers in memory that is suitable for the kernels of Dr.Jit.
 
-On a CPU Dr.Jit takes the memory of an array of NumPy's as it is. Kernels read it a packet of up to 16 numbers at a time
-and thus beyond its end, which ends the process where the next page of memory is not mapped; and they are compiled for
-its alignment, so that the same kernel is compiled again for memory that begins elsewhere.
+On a CPU Dr.Jit uses the memory of a NumPy array directly. Kernels read packets of up to 16 numbers, and therefore read
+beyond the end of the array, which ends the process if the next page of memory is not mapped. Kernels are compiled for
+the alignment of the array, so that the same kernel is compiled again for memory of another alignment.
 """
 
 from __future__ import annotations
@@ -11,25 +11,25 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 PACKET = 16
-"""Numbers in the largest packet."""
+"""Largest number of values in a packet."""
 ALIGNMENT = 64
-"""Bytes of a packet of 32-bit numbers."""
+"""Size in bytes of a packet of 32-bit numbers."""
 
 
 def in_packets(values: np.ndarray, dtype: DTypeLike = np.float32) -> np.ndarray:
-    """Copy of all numbers of an array, row by row, in whole and aligned packets.
+    """Copy an array, row by row, into complete and aligned packets.
 
     Parameters
     ----------
     values : ndarray
-        Of any shape, with N numbers.
+        Array of any shape, with N numbers.
     dtype : DTypeLike
-        Of the copy.
+        Type of the copy.
 
     Returns
     -------
     (N,) ndarray
-        Aligned in memory.
+        Copy that is aligned in memory.
     """
     kind = np.dtype(dtype)
     buffer = np.empty((values.size + PACKET) * kind.itemsize + ALIGNMENT, np.uint8)

@@ -1,4 +1,4 @@
-"""Create Mitsuba objects from within our plugins, and find their plugins' names."""
+"""Creation of Mitsuba objects in plugins of this package, and names of the plugins of objects."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import mitsuba as mi
 
 
 def make_plugin(name: str, **parameters: Any) -> Any:
-    """An object of the plugin ``name``; nested objects are given as such.
+    """Create an object of a plugin.
 
     Unlike ``mi.load_dict``, this does not replace Mitsuba's global file resolver, which is unsafe while other threads
     create plugins of the scene (a ``ply`` then reads freed memory).
@@ -18,14 +18,14 @@ def make_plugin(name: str, **parameters: Any) -> Any:
     Parameters
     ----------
     name : str
-        Of the plugin.
+        Name of the plugin.
     **parameters : Any
-        Its properties and nested objects by name.
+        Properties and nested objects by name.
 
     Returns
     -------
     Any
-        Of the current variant.
+        Object in the current variant.
     """
     props = mi.Properties(name)
     for key, value in parameters.items():
@@ -33,89 +33,89 @@ def make_plugin(name: str, **parameters: Any) -> Any:
     return mi.PluginManager.instance().create_object(props)
 
 
-def found(name: str) -> Path:
-    """A file named in a scene, looked for beside the scene.
+def resolved_path(name: str) -> Path:
+    """Path of a file whose name in a scene is relative to the scene.
 
     Parameters
     ----------
     name : str
-        As the scene has it.
+        Name in the scene.
 
     Returns
     -------
     Path
-        The name itself if there is no such file.
+        The name itself if there is no such file beside the scene.
     """
     return Path(str(mi.file_resolver().resolve(name)))
 
 
 def find_file(props: mi.Properties, name: str, suffix: str) -> None:
-    """Let a property that names a file, as its suffix tells, be the path of the one beside the scene.
+    """Replace a property that is the name of a file by its path; see `resolved_path`.
 
     Parameters
     ----------
     props : mi.Properties
-        Of a plugin.
+        Properties of a plugin.
     name : str
-        Of the property.
+        Name of the property.
     suffix : str
-        Ending by which its value is the name of a file.
+        Suffix of file names; values without it are not changed.
     """
     if name in props and str(props[name]).endswith(suffix):
-        props[name] = str(found(props[name]))
+        props[name] = str(resolved_path(props[name]))
 
 
-def kind_of(made: Any) -> str:
-    """The plugin's name: for our plugins from the Python class, for Mitsuba's own from its C++ class.
+def kind_of(instance: Any) -> str:
+    """Name of the plugin of an object, from its Python class or, for plugins of Mitsuba, from its C++ class.
 
     Parameters
     ----------
-    made : Any
-        An object of Mitsuba's.
+    instance : Any
+        An object of Mitsuba.
 
     Returns
     -------
     str
-        As in ``type="..."`` of a scene.
+        Name, as in ``type="..."`` of a scene.
     """
-    ours = type(made).__module__ != "mitsuba"
-    name = type(made).__name__ if ours else made.class_name()
+    ours = type(instance).__module__ != "mitsuba"
+    name = type(instance).__name__ if ours else instance.class_name()
     name = name.removesuffix("Integrator").removesuffix("Mesh") or "Mesh"
     if not ours and name in _NAMED_OTHERWISE:
         return _NAMED_OTHERWISE[name]
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
-def element_of(made: Any) -> str:
-    """The XML element of an object, such as ``bsdf``; empty if it is none of Mitsuba's.
+def element_of(instance: Any) -> str:
+    """The XML element of an object, such as ``bsdf``.
 
     Parameters
     ----------
-    made : Any
-        An object of Mitsuba's.
+    instance : Any
+        Any object.
 
     Returns
     -------
     str
-        Name of the element.
+        Name of the element; empty if it is not an object of Mitsuba.
     """
-    return next((element for element, kind in _ELEMENTS.items() if isinstance(made, getattr(mi, kind))), "")
+    return next((element for element, kind in _ELEMENTS.items() if isinstance(instance, getattr(mi, kind))), "")
 
 
 def is_nested(props: mi.Properties, name: str) -> bool:
-    """Whether a property is a nested object, made or only parsed.
+    """Whether a property is a nested object, created or only parsed.
 
     Parameters
     ----------
     props : mi.Properties
-        Of a plugin.
+        Properties of a plugin.
     name : str
-        Of the property.
+        Name of the property.
 
     Returns
     -------
     bool
-        Whether it is.
+        True for objects and references to objects.
     """
     kinds = mi.Properties.Type
     return props.type(name) in (kinds.Object, kinds.Reference, kinds.ResolvedReference)
@@ -143,7 +143,7 @@ _NAMED_OTHERWISE = {
     "MaskBSDF": "mask",
     "BlendBSDF": "blendbsdf",
 }
-"""Plugins of Mitsuba by their classes, where these have other names."""
+"""Plugins of Mitsuba by the names of their classes, where these differ from the plugin's name."""
 _ELEMENTS = {
     "integrator": "Integrator",
     "shape": "Shape",
@@ -158,4 +158,4 @@ _ELEMENTS = {
     "phase": "PhaseFunction",
     "volume": "Volume",
 }
-"""Class of the objects of each XML element."""
+"""Class in Mitsuba of the objects of each XML element."""

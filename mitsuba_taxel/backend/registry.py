@@ -1,7 +1,7 @@
-"""Register our plugins with Mitsuba, in every variant.
+"""Registration of the plugins of this package with Mitsuba, in every variant.
 
-A plugin is a file ``plugins/<kind>/<name>.py`` holding a class whose name is the file's in CamelCase. Its class derives
-from a type of the current variant, so a file that has been imported is reloaded at each change of variant.
+A plugin is a file ``plugins/<kind>/<name>.py`` with a class whose name is that of the file in CamelCase. The class
+derives from a type of the current variant, so an imported file is reloaded at each change of variant.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _REGISTER = {
 
 @kept(None)
 def plugin_files() -> dict[str, Path]:
-    """Plugin name -> its file (the folder is the kind of plugin), without importing any."""
+    """Files of the plugins by name, without importing them; the folder of a file is the kind of plugin."""
     spec = importlib.util.find_spec(_PACKAGE)
     if spec is None or not spec.submodule_search_locations:
         raise ImportError(f"{_PACKAGE} is not installed: install the project with pip.")
@@ -50,24 +50,25 @@ def plugin_kind(name: str) -> str:
     Parameters
     ----------
     name : str
-        Of the plugin.
+        Name of the plugin.
 
     Returns
     -------
     str
-        As of the XML element.
+        Name of the XML element.
     """
     return plugin_files()[name].parent.name.removesuffix("s")
 
 
 def register_for_every_variant() -> None:
-    """Register the plugins for the current variant, if any, and for each that will be set later."""
+    """Register the plugins for the current variant, if there is one, and for each variant that is set later."""
     import mitsuba as mi
 
     from mitsuba_taxel.backend.libraries import put_own_libraries_first
 
     put_own_libraries_first(mi.file_resolver())
-    # Mitsuba looks up the kind of a plugin in `scalar_rgb`; unknown ones it may merge, or not write as XML.
+    # Mitsuba looks up the kind of a plugin in `scalar_rgb`; it may merge plugins of unknown kind, or not write them as
+    # XML.
     for name, file in plugin_files().items():
         getattr(mi.scalar_rgb, _REGISTER[file.parent.name])(name, _refusal(name, "scalar_rgb"))
     mi.detail.add_variant_callback(_on_variant_change)
@@ -76,18 +77,18 @@ def register_for_every_variant() -> None:
 
 
 def wanted_variant() -> str:
-    """The variant that ``MITSUBA_TAXEL_VARIANT`` names, whether it exists or not, or else :data:`DEFAULT_VARIANT`.
+    """The variant in ``MITSUBA_TAXEL_VARIANT``, or :data:`DEFAULT_VARIANT` if that is not set.
 
     Returns
     -------
     str
-        Name of a variant.
+        Name of a variant, which need not exist.
     """
     return os.environ.get("MITSUBA_TAXEL_VARIANT") or DEFAULT_VARIANT
 
 
 def default_variant() -> str:
-    """The variant used unless the user sets one: ``MITSUBA_TAXEL_VARIANT``, or else :data:`DEFAULT_VARIANT`."""
+    """The variant that is used unless the user sets another variant; raises `InputError` if it is not supported."""
     variant = wanted_variant()
     if variant not in SUPPORTED_VARIANTS:
         allowed = ", ".join(SUPPORTED_VARIANTS)
@@ -96,7 +97,7 @@ def default_variant() -> str:
 
 
 def activate_variant() -> str:
-    """The current variant; sets the default if the user has set none.
+    """The current variant; sets the default variant if none is set.
 
     Returns
     -------
@@ -116,6 +117,7 @@ def _on_variant_change(old: str | None, new: str) -> None:
 
 
 def _register_plugins(variant: str) -> None:
+    """Register the plugins for a variant; in an unsupported variant they raise an error when they are used."""
     import mitsuba as mi
 
     check_llvm(variant)
@@ -126,7 +128,7 @@ def _register_plugins(variant: str) -> None:
 
 
 def _made(module: str) -> Callable[..., object]:
-    """A plugin's class, which is imported when the first scene holds it; at once if another variant's has been."""
+    """Constructor of a plugin whose module is imported at first use, or reloaded now if it is imported already."""
     name = "".join(word.capitalize() for word in module.rpartition(".")[2].split("_"))
     if module in sys.modules:
         importlib.reload(sys.modules[module])
@@ -138,6 +140,8 @@ def _made(module: str) -> Callable[..., object]:
 
 
 def _refusal(name: str, variant: str) -> Callable[..., object]:
+    """Constructor that raises an error on the variants that a plugin supports."""
+
     def refuse(props: object) -> object:
         raise ValueError(
             f"{name} does not work in the variant {variant}: allowed are {', '.join(SUPPORTED_VARIANTS)} "

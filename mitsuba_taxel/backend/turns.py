@@ -1,4 +1,4 @@
-"""Serialise access to Mitsuba: Dr.Jit's recording and the registered plugins are state of the process, and so are
+"""Serialised access to Mitsuba: the recording of Dr.Jit and the registered plugins are state of the process, as are
 signals that would interrupt their import."""
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ _LOCK = threading.RLock()
 
 
 def in_turn(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Decorate functions of which only one may run at a time, in any thread; others wait.
+    """Decorator of functions of which only one may run at a time, in any thread; calls wait for each other.
 
     Parameters
     ----------
     function : Callable
-        Of any arguments.
+        Function of any arguments.
 
     Returns
     -------
     Callable
-        Of the same arguments.
+        Function of the same arguments.
     """
 
     @wraps(function)
-    def alone(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+    def serialised(*args: _P.args, **kwargs: _P.kwargs) -> _R:
         with _LOCK:
             return function(*args, **kwargs)
 
-    return alone
+    return serialised
 
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Signals of this thread that end the process wait until the end: Mitsuba and Dr.Jit, half imported, abort it.
+    """Defer signals of this thread that end the process: Mitsuba and Dr.Jit abort it if their import is interrupted.
 
     Yields
     ------
     None
-        While signals wait.
+        While signals are deferred.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
     try:

@@ -1,1 +1,1 @@
-"""Errors, checks of arguments, files, timing of stages, units."""
+"""Errors, checks of arguments, caches, files, processes, units: what all other packages use."""

@@ -1,4 +1,4 @@
-"""Checks of arguments; refusals name the parameter."""
+"""Checks of arguments; error messages name the parameter."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ def require(name: str, value: object, kinds: type | tuple[type, ...], needed: st
     Parameters
     ----------
     name : str
-        Of the parameter, for messages.
+        Name of the parameter, for messages.
     value : object
-        The value given.
+        Value of the parameter.
     kinds : type or tuple[type, ...]
-        That are allowed.
+        Allowed types.
     needed : str
-        The same in words, such as "a Pad".
+        Description of these types, such as "a Pad".
 
     Raises
     ------
     InputError
-        if it is of another type.
+        if the value is of another type.
     """
     allowed = kinds if isinstance(kinds, tuple) else (kinds,)
     if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
@@ -40,53 +40,53 @@ def require(name: str, value: object, kinds: type | tuple[type, ...], needed: st
 
 
 def refusal(name: str, value: object, needed: str) -> InputError:
-    """The error that states the value given for a parameter, and what is needed.
+    """The error for a value of a parameter that is not allowed.
 
     Parameters
     ----------
     name : str
-        Of the parameter.
+        Name of the parameter.
     value : object
-        The value given; one that is long in words is named by its type.
+        Value of the parameter; the message shows the type of a value that is long as text.
     needed : str
-        What is allowed, with its verb: "a number above 0 is needed".
+        Description of what is allowed, with a verb: "a number above 0 is needed".
 
     Returns
     -------
     InputError
-        To be raised.
+        The error to raise.
     """
     shown = repr(value)
     return InputError(f"{name} = {shown if len(shown) <= 100 else type(value).__name__} is not allowed: {needed}.")
 
 
 def path_of(name: str, value: object) -> Path:
-    """A path, given as one or as text.
+    """A path, from a path or a text.
 
     Parameters
     ----------
     name : str
-        Of the parameter, for messages.
+        Name of the parameter, for messages.
     value : object
-        The value given.
+        Value of the parameter.
 
     Returns
     -------
     Path
-        Which need not exist.
+        The path, which need not exist.
 
     Raises
     ------
     InputError
-        if it is neither, or no valid file name.
+        if the value is neither a path nor a text, or is not a valid file name.
     """
     try:
         path = Path(os.fspath(value))  # type: ignore[call-overload]
-    except TypeError:  # neither, or bytes
+    except TypeError:  # neither a path nor a text, or bytes
         raise refusal(name, value, "a path is needed") from None
     try:
         str(path).encode()
-    except UnicodeEncodeError:  # Mitsuba takes no other names
+    except UnicodeEncodeError:  # Mitsuba requires names in UTF-8
         raise refusal(name, str(path), "a name in UTF-8, in a locale that has its letters, is needed") from None
     if "\0" in str(path):
         raise refusal(name, value, "a path is needed")
@@ -94,19 +94,19 @@ def path_of(name: str, value: object) -> Path:
 
 
 def text_of(name: str, value: str) -> str:
-    """The value of a text parameter.
+    """Check that Mitsuba can encode the value of a text parameter.
 
     Parameters
     ----------
     name : str
-        Of the parameter, for messages.
+        Name of the parameter, for messages.
     value : str
-        The value given.
+        Value of the parameter.
 
     Returns
     -------
     str
-        The same.
+        The value itself.
 
     Raises
     ------
@@ -121,16 +121,16 @@ def text_of(name: str, value: str) -> str:
 
 
 def table_of(name: str, value: object, what: str) -> Mapping[str, Any]:
-    """A mapping from names of parameters; None stands for an empty one.
+    """A mapping from names of parameters; None is an empty mapping.
 
     Parameters
     ----------
     name : str
-        Of the parameter, for messages.
+        Name of the parameter, for messages.
     value : object
-        The value given.
+        Value of the parameter.
     what : str
-        What the names are mapped to, in words.
+        Description of the values of the mapping.
 
     Returns
     -------
@@ -140,11 +140,11 @@ def table_of(name: str, value: object, what: str) -> Mapping[str, Any]:
     Raises
     ------
     InputError
-        if it is anything else.
+        if the value is not such a mapping.
     """
     table: Any = {} if value is None else value
     if not isinstance(table, Mapping) or not all(isinstance(key, str) for key in table):
-        raise refusal(name, value, f"a mapping of parameters' names to {what} is needed")
+        raise refusal(name, value, f"a mapping of names of parameters to {what} is needed")
     return table
 
 
@@ -154,21 +154,21 @@ def array_of(name: str, numbers: Any, shape: tuple[int, ...]) -> np.ndarray:
     Parameters
     ----------
     name : str
-        Of the parameter, for messages.
+        Name of the parameter, for messages.
     numbers : array_like
-        The value given.
+        Value of the parameter.
     shape : tuple[int, ...]
-        That it must have.
+        Required shape.
 
     Returns
     -------
     ndarray of float
-        Of that shape.
+        Array of that shape.
 
     Raises
     ------
     InputError
-        if it has another shape, or holds anything but finite numbers.
+        if the value has another shape, or an item is not a finite number.
     """
     try:
         array = np.asarray(numbers, dtype=float)
@@ -186,12 +186,12 @@ def is_number(value: object) -> bool:
     Parameters
     ----------
     value : object
-        Of any type.
+        Any value.
 
     Returns
     -------
     bool
-        Whether it is one.
+        True for such a number.
     """
     try:
         return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
@@ -200,17 +200,17 @@ def is_number(value: object) -> bool:
 
 
 def plain_number(value: Any) -> Any:
-    """A number of NumPy's or of another library as one of Python's own, which files and kernels take; others stay.
+    """Convert a number of NumPy or another library to a number of Python, which files and kernels require.
 
     Parameters
     ----------
     value : Any
-        Of any type.
+        Any value.
 
     Returns
     -------
     Any
-        An int, a float, or the value itself.
+        An int, a float, or the value itself if it is not a number.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
         return value
@@ -218,33 +218,33 @@ def plain_number(value: Any) -> Any:
 
 
 def word_of(value: object) -> str:
-    """The value of a scene's parameter as text; numbers of NumPy's have as many digits as they hold.
+    """The value of a scene's parameter as text; numbers of NumPy have the digits of their precision.
 
     Parameters
     ----------
     value : object
-        Text, a number, or anything with a text of its own.
+        Text, a number, or an object that ``str`` converts.
 
     Returns
     -------
     str
-        As a scene holds it.
+        Value as in a scene file.
     """
     return str(value if isinstance(value, (str, np.generic)) else plain_number(value))
 
 
 def as_numbers(words: Sequence[str]) -> list[float] | None:
-    """Words as numbers, or None if one of them is not a finite number.
+    """Convert words to numbers.
 
     Parameters
     ----------
     words : sequence of str
-        Of any kind.
+        Any words.
 
     Returns
     -------
     list[float] or None
-        One number for each word.
+        A number for each word; None if a word is not a finite number.
     """
     try:
         numbers = [float(word) for word in words]
@@ -259,12 +259,12 @@ def is_whole(value: object) -> bool:
     Parameters
     ----------
     value : object
-        Of any type.
+        Any value.
 
     Returns
     -------
     bool
-        Whether it is one.
+        True for such a number.
     """
     return isinstance(value, Integral) and not isinstance(value, bool)
 
@@ -275,16 +275,16 @@ def check_whole(name: str, value: object, least: int, most: int) -> None:
     Parameters
     ----------
     name : str
-        Of the parameter, for messages.
+        Name of the parameter, for messages.
     value : object
-        The value given.
+        Value of the parameter.
     least, most : int
-        Bounds, both allowed.
+        Bounds, inclusive.
 
     Raises
     ------
     InputError
-        unless it is such a number.
+        unless the value is a whole number within the bounds.
     """
     if not (is_whole(value) and least <= value <= most):  # type: ignore[operator]
         raise refusal(name, value, f"a whole number from {least} to {most} is needed")
@@ -296,35 +296,35 @@ def check_seed(seed: object) -> None:
     Parameters
     ----------
     seed : object
-        The value given.
+        Value of the parameter.
 
     Raises
     ------
     InputError
-        unless it is a whole number from 0 to 2**32 - 1.
+        unless the seed is a whole number from 0 to 2**32 - 1.
     """
     check_whole("seed", seed, 0, (1 << 32) - 1)
 
 
-def check_fields(part: Any, **kinds: tuple[type | tuple[type, ...], str]) -> None:
-    """Refuse fields of a dataclass that do not match their annotations, or the ``kinds`` given by name.
+def check_fields(instance: Any, **kinds: tuple[type | tuple[type, ...], str]) -> None:
+    """Check that fields of a dataclass match their annotations, or the types in ``kinds``.
 
-    Only annotations float, int and str are checked, alone or with None.
+    Only the annotations float, int and str are checked, alone or with None.
 
     Parameters
     ----------
-    part : dataclass instance
-        Whose fields are checked.
+    instance : dataclass instance
+        Object whose fields are checked.
     **kinds : tuple[type or tuple[type, ...], str]
-        By the name of a field, its types, and what is needed in words.
+        By the name of a field: its types, and a description of what is needed.
 
     Raises
     ------
     InputError
         if a field is of another type, or a number is not finite.
     """
-    for field in fields(part):
-        value = getattr(part, field.name)
+    for field in fields(instance):
+        value = getattr(instance, field.name)
         word, _, none = str(field.type).partition(" | ")
         if field.name in kinds:
             require(field.name, value, *kinds[field.name])
@@ -339,19 +339,19 @@ def check_fields(part: Any, **kinds: tuple[type | tuple[type, ...], str]) -> Non
 
 
 def is_row(value: object, of: Callable[[object], bool]) -> bool:
-    """Whether a value is a sequence or one-dimensional array whose items all satisfy ``of``; text is not.
+    """Whether a value is a sequence or one-dimensional array whose items all satisfy a condition.
 
     Parameters
     ----------
     value : object
-        Of any type.
+        Any value.
     of : Callable[[object], bool]
         Condition on each item.
 
     Returns
     -------
     bool
-        Whether it is one.
+        False for text.
     """
     if isinstance(value, np.ndarray):
         return value.ndim == 1 and all(map(of, value))
@@ -364,54 +364,54 @@ def names_of(name: str, value: object) -> tuple[str, ...]:
     Parameters
     ----------
     name : str
-        Of the parameter, for messages.
+        Name of the parameter, for messages.
     value : object
-        The value given.
+        Value of the parameter.
 
     Returns
     -------
     tuple[str, ...]
-        In the same order.
+        The names, in the same order.
 
     Raises
     ------
     InputError
-        if it is anything else; a single text is.
+        if the value is not a sequence of names; a single text is not.
     """
-    if not is_row(value, lambda one: isinstance(one, str)):
+    if not is_row(value, lambda item: isinstance(item, str)):
         raise refusal(name, value, "a row of names of parameters is needed")
     return tuple(value)  # type: ignore[arg-type]
 
 
 def check_flags(**flags: object) -> None:
-    """Check flags.
+    """Check that parameters are True or False.
 
     Parameters
     ----------
     **flags : object
-        Values given, by the name of the parameter.
+        Values by the name of the parameter.
 
     Raises
     ------
     InputError
-        unless all are True or False.
+        if a value is neither True nor False.
     """
     for name, flag in flags.items():
         require(name, flag, (bool, np.bool_), "True or False")
 
 
 def check_progress(progress: object) -> None:
-    """Check a function that is told of progress.
+    """Check a function that is called with the progress of a run.
 
     Parameters
     ----------
     progress : object
-        The value given.
+        Value of the parameter.
 
     Raises
     ------
     InputError
-        unless it is None or can be called.
+        unless it is None or callable.
     """
     if not (progress is None or callable(progress)):
         raise refusal("progress", progress, "a function is needed")

@@ -1,4 +1,4 @@
-"""What is kept between calls, in one place: each cache has a name, a size, and can be emptied."""
+"""Caches of results between calls: each has a name and a size, and can be cleared."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-_Made = TypeVar("_Made")
+_Result = TypeVar("_Result")
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 class CacheSize(NamedTuple):
-    """Entries that a cache holds, and the most that it keeps; None without a limit."""
+    """Number of entries of a cache, and its maximum; None without a limit."""
 
-    held: int
-    most: int | None
+    entries: int
+    maximum: int | None
 
 
 class _Cache(Protocol):
@@ -30,15 +30,15 @@ class _Cache(Protocol):
 _CACHES: dict[str, _Cache] = {}
 
 
-def kept(most: int | None) -> Callable[[_Function], _Function]:
-    """Decorator of a function or a class whose last ``most`` results are kept, by the values of its arguments.
+def kept(maximum: int | None) -> Callable[[_Function], _Function]:
+    """Decorator that caches the most recent results of a function or class by the values of its arguments.
 
-    It is `functools.lru_cache`, known to :func:`clear_caches` under the name of the function.
+    It is `functools.lru_cache`, registered for :func:`clear_caches` under the name of the function.
 
     Parameters
     ----------
-    most : int or None
-        Results that are kept; None for all.
+    maximum : int or None
+        Number of results in the cache; None for no limit.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def kept(most: int | None) -> Callable[[_Function], _Function]:
     """
 
     def keep(function: _Function) -> _Function:
-        wrapped: Any = lru_cache(maxsize=most)(function)
+        wrapped: Any = lru_cache(maxsize=maximum)(function)
         _CACHES[f"{function.__module__}.{function.__qualname__}"] = _OfFunction(wrapped)
         return wrapped
 
@@ -55,6 +55,8 @@ def kept(most: int | None) -> Callable[[_Function], _Function]:
 
 
 class _OfFunction:
+    """The cache of a decorated function."""
+
     def __init__(self, wrapped: Any) -> None:
         self.clear = wrapped.cache_clear
         self._info = wrapped.cache_info
@@ -64,68 +66,78 @@ class _OfFunction:
         return CacheSize(info.currsize, info.maxsize)
 
 
-class Recent(Generic[_Made]):
-    """Results that are determined by some arrays, of which the last ``most`` are kept, for all threads.
+class Recent(Generic[_Result]):
+    """A cache, common to all threads, of results that are determined by arrays.
 
     Parameters
     ----------
     name : str
-        Under which :func:`cache_sizes` lists it.
-    most : int
+        Name in :func:`cache_sizes`.
+    maximum : int
+        Number of results in the cache.
     """
 
-    def __init__(self, name: str, most: int) -> None:
-        self._most, self._lock = most, threading.Lock()
-        self._held: OrderedDict[Hashable, _Made] = OrderedDict()
+    def __init__(self, name: str, maximum: int) -> None:
+        self._maximum, self._lock = maximum, threading.Lock()
+        self._entries: OrderedDict[Hashable, _Result] = OrderedDict()
         _CACHES[name] = self
 
-    def of(self, arrays: tuple[np.ndarray, ...], make: Callable[[], _Made], *others: Hashable) -> _Made:
-        """The result for such arrays, and what else it depends on, which is made if it is not kept."""
+    def of(self, arrays: tuple[np.ndarray, ...], make: Callable[[], _Result], *others: Hashable) -> _Result:
+        """The cached result, or a new result if there is none.
+
+        Parameters
+        ----------
+        arrays : tuple of ndarray
+            Arrays that determine the result.
+        make : Callable
+            Function without arguments that computes the result.
+        *others : Hashable
+            Other values that determine the result.
+        """
         key = _digest(arrays), *others
         with self._lock:
-            if key in self._held:
-                self._held.move_to_end(key)
-                return self._held[key]
-        made = make()
+            if key in self._entries:
+                self._entries.move_to_end(key)
+                return self._entries[key]
+        result = make()
         with self._lock:
-            self._held[key] = made
-            while len(self._held) > self._most:
-                self._held.popitem(last=False)
-        return made
+            self._entries[key] = result
+            while len(self._entries) > self._maximum:
+                self._entries.popitem(last=False)
+        return result
 
     def clear(self) -> None:
-        """Forget all results."""
+        """Remove all results."""
         with self._lock:
-            self._held.clear()
+            self._entries.clear()
 
     def size(self) -> CacheSize:
-        """Entries held, and the most that are."""
-        return CacheSize(len(self._held), self._most)
+        """Number of results, and its maximum."""
+        return CacheSize(len(self._entries), self._maximum)
 
 
 def cache_sizes() -> dict[str, CacheSize]:
-    """Entries of all caches in memory, by name."""
+    """Sizes of all caches in memory, by name."""
     return {name: cache.size() for name, cache in sorted(_CACHES.items())}
 
 
 def clear_caches(*functions: Callable[..., Any]) -> None:
-    """Empty the caches of some functions, by default all caches in memory: meshes, load paths, factors, tables.
-
-    What was kept is computed again when it is needed.
+    """Clear the caches of functions, by default all caches in memory: meshes, load paths, factors, tables.
 
     Parameters
     ----------
     *functions : Callable
-        Decorated by :func:`kept`.
+        Functions that are decorated by :func:`kept`.
     """
     for function in functions:
         cache: Any = function
         cache.cache_clear()
-    for every in [] if functions else list(_CACHES.values()):
-        every.clear()
+    for entry in [] if functions else list(_CACHES.values()):
+        entry.clear()
 
 
 def _digest(arrays: tuple[np.ndarray, ...]) -> bytes:
+    """Digest of types, shapes and values of arrays."""
     digest = hashlib.blake2b(digest_size=16)
     for array in arrays:
         digest.update(f"{array.dtype} {array.shape} ".encode())

@@ -1,8 +1,8 @@
-"""Differences of second order."""
+"""Finite differences of second order."""
 
 CENTRAL = ((0.5, 1), (-0.5, -1))
 BEHIND = ((1.5, 0), (-2, -1), (0.5, -2))
 AHEAD = ((-1.5, 0), (2, 1), (-0.5, 2))
-"""Weights and steps."""
+"""Weights and steps of each difference."""
 STENCILS = (CENTRAL, BEHIND, AHEAD)
-"""Central, or one-sided if the other side is not allowed."""
+"""The central difference, and one-sided differences for the case that one side is not allowed."""

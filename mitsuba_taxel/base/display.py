@@ -1,4 +1,4 @@
-"""Display of objects in notebooks; the HTML is supplied by a room above the object's own."""
+"""Display of objects in notebooks; another package, which may import the object's package, supplies the HTML."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import ClassVar
 
 
 class Displayed:
-    """Base of classes whose objects notebooks show as HTML.
+    """Base of classes whose objects are shown in notebooks as HTML.
 
     Attributes
     ----------
     html_of : Callable[[Displayed], str]
-        Returns the HTML of any such object; set by the package.
+        Function that returns the HTML of such an object; set when the package is imported.
     """
 
     html_of: ClassVar[Callable[[Displayed], str]]

@@ -1,15 +1,15 @@
-"""The two ways a request can fail, and interrupts that look like failures."""
+"""The two kinds of errors, and interrupts that look like errors."""
 
 from __future__ import annotations
 
 MOST_LETTERS = 1000
-"""Largest length of a message, since quoted values may be of any length."""
+"""Largest length of a message, as values in it may be of any length."""
 
 
 class InputError(ValueError):
     """Invalid input: the message names the parameter, its value and what is allowed.
 
-    The command line prints it and exits with code 2. It is one line, whatever it quotes.
+    The command line prints the message and exits with code 2. The message is always a single line.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class InputError(ValueError):
 class ComputationError(RuntimeError):
     """A computation on valid input failed: the message says where it stopped and why.
 
-    The command line prints it and exits with code 1. It is one line, whatever it quotes.
+    The command line prints the message and exits with code 1. The message is always a single line.
     """
 
     def __init__(self, message: object) -> None:
@@ -33,27 +33,27 @@ class ComputationError(RuntimeError):
 
 
 class UnusedDefault(UserWarning):
-    """A ``<default>`` of a scene that nothing uses."""
+    """A ``<default>`` of a scene is not used."""
 
 
 def one_line(message: object) -> str:
-    """A message on one line, shortened in the middle if too long."""
+    """A message as a single line, shortened in the middle if it is too long."""
     line = " ".join(str(message).split())
     half = MOST_LETTERS // 2
     return line if len(line) <= MOST_LETTERS else f"{line[:half]} [...] {line[-half:]}"
 
 
 def comes_from_interrupt(error: BaseException | None) -> bool:
-    """Whether an interrupt caused an error: during the recording of a kernel it is wrapped in one.
+    """Whether an interrupt caused an error: while a kernel is recorded, an interrupt is wrapped in an error.
 
     Parameters
     ----------
     error : BaseException or None
-        With its causes.
+        An error with its causes.
 
     Returns
     -------
     bool
-        Whether a KeyboardInterrupt is among them.
+        True if the error or one of its causes is a KeyboardInterrupt.
     """
     return error is not None and (isinstance(error, KeyboardInterrupt) or comes_from_interrupt(error.__cause__))

@@ -1,4 +1,4 @@
-"""Families of kinds, such as cell shapes or material laws: a new kind is one class, and what it lacks fails at once."""
+"""Families of kinds, such as cell shapes or material laws: a new kind is a class, and missing members fail at once."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from typing import Self
 
 LAST = 1000
-"""Rank of kinds that state none: they follow the others in lists."""
+"""Rank of kinds without a rank: they are last in lists."""
 
 
 class Kind(ABC):
     """Base of families of kinds.
 
-    A family is a subclass with ``family=``, the name of the parameter that chooses among its kinds. A kind is a
-    subclass of a family with ``name=``, the value of that parameter, and perhaps ``rank=``, its position in lists. A
-    subclass with neither is a step between the two: kinds share it.
+    A family is a subclass with ``family=``, the name of the parameter that selects its kinds. A kind is a subclass of a
+    family with ``name=``, the value of that parameter, and optionally ``rank=``, its position in lists. A subclass with
+    neither is an intermediate base class of several kinds.
 
     A kind must define every abstract method of its family, and every ``ClassVar`` that the family annotates without a
     value.
@@ -33,18 +33,18 @@ class Kind(ABC):
     Attributes
     ----------
     name : str
-        Of a kind, as in a scene.
+        Name of a kind in a scene.
     meaning : str
-        Of its name, in a few words for lists; empty if that is obvious.
+        Meaning of the name of a kind, in a few words for lists; empty if it is obvious.
     uses : tuple[str, ...]
-        Of a kind, those of the parameters that are stated for several kinds which it has, by attribute.
+        Parameters common to several kinds that a kind uses, by attribute.
     prefix : str
-        Of a family, of the names of its own parameters in a scene, such as ``indenter_``.
+        Prefix of the names of a family's parameters in a scene, such as ``indenter_``.
 
     Raises
     ------
     TypeError
-        When a kind is defined, if it lacks a member, or if another kind of the family has its name.
+        when a kind is defined that lacks a member, or that has the name of another kind of the family.
 
     Examples
     --------
@@ -72,34 +72,27 @@ class Kind(ABC):
             return
         if missing := _missing_members(cls):
             raise TypeError(f"{cls.family} {name!r}: {cls.__qualname__} lacks {', '.join(missing)}.")
-        known = cls._registry.get(name, (0, cls))[1]
-        if (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
-            raise TypeError(f"{cls.family} {name!r} exists already: {known.__module__}.{known.__qualname__}.")
+        existing = cls._registry.get(name, (0, cls))[1]
+        if (existing.__module__, existing.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise TypeError(f"{cls.family} {name!r} exists already: {existing.__module__}.{existing.__qualname__}.")
         cls.name = name
         cls._registry[name] = (rank, cls)
 
     @classmethod
     def own_parameters(cls) -> Mapping[str, Any]:
-        """Parameters (`Parameter`) that only kinds such as this one have, by attribute."""
+        """Parameters (`Parameter`) that only this kind has, by attribute."""
         return MappingProxyType({})
 
     @classmethod
     def kinds(cls) -> Mapping[str, type[Self]]:
         """The kinds of the family by their names, in the order of their ranks."""
-        ordered = sorted(
-            cls._registry.items(), key=lambda entry: entry[1][0]
-        )  # stable: then in the order of definition
+        # Sorting is stable: kinds of equal rank are in the order of their definition.
+        ordered = sorted(cls._registry.items(), key=lambda entry: entry[1][0])
         return MappingProxyType({name: kind for name, (_, kind) in ordered})
 
     @classmethod
     def named(cls, name: str) -> type[Self]:
-        """The kind of a name.
-
-        Raises
-        ------
-        InputError
-            If the family has no such kind.
-        """
+        """The kind with a given name; raises `InputError` if the family has no such kind."""
         if not isinstance(name, str) or name not in cls._registry:
             kinds = cls.kinds()
             hint = did_you_mean(name, kinds) if isinstance(name, str) else ""
@@ -115,7 +108,7 @@ def import_all(package: str, path: Iterable[str]) -> None:
     package : str
         ``__name__`` of the package.
     path : iterable of str
-        Its ``__path__``.
+        ``__path__`` of the package.
     """
     for module in iter_modules(path):
         import_module(f"{package}.{module.name}")
@@ -123,7 +116,7 @@ def import_all(package: str, path: Iterable[str]) -> None:
 
 def _missing_members(cls: type) -> list[str]:
     """Names of abstract methods, and of annotated class variables, that a class does not define."""
-    # ABCMeta collects abstract methods only after the class is made, so they are looked up one by one.
+    # ABCMeta collects abstract methods after the class is created, so they are looked up here.
     abstract = {name for name in dir(cls) if getattr(getattr(cls, name, None), "__isabstractmethod__", False)}
     annotated = {
         name

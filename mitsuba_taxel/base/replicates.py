@@ -8,21 +8,21 @@ import numpy as np
 
 
 def standard_error(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
-    """One standard deviation of the mean over the replicates along ``axis``, from their scatter.
+    """Standard error of the mean over replicates, from their scatter.
 
-    It is exactly 0 if all are equal, and NaN if there is only one.
+    The result is exactly 0 if all replicates are equal, and NaN for a single replicate.
 
     Parameters
     ----------
     replicates : ndarray
         Independent estimates of the same values, of any shape.
     axis : int
-        Along which they are.
+        Axis of the replicates.
 
     Returns
     -------
     ndarray
-        In the unit of the replicates, without that axis.
+        Standard errors, in the unit of the replicates and without that axis.
     """
     count = replicates.shape[axis]
     if count < 2:

@@ -1,4 +1,4 @@
-"""Digests of sources, by which results of other code are recognised as stale."""
+"""Digests of source code, which identify results that were computed by other code."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PACKAGE = "mitsuba_taxel"
 
 @kept(None)
 def code_digest(*rooms: str) -> str:
-    """Hexadecimal digest of every file of some sub-packages, however deep it lies, and of the modules beside them.
+    """Digest of all files of sub-packages, including nested folders, and of the top-level modules.
 
     Parameters
     ----------
@@ -26,12 +26,12 @@ def code_digest(*rooms: str) -> str:
     Returns
     -------
     str
-        Of 64 digits.
+        64 hexadecimal digits.
 
     Raises
     ------
     ImportError
-        if there is no such sub-package, so that one that was moved is not silently dropped from a key.
+        if there is no such sub-package, so that a moved sub-package is not silently missing from a key.
     """
     digest = hashlib.sha256()
     for name, file in _files(rooms):
@@ -41,18 +41,20 @@ def code_digest(*rooms: str) -> str:
 
 @kept(None)
 def own_code(own: type) -> str:
-    """Hexadecimal digest of the code outside this package by which a class is defined; empty if there is none.
+    """Digest of the code outside this package that defines a class.
+
+    For each class outside this package from which the class derives, the digest contains the complete file, with the
+    functions and constants that the class may use. Without a file, as in a notebook, it contains the methods.
 
     Parameters
     ----------
     own : type
-        A class of a user, say. Of each class outside this package that it derives from, the whole file counts, with the
-        functions and constants that it may use; where there is no file, as in a notebook, its methods.
+        A class, such as a class of a user.
 
     Returns
     -------
     str
-        Of 64 digits, or empty.
+        64 hexadecimal digits; empty for a class of this package.
     """
     digest, foreign = hashlib.sha256(), False
     for base in own.__mro__:
@@ -69,7 +71,7 @@ def own_code(own: type) -> str:
 
 
 def _code_of(own: type) -> Iterator[str]:
-    """What the methods and constants of a class are, as far as it does not depend on where they are in memory."""
+    """Code of the methods, and values of the constants, of a class, without addresses in memory."""
     for name, value in sorted(vars(own).items()):
         if isinstance(value, property):
             value = value.fget
@@ -81,7 +83,7 @@ def _code_of(own: type) -> Iterator[str]:
 
 
 def _instructions(code: CodeType) -> list[object]:
-    """Instructions, names and constants of a function, and of those within it."""
+    """Instructions, names and constants of a function and its nested functions."""
     constants = [
         _instructions(constant) if isinstance(constant, CodeType) else repr(constant) for constant in code.co_consts
     ]
@@ -89,18 +91,19 @@ def _instructions(code: CodeType) -> list[object]:
 
 
 def _files(rooms: tuple[str, ...]) -> Iterator[tuple[str, Path]]:
-    """Files by their names within the package, wherever it is installed."""
+    """Names within the package, and paths, of all files of sub-packages and of the top-level modules."""
     for file in sorted(_folder(PACKAGE).glob("*.py")):
         yield file.name, file
     for room in sorted(rooms):
         folder = _folder(f"{PACKAGE}.{room}")
         for file in sorted(folder.rglob("*")):
-            inside = file.relative_to(folder)
-            if file.is_file() and not any(part == "__pycache__" or part.startswith(".") for part in inside.parts):
-                yield f"{room}/{inside}", file
+            relative = file.relative_to(folder)
+            if file.is_file() and not any(name == "__pycache__" or name.startswith(".") for name in relative.parts):
+                yield f"{room}/{relative}", file
 
 
 def _folder(package: str) -> Path:
+    """Folder of a package."""
     spec = find_spec(package)
     if spec is None or not spec.submodule_search_locations:
         raise ImportError(f"{package} is not installed: install the project with pip.")

@@ -1,4 +1,4 @@
-"""Names that were probably meant."""
+"""Suggestions for misspelt names."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from difflib import get_close_matches
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A suggestion for an unknown name, in brackets after a space; empty if no known one is close.
+    """A suggestion for an unknown name.
 
     Parameters
     ----------
     name : str
-        The unknown one.
+        The unknown name.
     known : iterable of str
-        Names that are allowed.
+        Allowed names.
 
     Returns
     -------
     str
-        Such as " (did you mean pitch?)".
+        Text such as " (did you mean pitch?)"; empty if no allowed name is similar.
     """
     close = get_close_matches(name, list(known), n=1)
     return f" (did you mean {close[0]}?)" if close else ""

@@ -11,7 +11,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.backend.plugin_objects import found
+from mitsuba_taxel.backend.plugin_objects import resolved_path
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.document import KINDS, Element, filled_in
 from mitsuba_taxel.check.finding import Finding
@@ -55,9 +55,9 @@ class UndeformedPad:
 
     def __init__(self, props: Any) -> None:
         self.specification = specification = DeformablePad.read(props)
-        self.pad = specification.build_pad(found)
+        self.pad = specification.build_pad(resolved_path)
         self.material = specification.build_material()
-        self.load = specification.build_load(found)
+        self.load = specification.build_load(resolved_path)
         self.read_cells = specification.cell_numbers()
         self.to_world = (
             np.eye(4) if specification.to_world is None else np.array(specification.to_world.matrix, dtype=float)

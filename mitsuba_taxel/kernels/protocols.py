@@ -184,42 +184,130 @@ class WallBsdf(Protocol):
 
 
 def is_led(emitter: mi.Emitter) -> TypeGuard[LedEmitter]:
-    """Whether an emitter is an `annular_led`."""
+    """Whether an emitter is an `annular_led`.
+
+    Parameters
+    ----------
+    emitter : mi.Emitter
+        Any emitter.
+
+    Returns
+    -------
+    bool
+        True for a plugin of this package with that name.
+    """
     return plugin_of(emitter) == "annular_led"
 
 
 def is_phototransistor(sensor: mi.Sensor) -> TypeGuard[PhototransistorSensor]:
-    """Whether a sensor is a `phototransistor`."""
+    """Whether a sensor is a `phototransistor`.
+
+    Parameters
+    ----------
+    sensor : mi.Sensor
+        Any sensor.
+
+    Returns
+    -------
+    bool
+        True for a plugin of this package with that name.
+    """
     return plugin_of(sensor) == "phototransistor"
 
 
 def has_faces(end: mi.Endpoint) -> TypeGuard[TaxelEnd]:
-    """Whether an endpoint is an `annular_led` or a `phototransistor`."""
+    """Whether an endpoint is an `annular_led` or a `phototransistor`.
+
+    Parameters
+    ----------
+    end : mi.Endpoint
+        Any emitter or sensor.
+
+    Returns
+    -------
+    bool
+        True for a plugin of this package with one of these names.
+    """
     return is_led(end) or is_phototransistor(end)
 
 
 def is_package(shape: mi.Shape) -> TypeGuard[PackageShape]:
-    """Whether a shape is a `photo_reflector`."""
+    """Whether a shape is a `photo_reflector`.
+
+    Parameters
+    ----------
+    shape : mi.Shape
+        Any shape.
+
+    Returns
+    -------
+    bool
+        True for a plugin of this package with that name.
+    """
     return plugin_of(shape) == "photo_reflector"
 
 
 def is_pad(shape: mi.Shape) -> TypeGuard[PadShape]:
-    """Whether a shape is a `deformable_pad`."""
+    """Whether a shape is a `deformable_pad`.
+
+    Parameters
+    ----------
+    shape : mi.Shape
+        Any shape.
+
+    Returns
+    -------
+    bool
+        True for a plugin of this package with that name.
+    """
     return plugin_of(shape) == "deformable_pad"
 
 
 def is_region(bsdf: mi.BSDF) -> TypeGuard[RegionBsdf]:
-    """Whether a BSDF is a `region`."""
+    """Whether a BSDF is a `region`.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+        Any BSDF.
+
+    Returns
+    -------
+    bool
+        True for a plugin of this package with that name.
+    """
     return plugin_of(bsdf) == "region"
 
 
 def is_wall(bsdf: mi.BSDF) -> TypeGuard[WallBsdf]:
-    """Whether a BSDF is a `wall`."""
+    """Whether a BSDF is a `wall`.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+        Any BSDF.
+
+    Returns
+    -------
+    bool
+        True for a plugin of this package with that name.
+    """
     return plugin_of(bsdf) == "wall"
 
 
 def is_owen_sobol(sampler: mi.Sampler) -> bool:
-    """Whether a sampler is an `owen_sobol`."""
+    """Whether a sampler is an `owen_sobol`.
+
+    Parameters
+    ----------
+    sampler : mi.Sampler
+        Any sampler.
+
+    Returns
+    -------
+    bool
+        True for a plugin of this package with that name.
+    """
     return plugin_of(sampler) == "owen_sobol"
 
 

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.backend.packets import in_packets
-from mitsuba_taxel.backend.plugin_objects import found
+from mitsuba_taxel.backend.plugin_objects import resolved_path
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.table import separated
 from mitsuba_taxel.base.files.text import read_text
@@ -126,7 +126,9 @@ def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
         if the file cannot be read, or has other contents.
     """
     label = f"{parameter} = {file!r}"
-    lines = [words for line in read_text(label, found(file)).splitlines() if (words := line.split("#")[0].strip())]
+    lines = [
+        words for line in read_text(label, resolved_path(file)).splitlines() if (words := line.split("#")[0].strip())
+    ]
     separator, fields = separated(label, lines)
     # Numbers may have decimal commas, and the first row may be a heading.
     if separator != ",":

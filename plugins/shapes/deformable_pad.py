@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.backend.plugin_objects import found, make_plugin
+from mitsuba_taxel.backend.plugin_objects import make_plugin, resolved_path
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.processes import stages
@@ -88,9 +88,9 @@ class DeformablePad(mi.Mesh):
         if packages_follow:
             del props[AWAITED_PACKAGE]
         self.specification = parameters = Parameters.read(props)
-        self.pad = parameters.build_pad(found)
+        self.pad = parameters.build_pad(resolved_path)
         self.material = parameters.build_material()
-        self.load, self.value = parameters.build_load(found)
+        self.load, self.value = parameters.build_load(resolved_path)
         self.prony, self.history = prony_of(parameters.prony), parameters.build_history()
         self.remembers = bool(self.prony) or rubs(self.load)
         self.mesh_size, self.mesh_tolerance, self.judged_on = parameters.mesh_size, parameters.mesh_tolerance, None

@@ -58,7 +58,7 @@ def test_all_caches_are_listed_and_emptied():
     recent.of((np.zeros(2),), lambda: 1)
     square(3)
     clear_caches()
-    assert all(size.held == 0 for size in cache_sizes().values())
+    assert all(size.entries == 0 for size in cache_sizes().values())
 
 
 def test_no_module_keeps_results_of_its_own():

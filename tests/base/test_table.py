@@ -141,7 +141,7 @@ def test_weights_in_grams_under_newtons_are_asked_about(tmp_path, forces, asked,
         warnings.simplefilter("always")
         read_data(tmp_path / "a.csv", {"fz"})
         read_measurement(tmp_path / "b.csv")
-    assert len(caught) == 2 * asked and all("'fz [g]' is needed as heading" in str(each.message) for each in caught)
+    assert len(caught) == 2 * asked and all("the heading 'fz [g]' is needed" in str(each.message) for each in caught)
     (tmp_path / "a.csv").write_text("fz [g],v1_V\n" + "".join(f"{level},1\n" for level in levels))
     assert float(read_data(tmp_path / "a.csv", {"fz"}).settings["fz"][1]) == pytest.approx(
         9.80665e-3 * float(levels[1])

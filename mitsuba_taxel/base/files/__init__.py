@@ -1,1 +1,1 @@
-"""Files and text: written whole or not at all, read as users wrote them; tables as text, Markdown and CSV."""
+"""Files: atomic writing, reading of text and tables from users, tables as text and Markdown."""

@@ -16,7 +16,7 @@ _DIGEST = hashlib.sha256().digest_size
 
 
 def pack(arrays: Mapping[str, np.ndarray]) -> bytes:
-    """Serialise arrays, by name."""
+    """Serialise arrays with their names."""
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     archive = buffer.getvalue()
@@ -24,12 +24,17 @@ def pack(arrays: Mapping[str, np.ndarray]) -> bytes:
 
 
 def unpack(content: bytes) -> dict[str, np.ndarray] | None:
-    """The arrays of :func:`pack`, or None if the bytes are not what it returned."""
+    """The arrays of :func:`pack`, by name; None if the bytes are not a result of :func:`pack`."""
     digest, archive = content[:_DIGEST], content[_DIGEST:]
     if hashlib.sha256(archive).digest() != digest:
         return None
     try:
         with np.load(io.BytesIO(archive), allow_pickle=False) as arrays:
             return dict(arrays)
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile):  # whole, but not what was packed here
+    except (
+        ValueError,
+        OSError,
+        EOFError,
+        zipfile.BadZipFile,
+    ):  # the digest is right, but the content is not an archive
         return None

@@ -16,12 +16,12 @@ from mitsuba_taxel.base.errors import ComputationError
 
 PREFIX = ".taxel-"
 MARGIN = 1 << 18
-"""Bytes that must be free beyond a file: the buffers of libraries are smaller."""
+"""Bytes that must be free on the disk after a file is written: buffers of libraries are smaller."""
 _FULL = [os.strerror(code) for code in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)]
 
 
 class WriteError(ComputationError):
-    """A file could not be written; ``reason`` says why."""
+    """A file cannot be written, for the ``reason``."""
 
     def __init__(self, file: Path, reason: str) -> None:
         super().__init__(f"{file} cannot be written: {reason}.")
@@ -33,7 +33,7 @@ class WriteError(ComputationError):
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:
-    """A temporary path beside ``file``, which replaces it atomically on success and is removed on failure.
+    """Write a file atomically: a temporary file replaces it on success, and is removed on failure.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def replacing(file: Path) -> Iterator[Path]:
     Yields
     ------
     Path
-        Where to write; of the same suffix.
+        Temporary path for the content, with the same suffix.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def replacing(file: Path) -> Iterator[Path]:
 
 
 def _refuse_full_disk(written: BinaryIO) -> None:
-    """Raise if a file cannot grow: compiled libraries say nothing when the disk refuses the last of their buffers."""
+    """Raise if a file cannot grow: compiled libraries do not report that the disk refuses their last buffer."""
     size = written.seek(0, os.SEEK_END)
     try:
         written.write(bytes(MARGIN))
@@ -82,7 +82,7 @@ def _refuse_full_disk(written: BinaryIO) -> None:
 
 
 def write_text(file: Path, text: str) -> None:
-    """Write a text in UTF-8, as :func:`replacing` does.
+    """Write a text file in UTF-8 atomically; see :func:`replacing`.
 
     Parameters
     ----------
@@ -94,24 +94,24 @@ def write_text(file: Path, text: str) -> None:
     Raises
     ------
     WriteError
-        if it cannot be written.
+        if the file cannot be written.
     """
     with replacing(file) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def reason_of(error: Exception) -> str | None:
-    """Why a file cannot be written, if that caused an error: compiled libraries raise their own exceptions.
+    """Reason for which a file cannot be written, from an error, which may be an exception of a compiled library.
 
     Parameters
     ----------
     error : Exception
-        Raised while a file was written.
+        Error that was raised while a file was written.
 
     Returns
     -------
     str or None
-        Such as "No space left on device"; None if another reason caused it.
+        Text such as "No space left on device"; None if the error has another cause.
     """
     if isinstance(error, WriteError):
         return error.reason
@@ -121,7 +121,7 @@ def reason_of(error: Exception) -> str | None:
 
 
 def remove_stale(folder: Path) -> None:
-    """Remove the temporary files that processes of this machine left in a folder when they were killed.
+    """Remove temporary files of processes of this machine that were killed.
 
     Parameters
     ----------
@@ -135,25 +135,28 @@ def remove_stale(folder: Path) -> None:
 
 
 def _prefix() -> str:
+    """Prefix of temporary files of this process."""
     return f"{PREFIX}{_host()}-{os.getpid()}-"
 
 
 def _host() -> str:
+    """Name of this machine for file names."""
     return re.sub(r"\W", "", socket.gethostname())[:32]
 
 
 def _is_alive(process: int) -> bool:
+    """Whether a process exists."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except OSError:  # another user's
+    except OSError:  # a process of another user
         pass
     return True
 
 
 def _flush_folder(folder: Path) -> None:
-    """Make a renaming survive a power cut."""
+    """Write the entries of a folder to the disk, so that a renaming survives a power cut."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -162,6 +165,7 @@ def _flush_folder(folder: Path) -> None:
 
 
 def _umask() -> int:
+    """Mask of permissions of new files."""
     mask = os.umask(0)
     os.umask(mask)
     return mask

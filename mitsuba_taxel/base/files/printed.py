@@ -1,4 +1,4 @@
-"""What a command prints of a result, kept beside the result, so that its page shows the same."""
+"""The printed output of a command, stored with its result, so that the page of the result shows the same."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from mitsuba_taxel.base.files.atomic import write_text
 FILE = "printed.json"
 """Name of the file in a folder of results."""
 WARNING = "warning: "
-"""Beginning of lines that a command prints on stderr."""
+"""Prefix of lines that a command prints on stderr."""
 
 
 class PrintedTable(NamedTuple):
-    """A table in words: its title, which may be empty, headings and rows."""
+    """A table as text: its title, which may be empty, headings and rows."""
 
     title: str
     headings: list[str]
@@ -33,16 +33,16 @@ def figures_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[s
     Parameters
     ----------
     title : str
-        Without a colon.
+        Title without a colon.
     headings : sequence of str
-        Of the columns; the first may be "force".
+        Headings of the columns; the first may be "force".
     rows : sequence of sequence of str
         A cell for each heading.
 
     Returns
     -------
     PrintedTable
-        Without the column of the force if the title names it.
+        Table without the column of the force if the title contains the force.
     """
     forces = {row[0] for row in rows} if headings and headings[0] == "force" else set()
     first = 1 if len(forces) == 1 else 0
@@ -51,7 +51,7 @@ def figures_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[s
 
 
 def as_json(printed: Printed) -> str:
-    """Blocks as the text of a file.
+    """Printed output as JSON.
 
     Parameters
     ----------
@@ -67,12 +67,12 @@ def as_json(printed: Printed) -> str:
 
 
 def from_json(text: str) -> Printed:
-    """The reverse of :func:`as_json`.
+    """Inverse of :func:`as_json`.
 
     Parameters
     ----------
     text : str
-        As :func:`as_json` gives it.
+        JSON of :func:`as_json`.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def from_json(text: str) -> Printed:
     Raises
     ------
     ValueError, TypeError
-        if it is no such text.
+        if the text is not a result of :func:`as_json`.
     """
     blocks = json.loads(text)
     if not isinstance(blocks, list):
@@ -91,30 +91,30 @@ def from_json(text: str) -> Printed:
 
 
 def _block(block: Any) -> PrintedTable | str:
-    """A line or a table; raises TypeError for anything else, as the text may be somebody else's."""
+    """A line or a table; raises TypeError for anything else, as the file may be of another program."""
 
     def are_words(row: Any) -> bool:
         return isinstance(row, list) and all(isinstance(word, str) for word in row)
 
     if isinstance(block, str):
         return block
-    made = PrintedTable(**block)
-    if not (isinstance(made.title, str) and are_words(made.headings)):
+    table = PrintedTable(**block)
+    if not (isinstance(table.title, str) and are_words(table.headings)):
         raise TypeError("a table needs a title and headings")
-    if not (isinstance(made.rows, list) and all(are_words(row) for row in made.rows)):
+    if not (isinstance(table.rows, list) and all(are_words(row) for row in table.rows)):
         raise TypeError("a table needs rows of words")
-    return made
+    return table
 
 
 def write_printed(printed: Printed, folder: Path) -> None:
-    """Write what is printed of the results in a folder.
+    """Write the printed output of a command into a folder of results.
 
     Parameters
     ----------
     printed : Printed
         Paragraphs and tables.
     folder : Path
-        Of results.
+        Folder of results.
 
     Raises
     ------
@@ -125,17 +125,17 @@ def write_printed(printed: Printed, folder: Path) -> None:
 
 
 def read_printed(folder: Path) -> Printed | None:
-    """What was printed of the results in a folder; None if there is no such file, or one of another version.
+    """Read the printed output of the command that wrote a folder of results.
 
     Parameters
     ----------
     folder : Path
-        Of results.
+        Folder of results.
 
     Returns
     -------
     Printed or None
-        Paragraphs and tables.
+        Paragraphs and tables; None without the file, or if it is of another version.
     """
     try:
         return from_json((folder / FILE).read_text(encoding="utf-8"))

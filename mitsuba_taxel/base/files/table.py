@@ -1,4 +1,4 @@
-"""Tables of numbers as people, machines and spreadsheets write them: one reader for all commands."""
+"""Reading of tables of numbers, as written by people, instruments and spreadsheets."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ UNITS: dict[str, tuple[str, str]] = {
     "A": ("A", "1"), "mA": ("A", "1e-3"), "uA": ("A", "1e-6"), "nA": ("A", "1e-9"),
     "counts": ("counts", "1"), "count": ("counts", "1"), "lsb": ("counts", "1"), "adc": ("counts", "1"),
 }  # fmt: skip
-"""By unit of a heading, the unit used here and the factor to it; grams and kilograms are forces of weights."""
+"""Unit of this package and conversion factor by the unit of a heading; grams and kilograms are forces of weights."""
 _CASELESS = {unit.lower(): unit for unit in reversed(UNITS)}
 WORDS = {"millis": ("time", "ms"), "micros": ("time", "us"), "milliseconds": ("time", "ms"), "seconds": ("time", "s")}
-"""Headings that are a name and a unit in one, as of Arduino's clock."""
+"""Name and unit of headings that imply a unit, such as those of the clock of an Arduino."""
 BY_UNDERSCORE = {*UNITS} - {"m", "g", "A", "bar", "rad", "min", "counts", "count", "lsb", "adc", "kg"}
-"""Units that a heading of any name may end in after an underscore."""
+"""Units that may follow any name after an underscore."""
 LEAST_GRAMS = 50
-"""Largest of round forces in N from which they may be weights in g."""
+"""Least value of the largest force, in N, at which round forces may be weights in g."""
 SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars"}
 _BRACKETED = re.compile(r"(?P<name>.*?)[ _]*(?:\[(?P<a>[^\]]*)\]|\((?P<b>[^)]*)\))")
 _APPENDED = re.compile(r"(?P<name>.+?)(?:[ _]|\s*/\s*)(?P<unit>[^\s_/]+)")
@@ -52,12 +52,12 @@ class Column:
     Attributes
     ----------
     heading : str
-        As it is written.
+        Heading in the file.
     name, unit : str
-        The heading without its unit, and the unit, a key of `UNITS`, of its own or of a line of units below; empty
-        if it has none.
+        Heading without its unit, and the unit, a key of `UNITS`, from the heading or a line of units; empty without a
+        unit.
     words : tuple[str, ...]
-        Its entries, decimal commas replaced by points.
+        Entries, with decimal commas replaced by points.
     """
 
     heading: str
@@ -73,12 +73,13 @@ class Table:
     Attributes
     ----------
     what : str
-        The file, for messages.
+        Description of the file, for messages.
     columns : tuple[Column, ...]
+        Columns in the order of the file.
     lines : tuple[int, ...]
-        Number of the line of each row in the file.
+        Line number of each row in the file.
     separator : str
-        That of the columns, in words.
+        Description of the separator of columns.
     """
 
     what: str
@@ -87,7 +88,7 @@ class Table:
     separator: str
 
     def numbers(self, column: Column) -> np.ndarray:
-        """(rows,) numbers of a column in its unit; raises `InputError` with line and heading."""
+        """Numbers (rows,) of a column in its unit; raises `InputError` with line and heading."""
         values = np.empty(len(column.words))
         for row, word in enumerate(column.words):
             where = f"{self.what}, line {self.lines[row]}, column {column.heading}: {word!r}"
@@ -101,40 +102,43 @@ class Table:
 
 
 def read_table(what: str, file: Path, known: Collection[str] = ()) -> Table:
-    """The table in a text file.
+    """Read a table in a text file.
 
     Columns are separated by tabs, semicolons, commas, bars or blanks. Numbers have decimal points or, unless commas
-    separate the columns, decimal commas. ``#`` begins a comment. The first line with as many fields as most lines has
-    the headings; a line of units may follow. Units are in brackets, or appended by ``_``, a blank or ``/``.
+    separate the columns, decimal commas. ``#`` begins a comment. The first line with as many fields as most lines
+    contains the headings; a line of units may follow. Units are in brackets, or appended by ``_``, a blank or ``/``.
 
     Parameters
     ----------
     what : str
-        The file, for messages.
+        Description of the file, for messages.
     file : Path
-        Text in UTF-8.
+        A text file in UTF-8.
     known : Collection[str], optional
-        Headings that are names as they stand, such as parameters of a scene.
+        Headings without a unit, such as names of parameters of a scene.
 
     Returns
     -------
     Table
-        Its columns, with their headings and units.
+        Columns with their headings and units.
 
     Raises
     ------
     InputError
-        if it cannot be read, or is ambiguous; the message states what was found and what is needed.
+        if the file cannot be read, or is ambiguous; the message describes the problem and what is needed.
     """
+    # Lines without comments, and their fields.
     text = [line.split("#")[0].rstrip() for line in read_text(what, file).splitlines()]
     lines = [(number, line) for number, line in enumerate(text, start=1) if line.strip()]
     if lines and re.fullmatch(r"sep=.", lines[0][1].strip()):
-        lines = lines[1:]  # for spreadsheets
-    mark, rows = separated(what, [line for _, line in lines])
-    shown = SEPARATORS.get(mark, "blanks")
+        lines = lines[1:]  # a line that tells spreadsheets the separator
+    separator, rows = separated(what, [line for _, line in lines])
+    separator_name = SEPARATORS.get(separator, "blanks")
+
+    # Headings are in the first line of the usual length; a line of units may follow.
     count = Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
     first = next((number for number, row in enumerate(rows) if len(row) == count), 0)
-    if mark == "," and rows and 1 < len(rows[0]) < count and all(map(_DIGITS.fullmatch, rows[first])):
+    if separator == "," and rows and 1 < len(rows[0]) < count and all(map(_DIGITS.fullmatch, rows[first])):
         raise InputError(
             f"{what} is ambiguous: it has {len(rows[0])} headings and {count} values in a row, as if commas were both "
             "separators and decimal marks; decimal points, or semicolons between columns, are needed."
@@ -144,35 +148,37 @@ def read_table(what: str, file: Path, known: Collection[str] = ()) -> Table:
     units = [""] * len(head)
     if body and len(body[0]) == len(head) and any(body[0]) and all(_unit_line(word) is not None for word in body[0]):
         units, body, numbers = [_unit_line(word) or "" for word in body[0]], body[1:], numbers[1:]
+
+    # All rows have a value for each column.
     for number, row in zip(numbers, body, strict=True):
         if len(row) != len(head):
             raise InputError(
                 f"{what}, line {number}: {len(row)} values are not allowed: {len(head)} are needed, one per column "
-                f"(columns are separated by {shown})."
+                f"(columns are separated by {separator_name})."
             )
     columns = []
-    for place, (heading, unit) in enumerate(zip(head, units, strict=True)):
-        name, own = (heading, "") if heading in known else _named(heading)
-        words = [row[place] for row in body]
-        words = words if mark == "," else _with_points(what, heading, words)
-        columns.append(Column(heading, name, own or unit, tuple(words)))
-    return Table(what, tuple(columns), tuple(numbers), shown)
+    for index, (heading, unit) in enumerate(zip(head, units, strict=True)):
+        name, own_unit = (heading, "") if heading in known else _named(heading)
+        words = [row[index] for row in body]
+        words = words if separator == "," else _with_points(what, heading, words)
+        columns.append(Column(heading, name, own_unit or unit, tuple(words)))
+    return Table(what, tuple(columns), tuple(numbers), separator_name)
 
 
 def as_parameter(column: Column) -> tuple[str, list[str]]:
-    """Name and values of a column of parameters of a scene, in mm, N, MPa, s and degrees.
+    """Convert a column to values of a parameter of a scene, in mm, N, MPa, s and degrees.
 
     Parameters
     ----------
     column : Column
-        With its heading and unit.
+        Column with its heading and unit.
 
     Returns
     -------
     name : str
-        Of the parameter.
+        Name of the parameter.
     words : list[str]
-        Its values, row by row.
+        Values of the rows.
     """
     if not column.unit or (column.unit not in BY_UNDERSCORE and column.heading.endswith(f"_{column.unit}")):
         return column.heading, list(column.words)
@@ -181,28 +187,28 @@ def as_parameter(column: Column) -> tuple[str, list[str]]:
     for word in column.words:
         try:
             words.append(word if factor == 1 else f"{(Decimal(word) * factor).normalize():f}")
-        except ArithmeticError:  # none, say
+        except ArithmeticError:  # a word such as none
             words.append(word)
     return column.name, words
 
 
 def ask_for_grams(what: str, column: Column, numbers: np.ndarray) -> None:
-    """Warn of forces in N (rows,) that look like weights in g: several round ones, the largest of 50 or more.
+    """Warn of forces in N that look like weights in g: several round values, the largest 50 or more.
 
     Parameters
     ----------
     what : str
-        What the table is, for the warning.
+        Description of the table, for the warning.
     column : Column
-        With its heading and unit.
+        Column with its heading and unit.
     numbers : (rows,) ndarray
-        Its values, N.
+        Values of the column, N.
     """
     levels = np.unique(np.abs(numbers[numbers != 0]))
     if column.unit in ("N", "") and len(levels) > 2 and levels[-1] >= LEAST_GRAMS and not (levels % 10).any():
         warnings.warn(
-            f"{what}, column {column.heading}: round forces up to {levels[-1]:g} N: if these are weights in g, 9.8 mN "
-            f"each, '{column.name} [g]' is needed as heading.",
+            f"{what}, column {column.heading}: forces are round numbers up to {levels[-1]:g} N: if these are weights "
+            f"in g, the heading '{column.name} [g]' is needed.",
             stacklevel=2,
         )
 
@@ -210,19 +216,19 @@ def ask_for_grams(what: str, column: Column, numbers: np.ndarray) -> None:
 def separated(what: str, lines: list[str]) -> tuple[str, list[list[str]]]:
     """The separator of the columns of a table, and the fields of each line.
 
-    Of the separators that cut most lines alike the first counts.
+    The separator that divides most lines into the same number of fields is chosen.
 
     Parameters
     ----------
     what : str
-        What the table is, for messages.
+        Description of the table, for messages.
     lines : list[str]
-        Of its text.
+        Lines of the table.
 
     Returns
     -------
-    mark : str
-        A separator; a blank for any white space, empty for a single column.
+    separator : str
+        The separator; a blank for any white space, empty for a single column.
     rows : list[list[str]]
         Fields of each line.
 
@@ -231,20 +237,25 @@ def separated(what: str, lines: list[str]) -> tuple[str, list[list[str]]]:
     InputError
         if a quoted field does not end.
     """
+    # Numbers with decimal commas and no other separator are a single column.
     best: tuple[int, str, list[list[str]]] = (0, "", [[line.strip()] for line in lines])
     if len(lines) > 1 and "," not in lines[0] and all(re.fullmatch(r"\s*[+-]?\d+,\d+\s*", line) for line in lines[1:]):
-        return best[1], best[2]  # one column with decimal commas
-    for mark in SEPARATORS:
+        return best[1], best[2]
+
+    # The separator with the most lines of equal length.
+    for separator in SEPARATORS:
         try:
-            rows = [[word.strip() for word in row] for row in csv.reader(lines, delimiter=mark)]
+            rows = [[word.strip() for word in row] for row in csv.reader(lines, delimiter=separator)]
         except csv.Error as error:
             raise InputError(f"{what} is not a table: {error}.") from error
         counts = Counter(len(row) for row in rows if len(row) > 1)
         alike = max(counts.values(), default=0)
         if alike > best[0]:
-            best = alike, mark, rows
+            best = alike, separator, rows
+
+    # Blanks separate columns if no other separator suits most lines; headings of several words need two blanks.
     if best[0] <= len(lines) / 2:
-        for blank in (r"\s+", r"\s{2,}"):  # the latter for headings of several words
+        for blank in (r"\s+", r"\s{2,}"):
             blanks = [re.split(blank, line.strip()) for line in lines]
             if lines and len({len(row) for row in blanks}) == 1 and len(blanks[0]) > 1:
                 return " ", blanks
@@ -254,12 +265,13 @@ def separated(what: str, lines: list[str]) -> tuple[str, list[list[str]]]:
 
 
 def _unit_line(word: str) -> str | None:
-    """The unit that a word of a line of units is; empty for none, None if it is no unit."""
+    """The unit in a field of a line of units; empty for no unit, None if the field is not a unit."""
     bare = word.strip("()[]").strip()
     return "" if bare in ("", "-", "1") and not bare.isdigit() else _unit(bare)
 
 
 def _unit(word: str) -> str | None:
+    """The key of `UNITS` for a word; None if it is not a unit."""
     word = word.strip().replace("µ", "u").replace("μ", "u").replace("°", "deg")
     return word if word in UNITS else _CASELESS.get(word.lower())
 
@@ -278,7 +290,7 @@ def _named(heading: str) -> tuple[str, str]:
 
 
 def _with_points(what: str, heading: str, words: list[str]) -> list[str]:
-    """Entries with decimal points in place of commas; raises `InputError` if commas may mean thousands."""
+    """Entries with decimal points instead of commas; raises `InputError` if commas may separate thousands."""
     commas = [word for word in words if "," in word and re.fullmatch(r"[+-]?[\d.,]+(?:[eE][+-]?\d+)?", word)]
     if not commas:
         return words

@@ -1,4 +1,4 @@
-"""Files as users name them: regular ones of a sane size, whose text is UTF-8 or what spreadsheets make of it."""
+"""Reading of files named by users: regular files of limited size, with text in UTF-8 or an encoding of spreadsheets."""
 
 from __future__ import annotations
 
@@ -11,88 +11,88 @@ from pathlib import Path
 from mitsuba_taxel.base.errors import InputError
 
 LARGEST_TEXT = 1 << 28
-"""Bytes of the largest text that is read."""
+"""Largest size of a text file, in bytes."""
 _LATIN = frozenset("µ°".encode("latin-1"))
-"""Signs of units in the encoding of spreadsheets on Windows."""
+"""Symbols of units in the encoding of spreadsheets on Windows."""
 
 
 def check_regular(file: Path, largest: int) -> None:
-    """Refuse a file that is not read: a pipe or a device may have no end, and be waited for.
+    """Raise unless a file is regular and not too large: reading a pipe or a device may never end.
 
     Parameters
     ----------
     file : Path
-        Of any kind.
+        A file of any kind.
     largest : int
-        In bytes.
+        Largest size in bytes.
 
     Raises
     ------
     OSError
-        that says why.
+        with the reason.
     """
-    about = file.stat()
-    if stat.S_ISDIR(about.st_mode):
+    status = file.stat()
+    if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
-    if not stat.S_ISREG(about.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise OSError(errno.EINVAL, "it is a pipe, a device or a socket, not a file", str(file))
-    if about.st_size > largest:
-        size = f"it has {about.st_size / 2**20:.0f} MB, but at most {largest / 2**20:.0f} MB can be read"
+    if status.st_size > largest:
+        size = f"it has {status.st_size / 2**20:.0f} MB, but at most {largest / 2**20:.0f} MB can be read"
         raise OSError(errno.EFBIG, size, str(file))
 
 
 def read_bytes(file: Path, largest: int = LARGEST_TEXT) -> bytes:
-    """The content of a regular file.
+    """Read a regular file.
 
     Parameters
     ----------
     file : Path
-        Of any kind.
+        A file of any kind.
     largest : int
-        Bytes that it may have.
+        Largest size in bytes.
 
     Returns
     -------
     bytes
-        Its content.
+        Content of the file.
 
     Raises
     ------
     OSError
-        if it is a folder, a pipe or a device, or larger.
+        if it is a folder, a pipe or a device, or too large.
     """
     check_regular(file, largest)
     return file.read_bytes()
 
 
 def read_text(what: str, file: Path, needed: str = "a CSV file") -> str:
-    """The text of a file in UTF-8, without a byte order mark; messages begin with ``what``.
+    """Read a text file in UTF-8.
 
-    Files in UTF-16 with such a mark, as spreadsheets write them, and those whose only letters beyond ASCII are the
-    signs of µA and degrees in Latin-1, are read as well.
+    Files in UTF-16 with a byte order mark, as written by spreadsheets, are read as well. So are files in Latin-1 whose
+    only letters beyond ASCII are the symbols of micro and degrees.
 
     Parameters
     ----------
     what : str
-        What the file is, for messages.
+        Description of the file, at the beginning of messages.
     file : Path
-        Of any kind.
+        A file of any kind.
     needed : str
-        What is needed instead, for messages.
+        Description of the file that is needed, for messages.
 
     Returns
     -------
     str
-        With "\\n" at the end of lines.
+        The text, without a byte order mark and with "\\n" at the end of lines.
 
     Raises
     ------
     InputError
-        if it cannot be read, or is not text.
+        if the file cannot be read, or is not text.
     """
     try:
         content = read_bytes(file)
-    except (OSError, ValueError) as error:  # the latter of names that no file can have
+    except (OSError, ValueError) as error:  # ValueError for an invalid file name
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{what} cannot be read ({reason}): {needed} is needed.") from error
     encoding = "utf-16" if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"

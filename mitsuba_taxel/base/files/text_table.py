@@ -6,20 +6,20 @@ import io
 from collections.abc import Iterable, Sequence
 
 UNLIMITED = 10_000
-"""Characters of a line that is never broken."""
+"""Width of lines, in characters, if lines are not folded."""
 
 
 def text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], width: int | None = None) -> str:
-    """A table whose first column is aligned left, and the others right.
+    """A table as text, with the first column aligned left and the others aligned right.
 
     Parameters
     ----------
     headings : sequence of str
-        Of the columns.
+        Headings of the columns.
     rows : iterable of sequence of str
         A cell for each heading.
     width : int, optional
-        Characters of a line, beyond which cells are folded; without it, they never are.
+        Largest width of a line in characters, above which cells are folded; by default cells are not folded.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""TOML files as users write them."""
+"""Reading of TOML files of users."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ else:
 
 loads = tomllib.loads
 CHAIN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){64}""")
-"""A dotted key longer than any that is allowed: parsing takes memory quadratic in its length."""
+"""A dotted key that is too long: parsing needs memory that is quadratic in its length."""
 
 
 def read_toml(what: str, file: Path) -> dict[str, Any]:
-    """The content of a file; messages begin with ``what``.
+    """Read a TOML file.
 
     Parameters
     ----------
     what : str
-        What the file is, for messages.
+        Description of the file, at the beginning of messages.
     file : Path
-        In UTF-8.
+        A file in UTF-8.
 
     Returns
     -------
     dict[str, Any]
-        Its tables and values.
+        Tables and values.
 
     Raises
     ------
     InputError
-        if it cannot be read, is not valid TOML, or is nested too deeply.
+        if the file cannot be read, is not valid TOML, or is nested too deeply.
     """
     try:
         text = read_bytes(file).decode("utf-8-sig")

@@ -1,1 +1,1 @@
-"""Long work: what it is doing, how long it took, its threads, limits and worker processes."""
+"""Long computations: current activity, time by stage, threads, limits of memory, worker processes."""

@@ -1,4 +1,4 @@
-"""What a long computation is doing at the moment, for those that show it."""
+"""The current activity of a long computation, for progress displays."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from contextlib import contextmanager
 
 _listeners: list[Callable[[str], None]] = []
 _current: list[str] = []
-"""The activities that have begun, of all threads; the last one is shown."""
+"""Activities in progress, of all threads; the last is shown."""
 
 
 @contextmanager
 def activity(words: str) -> Iterator[None]:
-    """Announce what is done within, such as ``meshing pad.stl``.
+    """Announce an activity, such as ``meshing pad.stl``, while the block runs.
 
     Parameters
     ----------
     words : str
-        What is done, without a full stop.
+        Description of the activity, without a full stop.
 
     Yields
     ------
     None
-        While it is done.
+        During the activity.
     """
     _current.append(words)
     _announce()
@@ -35,12 +35,12 @@ def activity(words: str) -> Iterator[None]:
 
 @contextmanager
 def announced_to(listener: Callable[[str], None]) -> Iterator[None]:
-    """Call ``listener`` with each activity that begins within, and with an empty text where none is left.
+    """Call a listener at each change of activity while the block runs.
 
     Parameters
     ----------
     listener : Callable[[str], None]
-        Called on the thread that begins the activity.
+        Called with the current activity, or an empty text if there is none, on the thread of that activity.
 
     Yields
     ------
@@ -55,5 +55,6 @@ def announced_to(listener: Callable[[str], None]) -> Iterator[None]:
 
 
 def _announce() -> None:
+    """Call all listeners with the current activity."""
     for listener in _listeners:
         listener(_current[-1] if _current else "")

@@ -1,4 +1,4 @@
-"""Limits of memory of the processes that this package starts, what a process has used, and limits of input."""
+"""Limits of memory for worker processes, peak memory of this process, and limits of input."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ import resource
 from pathlib import Path
 
 MOST_HISTORY = 4000
-"""Rows of a load history: each step of a path in time holds those before it."""
+"""Most rows of a load history: each step of a path in time contains all earlier rows."""
 
 
 def memory_limit(most: int, kind: int = resource.RLIMIT_AS) -> int:
-    """Bytes of memory for a new process: ``most``, or less if this process has a lower limit itself.
+    """Limit of memory for a new process, which does not exceed the limit of this process.
 
     Parameters
     ----------
     most : int
-        Bytes.
+        Limit in bytes.
     kind : int
-        Of ``resource``: the address space by default.
+        Constant of ``resource``; by default the address space is limited.
 
     Returns
     -------
     int
-        Bytes.
+        Limit in bytes.
     """
-    own = [limit for limit in resource.getrlimit(kind) if limit != resource.RLIM_INFINITY]
-    return min([most, *own])
+    current = [limit for limit in resource.getrlimit(kind) if limit != resource.RLIM_INFINITY]
+    return min([most, *current])
 
 
 def peak_memory() -> float:
-    """Peak memory of this process so far.
+    """Peak memory of this process until now.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Time of a run by stage."""
+"""Computing time of a run by stage."""
 
 from __future__ import annotations
 
@@ -7,35 +7,36 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-# Of the current thread or asynchronous task only.
+# Records of the current thread or asynchronous task.
 _records: ContextVar[tuple[dict[str, float], ...]] = ContextVar("records", default=())
-_lost: ContextVar[list[float] | None] = ContextVar("lost", default=None)  # seconds of the stage entered last to others
+# Seconds that nested stages have taken from the innermost current stage.
+_nested: ContextVar[list[float] | None] = ContextVar("nested", default=None)
 
 
 @contextmanager
 def record() -> Iterator[dict[str, float]]:
-    """Collect the seconds of every :func:`stage` entered within; nested stages are not counted twice."""
+    """Record the seconds of every :func:`stage` in the block; nested stages are not counted twice."""
     seconds: dict[str, float] = {}
-    before = _records.set((*_records.get(), seconds))
+    token = _records.set((*_records.get(), seconds))
     try:
         yield seconds
     finally:
-        _records.reset(before)
+        _records.reset(token)
 
 
 @contextmanager
 def stage(name: str) -> Iterator[None]:
-    """Count the time spent within as that of stage ``name``, excluding nested stages."""
+    """Count the time of the block as time of the stage ``name``, excluding nested stages."""
     start = time.perf_counter()
-    inside = [0.0]
-    around = _lost.get()
-    before = _lost.set(inside)
+    nested_seconds = [0.0]
+    outer_seconds = _nested.get()
+    token = _nested.set(nested_seconds)
     try:
         yield
     finally:
-        _lost.reset(before)
+        _nested.reset(token)
         elapsed = time.perf_counter() - start
-        if around is not None:
-            around[0] += elapsed
+        if outer_seconds is not None:
+            outer_seconds[0] += elapsed
         for seconds in _records.get():
-            seconds[name] = seconds.get(name, 0.0) + elapsed - inside[0]
+            seconds[name] = seconds.get(name, 0.0) + elapsed - nested_seconds[0]

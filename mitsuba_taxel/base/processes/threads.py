@@ -1,4 +1,4 @@
-"""Number of threads of mechanics and light; no result depends on it."""
+"""Number of threads of mechanics and light; results do not depend on it."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _chosen: int | None = None
 
 
 def thread_count() -> int:
-    """The number of cores of the machine, unless another number was set.
+    """Number of threads: the number of cores of the machine, unless another number is set.
 
     Returns
     -------
     int
-        From 1 on.
+        At least 1.
     """
     return _chosen or os.cpu_count() or 1
 
@@ -30,21 +30,21 @@ def set_thread_count(count: int) -> None:
     Parameters
     ----------
     count : int
-        From 1 on.
+        At least 1.
     """
     global _chosen
     _chosen = count
 
 
 def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
-    """Results of ``work`` for each of the items, by as many threads as there may be; numpy releases Python's lock.
+    """Results of a function for each item, computed by several threads; numpy releases Python's lock.
 
     Parameters
     ----------
     work : Callable
-        Function of one item.
+        Function of an item.
     items : sequence
-        Of its arguments.
+        Arguments of the function.
 
     Returns
     -------

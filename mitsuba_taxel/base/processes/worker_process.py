@@ -1,4 +1,4 @@
-"""Answers of workers: processes that may crash, hang or exhaust memory."""
+"""Output of worker processes, which may crash, hang or exhaust memory."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from collections.abc import Mapping, Sequence
 
 
 class NoAnswer(Exception):
-    """A process that was stopped, or ended badly.
+    """A process was stopped, or failed.
 
     Attributes
     ----------
     end : str
-        "time" or "memory" if it exceeded these, the name of a signal, or "error".
+        "time" or "memory" if the process exceeded its limit, the name of a signal, or "error".
     last : str
-        The last line that it printed on standard error.
+        The last line of its standard error.
     """
 
     def __init__(self, end: str, output: str = "") -> None:
@@ -26,28 +26,28 @@ class NoAnswer(Exception):
 def answer_of(
     command: Sequence[str], given: bytes, seconds: float, environment: Mapping[str, str] | None = None
 ) -> bytes:
-    """What a process prints that may crash, hang or exhaust memory.
+    """Output of a process, which may crash, hang or exhaust memory.
 
     Parameters
     ----------
     command : sequence of str
         Program and arguments.
     given : bytes
-        On standard input.
+        Standard input.
     seconds : float
-        After which it is stopped.
+        Time after which the process is stopped.
     environment : Mapping[str, str], optional
-        Of the process; by default that of this one.
+        Environment of the process; by default that of this process.
 
     Returns
     -------
     bytes
-        From standard output.
+        Standard output.
 
     Raises
     ------
     NoAnswer
-        if it is stopped or fails.
+        if the process is stopped or fails.
     """
     try:
         done = subprocess.run(command, input=given, capture_output=True, timeout=seconds, env=environment)

@@ -25,10 +25,32 @@ class TaxelIntegrator(Protocol):
 
 
 def traces_taxels(integrator: mi.Integrator) -> TypeGuard[TaxelIntegrator]:
-    """Whether an integrator traces pairs of LED and phototransistor."""
+    """Whether an integrator traces pairs of LED and phototransistor.
+
+    Parameters
+    ----------
+    integrator : mi.Integrator
+        Any integrator.
+
+    Returns
+    -------
+    bool
+        True for a plugin of this package with that name.
+    """
     return plugin_of(integrator) in ("taxel_tracer", "taxel_path", "analog_tracer")
 
 
 def guides_emission(integrator: mi.Integrator) -> bool:
-    """Whether an integrator learns the directions of emission."""
+    """Whether an integrator learns the directions of emission.
+
+    Parameters
+    ----------
+    integrator : mi.Integrator
+        Any integrator.
+
+    Returns
+    -------
+    bool
+        True for a plugin of this package with that name.
+    """
     return plugin_of(integrator) == "taxel_tracer"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import mitsuba as mi
 
-from mitsuba_taxel.backend.plugin_objects import found
+from mitsuba_taxel.backend.plugin_objects import resolved_path
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.text import check_regular
 from mitsuba_taxel.sensing.scene.scene_file import read_scene_file
@@ -24,7 +24,7 @@ def check_spectra(scene: Path, parameters: Mapping[str, str]) -> None:
             name = re.sub(r"\$(\w+)", lambda match: parameters.get(match[1], match[0]), element.get("filename", ""))
             if name:
                 _check("filename", name, file.parent / name)
-                _check("filename", name, found(name))
+                _check("filename", name, resolved_path(name))
 
 
 def check_named_files(parts: Iterable[mi.Properties]) -> None:
@@ -34,7 +34,7 @@ def check_named_files(parts: Iterable[mi.Properties]) -> None:
             if props.type(name) == mi.Properties.Type.String:
                 word = str(props[name])
                 props.mark_queried(name, False)  # so that a plugin that does not know it is still reported
-                _check(name, word, found(word))
+                _check(name, word, resolved_path(word))
 
 
 def _check(name: str, word: str, file: Path) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mitsuba_taxel.backend.plugin_objects import found
+from mitsuba_taxel.backend.plugin_objects import resolved_path
 from mitsuba_taxel.sensing.scene.left_out import NONE, left_out, used_by
 from mitsuba_taxel.specification import specifications
 
@@ -195,7 +195,7 @@ def _name_files_in_full(root: ElementTree.Element, folder: Path) -> None:
         word = element.get("value", "")
         if element.tag not in ("string", "default") or not Path(word).suffix or Path(word).is_absolute():
             continue
-        file = found(word)
+        file = resolved_path(word)
         try:
             if file.is_file() and not (folder / word).is_file():
                 element.set("value", str(file.resolve()))
