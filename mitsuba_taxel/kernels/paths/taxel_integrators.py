@@ -35,7 +35,7 @@ def traces_taxels(integrator: mi.Integrator) -> TypeGuard[TaxelIntegrator]:
     Returns
     -------
     bool
-        True for a plugin of this package with that name.
+        True for the integrators of this package.
     """
     return plugin_of(integrator) in ("taxel_tracer", "taxel_path", "analog_tracer")
 
@@ -51,6 +51,6 @@ def guides_emission(integrator: mi.Integrator) -> bool:
     Returns
     -------
     bool
-        True for a plugin of this package with that name.
+        True for a `taxel_tracer`.
     """
     return plugin_of(integrator) == "taxel_tracer"
