@@ -1,9 +1,9 @@
 """Simulation of optoelectronic tactile sensors: force, deformed pad, light, reading.
 
-Importing this package chooses an LLVM that works, imports mitsuba and makes its plugins known to
-``mi.load_file``, ``mi.load_string`` and ``mi.load_dict`` in every variant. Nothing else heavy is imported.
+Importing this package selects a suitable LLVM, imports mitsuba, and registers the plugins for ``mi.load_file``,
+``mi.load_string`` and ``mi.load_dict`` in every variant. Other large packages are imported when they are used.
 
-Units everywhere: mm, N, MPa, W, s; angles in degrees.
+All units are mm, N, MPa, W and s; angles are in degrees.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ with uninterrupted():
     register_for_every_variant()
 
 
-def _html_of(shown: Displayed) -> str:
+def _html_of(displayed: Displayed) -> str:
+    """HTML of an object in a notebook; the package that makes it is imported at first use."""
     from mitsuba_taxel.report.notebook.views import html_of
 
-    return html_of(shown)
+    return html_of(displayed)
 
 
 Displayed.html_of = _html_of

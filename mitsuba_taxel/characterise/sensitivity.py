@@ -13,7 +13,7 @@ from mitsuba_taxel.characterise.characteristics import NOT_ABOVE, NOT_RESOLVED
 from mitsuba_taxel.characterise.experiment import Branch
 from mitsuba_taxel.characterise.load_lines import LoadLine, load_lines, loading_lines, runs, unit_of
 from mitsuba_taxel.characterise.roles import with_forces_named
-from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
+from mitsuba_taxel.characterise.shape_error import changed_by_shape, with_shape
 from mitsuba_taxel.characterise.slopes import Slopes, relative_slope, slopes
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def _slopes_along(study: xr.Dataset, line: LoadLine) -> xr.Dataset:
     derived = np.array([run.tangents is not None for run in branches])
     changed_figures = {
         mode: [np.array([_all_slopes(run) for _, run in runs(changed_study, line)]) for changed_study in pair]
-        for mode, pair in off_by_shape(study).items()
+        for mode, pair in changed_by_shape(study).items()
     }
     for name in ("max_slope", "mean_slope", "zero_slope", "relative_slope"):
         value, error = names.index(name), names.index(f"{name}_error")

@@ -1,25 +1,26 @@
-"""Errors of figures of merit by those of a pad's shape: the figures of readings changed by these errors.
+"""Errors of figures of merit due to errors of the pad's shape: figures of readings that are changed by these errors.
 
 Small displacements and their errors are linear in the load, so that a coarse mesh changes all readings of a path by
-nearly the same share of their change from rest: that of the deviation of a second mesh. At finite strains the share
-changes along the path: from the first load to the last by 8 % of its size, in the root mean square over sweeps of
-strains up to 0.11 (docs/theory/errors.md). The course of that change is not known, so it is taken as random. With the
-stated size s(F) of a reading's error, the error is
+nearly the same fraction of their change from rest, which the deviation of a second mesh gives. At finite strains the
+fraction changes along the path: from the first load to the last by 8 % of its size, in the root mean square over sweeps
+of strains up to 0.11 (docs/theory/errors.md). The course of that change is unknown and is therefore modelled as random.
+With the stated size s(F) of a reading's error, the error is
 
     s(F) (c z + sqrt(1 - c^2) g(F)),    c^2 = (1 - r^2) a^2,
 
-where r is `COURSE`, or more at large strains, z a normal number of the whole path, and g a Gaussian process of unit
-variance and of the correlation exp(-|F - F'|^2 / (2 L^2)), L being the largest load of the study. Where the deviation
-changes its sign along the path, two meshes do not tell a common share: a is the magnitude of its sum over the path,
-relative to the sum of magnitudes.
-The kernel of g is a sum of products of
+where r is `COURSE`, or more at large strains, z a normal number common to the path, and g a Gaussian process of unit
+variance with the correlation exp(-|F - F'|^2 / (2 L^2)), L being the largest load of the study. If the deviation
+changes its sign along the path, two meshes do not give a common fraction: a is the magnitude of the sum of deviations
+over the path, relative to the sum of their magnitudes. The kernel of g is a sum of products of
 
     phi_m(F) = exp(-|x|^2 / 2) x_1^m_1 x_2^m_2 x_3^m_3 / sqrt(m_1! m_2! m_3!),    x = (F - F_middle) / L
 
-(C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, 2006, section 4.3.1), few of which matter.
-The squares of the changes that each of them makes to a figure add. No change of one sign makes that sum small.
+(C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, 2006, section 4.3.1), of which only a few
+contribute. Each function is a mode of the error. The squares of the changes of a figure by all modes are added, so that
+changes of opposite signs do not cancel.
 
-Facets of curved walls change all readings of a path by nearly the same share too, up to as random a course.
+Facets of curved walls also change all readings of a path by nearly the same fraction, with a random course of the same
+size.
 """
 
 from __future__ import annotations
@@ -37,27 +38,28 @@ from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.roles import with_forces_named
 
 COURSE, BY_STRAIN = 0.1, 5.0
-"""Standard deviation of the random course of an error along a path, relative to the size of the error: at least, and
-per strain of the silicone, as what changes the share is of second order."""
+"""Standard deviation of the random course of an error along a path, relative to the size of the error: its least value,
+and its value per strain of the silicone. The latter is proportional, as effects of second order change the fraction."""
 DEGREE = 2
-"""Largest sum of the exponents m: on a path from rest, what is left out has 0.2 % of the variance at its ends."""
+"""Largest sum of the exponents m: on a path from rest, the other functions have 0.2 % of the variance at its ends."""
 VARIANTS = math.exp(-1 / 8)
-"""Correlation of the errors of variants that differ in dimensions: that of two loads half of the largest load apart."""
+"""Correlation of the errors of variants that differ in dimensions: that of two loads that differ by half of the largest
+load."""
 SIGNS = (1.0, -1.0)
 KINDS = ("deviation", "geometry_error")
-"""Errors that are common to a path; the word `RANDOM` begins the modes of their random course."""
+"""Errors that are common to a path; modes of their random course start with the word `RANDOM`."""
 RANDOM = "course"
 
 Mode = tuple[str, ...]
-"""A kind of error, or `RANDOM` and the forces whose product is the power of x."""
+"""A kind of error, or `RANDOM` followed by the forces whose components of x are the factors of phi_m."""
 Changed = dict[Mode, list]
-"""By mode: something computed from readings changed by it, and by its negative."""
+"""By mode: a result for readings changed by the mode, and for readings changed by its negative."""
 
 
-def off_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
-    """The study with readings, and their derivatives by forces, changed by each mode of the errors of the pads' shape.
+def changed_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
+    """Studies with readings, and their derivatives by forces, changed by each mode of the errors of the pads' shape.
 
-    Each twice: up and down. Forces are called as by `with_forces_named`.
+    Each mode gives two studies, changed up and down. Forces have the names of `with_forces_named`.
 
     Parameters
     ----------
@@ -67,79 +69,95 @@ def off_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
     Returns
     -------
     dict[Mode, list[xr.Dataset]]
-        By mode, the two changed studies.
+        The two changed studies, by mode.
     """
     study = with_forces_named(study)
     sizes = _sizes(study) if "replicate_power" in study else {}
     return {mode: [_changed(study, mode, sign, sizes) for sign in SIGNS] for mode in _modes([study])}
 
 
-def scenes_off_by_shape(study: xr.DataTree) -> dict[Mode, list[xr.DataTree]]:
-    """The same of a study of several scenes: all change by the same mode, as far as they have it."""
+def scenes_changed_by_shape(study: xr.DataTree) -> dict[Mode, list[xr.DataTree]]:
+    """The changed studies of several scenes, as of `changed_by_shape`; scenes without a mode are unchanged by it."""
     modes = _modes([leaf.to_dataset() for leaf in study.leaves])
     return {mode: [study.map_over_datasets(_changed, mode, sign) for sign in SIGNS] for mode in modes}
 
 
 def shape_shift(value: np.ndarray, changed: list[np.ndarray]) -> np.ndarray:
-    """Change of a figure by one mode: the larger one of those up and down, with the sign of that up.
+    """Change of a figure by a mode: the larger of the changes up and down, with the sign of the change up.
 
-    A magnitude of a difference that is smaller than its error may fold onto itself on one of the two sides.
-    """
-    up, down = (np.asarray(each) - value for each in changed)
-    return np.where(np.abs(up) >= np.abs(down), up, -down)
-
-
-def with_shape(
-    error: np.ndarray, value: np.ndarray, off: Mapping[Mode, list[np.ndarray]], derived: np.ndarray | bool = False
-) -> np.ndarray:
-    """Errors of the light combined with those of the pads' shape.
+    Figures that are magnitudes of differences may change little on one side, if the difference changes its sign there.
 
     Parameters
     ----------
-    error : ndarray
-        Of the values by the light, one standard deviation.
     value : ndarray
-        Of a figure, of the same shape.
-    off : Mapping[Mode, list[ndarray]]
-        The figure with readings changed by each mode, up and down.
-    derived : ndarray of bool or bool
-        Where the error is that of derivatives, which holds finite elements and patches already: of two estimates of one
-        error the larger counts. Meshes may agree by chance in one of the two.
+        The figure.
+    changed : list of ndarray
+        The figure with readings changed up and down.
 
     Returns
     -------
     ndarray
-        One standard deviation.
+        Changes, of the same shape.
     """
-    shape = np.sqrt(sum((shape_shift(value, changed) ** 2 for changed in off.values()), np.zeros_like(value)))
+    up, down = (np.asarray(figure) - value for figure in changed)
+    return np.where(np.abs(up) >= np.abs(down), up, -down)
+
+
+def with_shape(
+    error: np.ndarray,
+    value: np.ndarray,
+    changed_figures: Mapping[Mode, list[np.ndarray]],
+    derived: np.ndarray | bool = False,
+) -> np.ndarray:
+    """Errors of the light combined with errors of the pads' shape.
+
+    Parameters
+    ----------
+    error : ndarray
+        Error of a figure due to the light, one standard deviation.
+    value : ndarray
+        Values of the figure, of the same shape.
+    changed_figures : Mapping[Mode, list[ndarray]]
+        The figure with readings changed by each mode, up and down.
+    derived : ndarray of bool or bool
+        Where the error is that of derivatives, which contains the errors of finite elements and patches already. The
+        larger of the two estimates of the same error is then used, as meshes may agree by chance in one of them.
+
+    Returns
+    -------
+    ndarray
+        Standard deviations.
+    """
+    shape = np.sqrt(sum((shape_shift(value, pair) ** 2 for pair in changed_figures.values()), np.zeros_like(value)))
     return np.where(derived & ~(np.isnan(error) | np.isnan(shape)), np.maximum(error, shape), np.hypot(error, shape))
 
 
 def besides_shape(error: np.ndarray, shifts: Iterable[np.ndarray]) -> np.ndarray:
-    """Errors of derivatives beyond the changes by modes of the shape; with these in squares they are as stated."""
+    """Errors of derivatives less the errors of the shape: added in squares they give the errors of the derivatives."""
     return np.sqrt(np.maximum(error**2 - sum(shift**2 for shift in shifts), 0.0))
 
 
 def _modes(scenes: list[xr.Dataset]) -> list[Mode]:
-    """Those that change any reading."""
-    known = [(kind,) for kind in KINDS if any(kind in scene for scene in scenes)]
+    """Modes of the errors of scenes: kinds of errors in the scenes, and the course for each power of varied forces."""
+    kinds = [(kind,) for kind in KINDS if any(kind in scene for scene in scenes)]
     forces = {name for scene in scenes for name in _varied(with_forces_named(scene))}
     powers = [
-        tuple(name for name, power in zip(FORCES, each, strict=True) for _ in range(power))
-        for each in product(*(range(DEGREE + 1 if name in forces else 1) for name in FORCES))
-        if sum(each) <= DEGREE
+        tuple(name for name, power in zip(FORCES, exponents, strict=True) for _ in range(power))
+        for exponents in product(*(range(DEGREE + 1 if name in forces else 1) for name in FORCES))
+        if sum(exponents) <= DEGREE
     ]
-    return [*known, *((RANDOM, *power) for power in powers if known)]
+    return [*kinds, *((RANDOM, *power) for power in powers if kinds)]
 
 
 def _varied(study: xr.Dataset) -> list[str]:
+    """Names of the components of force that vary in a study."""
     return [name for name in FORCES if name in study.coords and study[name].ndim]
 
 
 def _changed(
     study: xr.Dataset, mode: Mode, sign: float, sizes: Mapping[str, tuple[xr.DataArray, xr.DataArray]] | None = None
 ) -> xr.Dataset:
-    """The study with all readings changed by a mode, its forces by name; ``sizes`` is that of :func:`_sizes`."""
+    """The study with all readings changed by a mode; ``sizes`` is the result of :func:`_sizes` for the study."""
     if "replicate_power" not in study or not any(kind in study for kind in KINDS):
         return study
     study = with_forces_named(study)
@@ -157,41 +175,45 @@ def _changed(
 
 
 def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
-    """By kind of error: the stated error of each reading, with one sign along a path, and the part of its size that is
-    common to the path.
+    """By kind: the stated error of each reading, with the same sign along a path, and its fraction common to the path.
 
-    That by the mechanics is as in `Readings.mechanics_error`, or larger as in :func:`_by_derivatives`; its sign is that
-    of most of the deviation. That of the facets is the same share of the power along a curve. Readings of unknown error
-    have none; the study's notes say so.
+    The error of the mechanics is that of `Readings.mechanics_error`, times the factor of :func:`_by_derivatives`; its
+    sign is that of the sum of deviations. The error of the facets is a constant fraction of the power along a curve.
+    Readings of unknown error have no error here, which the notes of the study mention.
     """
+    # The course of errors is more random at large strains.
     power = study.replicate_power.mean("replicate")
-    lit = power.where(power > 0)
+    positive = power.where(power > 0)
     strain = float(study.largest_strain.max()) if "largest_strain" in study else 0.0
     course = float(np.fmin(np.fmax(COURSE, BY_STRAIN * strain), 1.0))
     common, sizes = math.sqrt(1 - course**2), {}
+
+    # Mechanics: the deviation of a second mesh, as a fraction of the power common to the taxels.
     if "deviation" in study:
         deviation = study.deviation.fillna(0.0)
-        share = np.sqrt(((deviation / lit) ** 2).mean("taxel")).fillna(0.0)
+        relative = np.sqrt(((deviation / positive) ** 2).mean("taxel")).fillna(0.0)
         along = sorted({dim for name in _varied(study) for dim in study[name].dims} & set(deviation.dims), key=str)
-        total, most = deviation.sum(along), np.abs(deviation).sum(along)
+        total, magnitude = deviation.sum(along), np.abs(deviation).sum(along)
         sign = xr.where(total < 0, -1.0, 1.0)
-        size = ERROR_SHARE * sign * xr.where(power > 0, power * share, np.abs(deviation))
-        square = (most**2).sum("taxel")
+        size = ERROR_SHARE * sign * xr.where(power > 0, power * relative, np.abs(deviation))
+        square = (magnitude**2).sum("taxel")
         size = size * _by_derivatives(study, size)
-        agreed = np.sqrt((total**2).sum("taxel") / square.where(square > 0)).fillna(1.0)
-        sizes["deviation"] = (size, common * agreed)
+        agreement = np.sqrt((total**2).sum("taxel") / square.where(square > 0)).fillna(1.0)
+        sizes["deviation"] = (size, common * agreement)
+
+    # Facets of curved walls: the mean over the curve and the taxels.
     if "geometry_error" in study:
-        share = study.geometry_error / lit
-        alike = [dim for dim in (study.attrs["curve"], "taxel") if dim in share.dims]
-        sizes["geometry_error"] = (power * share.mean(alike).fillna(0.0), xr.DataArray(common))
+        relative = study.geometry_error / positive
+        common_dims = [dim for dim in (study.attrs["curve"], "taxel") if dim in relative.dims]
+        sizes["geometry_error"] = (power * relative.mean(common_dims).fillna(0.0), xr.DataArray(common))
     return sizes
 
 
 def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
-    """Factor of the sizes of the errors of readings along a path, 1 or more.
+    """Factor, at least 1, of the errors of readings along a path, from the errors of derivatives by the forces.
 
-    Errors of derivatives by the forces, added up along the path, are another estimate of the same error: in cells of
-    thin roofs, two meshes may agree in the readings alone. The larger one counts.
+    The sum of errors of derivatives along the path is another estimate of the same error. The larger estimate is used,
+    as in cells of thin roofs two meshes may agree in the readings alone.
     """
     factor = xr.DataArray(1.0)
     if "derivative_error" not in study:
@@ -202,10 +224,11 @@ def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
         if study.sizes[dim] < 2 or not names:
             continue
         ends = (slice(None, -1), slice(1, None))
-        middle = sum((error.isel({dim: end}).drop_vars(dim, errors="ignore") for end in ends), xr.DataArray(0.0)) / 2
+        # Errors of derivatives at the midpoints of steps, times the steps, over changes of the errors of readings.
+        midpoint = sum((error.isel({dim: end}).drop_vars(dim, errors="ignore") for end in ends), xr.DataArray(0.0)) / 2
         lengths = {name: abs(_steps(study[name], dim)).isel({dim: ends[1]}) for name in names}
-        parts = (length * middle.sel(parameter=name, drop=True) for name, length in lengths.items())
-        by_slopes = sum(parts, xr.DataArray(0.0)).sum(dim)
+        changes = (length * midpoint.sel(parameter=name, drop=True) for name, length in lengths.items())
+        by_slopes = sum(changes, xr.DataArray(0.0)).sum(dim)
         by_readings = abs(_steps(size, dim)).isel({dim: ends[1]}).sum(dim)
         ratio = (by_slopes / by_readings.where(by_readings > 0)).fillna(1.0)
         factor = xr.where(ratio > factor, ratio, factor)
@@ -213,40 +236,40 @@ def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
 
 
 def _with_change(study: xr.Dataset, change: xr.DataArray) -> xr.Dataset:
-    """The study with readings and their derivatives by forces changed; forces are called by name."""
-    changed = {"replicate_power": study.replicate_power + change}
+    """The study with a change added to its readings, and the slope of that change to derivatives by forces."""
+    variables = {"replicate_power": study.replicate_power + change}
     if "derivative" in study:
-        changed |= {"smooth_power": study.smooth_power + change, "derivative": study.derivative}
+        variables |= {"smooth_power": study.smooth_power + change, "derivative": study.derivative}
         for dim in {str(dim) for name in _varied(study) for dim in study[name].dims}:
             names = [name for name in _varied(study) if dim in study[name].dims and name in study.parameter.values]
             if study.sizes[dim] < 2 or not names:
                 continue
-            # Along a path in which several forces change, the slope is that in the direction of the step.
+            # If several forces change along a path, the slope is that in the direction of the step.
             steps = {name: _steps(study[name], dim) for name in names}
             square = sum((step**2 for step in steps.values()), xr.DataArray(0.0))
             slope = _steps(change, dim) / square.where(square > 0)
             for name, step in steps.items():
-                which = study.parameter == name
-                changed["derivative"] = changed["derivative"] + (slope * step).fillna(0.0) * which
-    return study.assign({name: array.transpose(*study[name].dims).variable for name, array in changed.items()})
+                selected = study.parameter == name
+                variables["derivative"] = variables["derivative"] + (slope * step).fillna(0.0) * selected
+    return study.assign({name: array.transpose(*study[name].dims).variable for name, array in variables.items()})
 
 
 def _steps(values: xr.DataArray, dim: str) -> xr.DataArray:
-    """Differences from the point before along a dimension; at the first point, as at the second."""
+    """Differences from the previous point along a dimension; the first point has the difference of the second."""
     after = np.maximum(np.arange(values.sizes[dim]), 1)
-    first, last = (values.isel({dim: places}).drop_vars(dim, errors="ignore") for places in (after - 1, after))
+    first, last = (values.isel({dim: points}).drop_vars(dim, errors="ignore") for points in (after - 1, after))
     return last - first
 
 
 def _course(study: xr.Dataset, powers: list[str]) -> xr.DataArray:
-    """phi_m along the loads of a study; forces that are not varied count in the largest load."""
+    """phi_m along the loads of a study; fixed components of the force contribute to the largest load L."""
     fixed = json.loads(study.attrs.get("parameters", "{}"))
     varied = _varied(study)
     load = {name: study[name] if name in varied else xr.DataArray(float(fixed.get(name, 0.0))) for name in FORCES}
     largest = float(np.sqrt(sum(force**2 for force in load.values())).max()) or 1.0
     x = {name: (load[name] - (load[name].max() + load[name].min()) / 2) / largest for name in varied}
     course = xr.DataArray(1.0)
-    for name, place in x.items():
+    for name, coordinate in x.items():
         power = powers.count(name)
-        course = course * np.exp(-(place**2) / 2) * place**power / math.sqrt(math.factorial(power))
+        course = course * np.exp(-(coordinate**2) / 2) * coordinate**power / math.sqrt(math.factorial(power))
     return course if set(powers) <= set(varied) else 0.0 * course

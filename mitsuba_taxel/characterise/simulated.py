@@ -10,7 +10,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
 from mitsuba_taxel.characterise.roles import with_forces_named
-from mitsuba_taxel.characterise.shape_error import Changed, off_by_shape, scenes_off_by_shape
+from mitsuba_taxel.characterise.shape_error import Changed, changed_by_shape, scenes_changed_by_shape
 from mitsuba_taxel.characterise.tangential import TangentialMap, tangential_maps
 from mitsuba_taxel.electronics import Circuit, in_volts
 
@@ -76,7 +76,7 @@ def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | No
     except InputError as error:
         maps = []
         notes.append(f"No map of tangential loads: {error}")
-    changed_studies = scenes_off_by_shape(study) if isinstance(study, xr.DataTree) else off_by_shape(study)
+    changed_studies = scenes_changed_by_shape(study) if isinstance(study, xr.DataTree) else changed_by_shape(study)
     unchanged = _shown(study, circuit)
     changed = {mode: [_shown(experiment, circuit) for experiment in pair] for mode, pair in changed_studies.items()}
     if any(run.tangents is not None for experiment in unchanged for run in experiment.runs):

@@ -11,7 +11,7 @@ import xarray as xr
 from mitsuba_taxel.characterise.characteristics import characteristics
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
-from mitsuba_taxel.characterise.shape_error import off_by_shape
+from mitsuba_taxel.characterise.shape_error import changed_by_shape
 
 if TYPE_CHECKING:
     import pandas
@@ -76,7 +76,7 @@ def slope_summary(study: xr.Dataset) -> tuple[str, pandas.DataFrame]:
         As returned by :func:`characteristics`; empty if no force is varied.
     """
     lines = experiments(study)
-    changed = {mode: [experiments(line) for line in pair] for mode, pair in off_by_shape(study).items()}
+    changed = {mode: [experiments(line) for line in pair] for mode, pair in changed_by_shape(study).items()}
     words = ""
     if len(lines) > 1 and len({line.force for line in lines}) == 1:
         weights, words = common_channel(lines)

@@ -12,7 +12,7 @@ import xarray as xr
 from mitsuba_taxel.characterise.experiment import Branch
 from mitsuba_taxel.characterise.load_lines import loading_lines, runs
 from mitsuba_taxel.characterise.roles import with_forces_named
-from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
+from mitsuba_taxel.characterise.shape_error import changed_by_shape, with_shape
 from mitsuba_taxel.characterise.slopes import slopes
 from mitsuba_taxel.electronics import Circuit, in_volts, respond, saturation_force, total_noise
 from mitsuba_taxel.electronics.noise import FEW_COUNTS, resolution_notes, unused_range
@@ -103,7 +103,7 @@ def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[st
     """Rows of a scene: for each line of load, combination of the other parameters, and taxel."""
     # Readings in watts, in volts, and in volts changed by each mode of the errors of the shape.
     study = with_forces_named(study)
-    changed_studies = off_by_shape(study)
+    changed_studies = changed_by_shape(study)
     watts = (study, *(changed for pair in changed_studies.values() for changed in pair))
     studies = (study, *(in_volts(readings, circuit) for readings in watts))
 

@@ -14,7 +14,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.characterise.roles import with_forces_named
-from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
+from mitsuba_taxel.characterise.shape_error import changed_by_shape, with_shape
 from mitsuba_taxel.electronics.noise import resolution_notes, total_noise
 from mitsuba_taxel.electronics.response import lit
 from mitsuba_taxel.studies.plan.vary import STEP
@@ -235,8 +235,8 @@ def nominal_errors(
     def figures_of(study: xr.Dataset) -> dict[str, np.ndarray]:
         return figures(_readings(plan, study, "replicate_power")[0], force, loaded, plan.batch.circuit)
 
-    mean = with_forces_named(mean)  # as `off_by_shape` has them
-    value, changed_studies = figures_of(mean), off_by_shape(mean)
+    mean = with_forces_named(mean)  # as `changed_by_shape` has them
+    value, changed_studies = figures_of(mean), changed_by_shape(mean)
     replicates = [figures_of(mean.isel(replicate=[number])) for number in range(mean.sizes["replicate"])]
     changed_figures = {mode: [figures_of(study) for study in both] for mode, both in changed_studies.items()}
     errors = {}

@@ -14,7 +14,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES, characteristics
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
-from mitsuba_taxel.characterise.shape_error import VARIANTS, Mode, besides_shape, off_by_shape, shape_shift
+from mitsuba_taxel.characterise.shape_error import VARIANTS, Mode, besides_shape, changed_by_shape, shape_shift
 from mitsuba_taxel.characterise.summary import common_channel
 from mitsuba_taxel.characterise.volts import volts_table
 from mitsuba_taxel.electronics import Circuit, in_volts, saturation_force
@@ -240,7 +240,9 @@ def _variants(studies: Mapping[str, xr.Dataset | xr.DataTree], circuits: Mapping
             labels = {**({"study": name} if len(studies) > 1 else {}), **({"scene": scene} if scene else {})}
             random_numbers = (leaf.attrs.get("seed"), leaf.attrs.get("points"), leaf.sizes["replicate"])
             watts = experiments(leaf)
-            changed = {mode: [readings_of(name, side) for side in pair] for mode, pair in off_by_shape(leaf).items()}
+            changed = {
+                mode: [readings_of(name, side) for side in pair] for mode, pair in changed_by_shape(leaf).items()
+            }
             for number, reading in enumerate(readings_of(name, leaf)):
                 if reading.loading_runs:
                     saturated = _saturated(watts[number], circuits[name]) if circuits else math.inf
