@@ -67,7 +67,22 @@ class Cut:
 
 
 def weighted(weights: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(P, C) sums of the values (N, C) at nodes (P, 6), with weights (P, 6)."""
+    """Weighted sums of nodal values.
+
+    Parameters
+    ----------
+    weights : (P, 6) ndarray
+        Of the nodes of each point.
+    nodes : (P, 6) ndarray of int
+        Their numbers.
+    values : (N, C) ndarray
+        At the nodes.
+
+    Returns
+    -------
+    (P, C) ndarray
+        Sums.
+    """
     return sum(weights[:, k, None] * values[nodes[:, k]] for k in range(6))
 
 
@@ -131,7 +146,20 @@ def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None 
 
 
 def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
-    """(F,) whether each face is a roof or side of ``cells``, to be subdivided finely."""
+    """Whether each face is a roof or side of cells that are subdivided finely.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    cells : tuple[int, ...] or None
+        Numbers of the cells; None for all.
+
+    Returns
+    -------
+    (F,) ndarray of bool
+        Of each face.
+    """
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
     return in_cell if cells is None else in_cell & np.isin(mesh.face_cell, cells)
 

@@ -223,9 +223,23 @@ class Indentation:
         return nodal
 
     def shape_rate(self, displacement: np.ndarray, moved: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """(N, 3) rate of nodal forces as the undeformed nodes move with ``velocity`` (N, 3).
+        """Rate of the nodal forces while the undeformed nodes move, and the indenter with the highest node.
 
-        The indenter moves with the highest node. By a central difference, in which the same nodes stay in contact.
+        By a central difference, in which the same nodes stay in contact.
+
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            Of the nodes, mm.
+        moved : (3,) ndarray
+            Displacement of the indenter from its start, mm.
+        velocity : (N, 3) ndarray
+            Of the nodes.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            In N per unit of the changed parameter.
         """
         active = self.contact_state(displacement, moved).pressure > 0
         step = SHAPE_STEP * np.ptp(self._mesh.points[:, 2]) / max(float(np.abs(velocity).max()), np.finfo(float).tiny)

@@ -207,7 +207,17 @@ class BuckledBranch:
         return min(self.solved_to, self.limit) >= s
 
     def extend(self, s: float, contact: ContactTest, touched: Callable[[], bool]) -> None:
-        """Solve the states by their amplitude up to a distance, or until the pad has ``touched`` something."""
+        """Solve the states by their amplitude.
+
+        Parameters
+        ----------
+        s : float
+            Distance along the segment to be reached.
+        contact : ContactTest
+            Test for contacts of the deformed pad.
+        touched : Callable[[], bool]
+            Whether the pad has touched something, which ends it.
+        """
         curve = self.curve
         if len(curve.nodes) == 1:
             # If the load falls from the start of the branch, no shorter step helps: the branch ends there.
@@ -227,7 +237,25 @@ class BuckledBranch:
         return float(self.curve.unknowns_at(amplitude)[-1])
 
     def at(self, pad: LoadedPad, s: float) -> Interpolated:
-        """The state at a distance, which the branch must reach; raises Rejected if an element is inverted."""
+        """The state at a distance, which the branch must reach.
+
+        Parameters
+        ----------
+        pad : LoadedPad
+            The part of the pad between the mirrors of the mode.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+
+        Returns
+        -------
+        Interpolated
+            The state, with its figures.
+
+        Raises
+        ------
+        Rejected
+            if an element is inverted.
+        """
         curve, amplitude = self.curve, self._amplitude(s)
         checked = all(node.stability_checked for node in curve.interval(amplitude))
         state = pad.figures_at(curve.unknowns_at(amplitude)[:-1], self.value(s), 0, checked)

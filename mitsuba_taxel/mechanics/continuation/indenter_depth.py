@@ -23,14 +23,44 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
-    """Downward force in N of the indenter on the whole pad at a node."""
+    """Downward force of the indenter on the whole pad at a node.
+
+    Parameters
+    ----------
+    pad : LoadedPad
+        The part of the pad that the segment needs.
+    segment : LoadSegment
+        The segment.
+    node : Node
+        A solved state of the segment.
+
+    Returns
+    -------
+    float
+        In N.
+    """
     body = pad.model.indentation
     contact_state = body.contact_state(pad.numbering.split(node.unknowns)[0], segment.value(node.s))
     return -pad.part.copies * float(contact_state.force[2])
 
 
 def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
-    """Derivative of this force by the depth in N/mm."""
+    """Derivative of the force by the depth at a node.
+
+    Parameters
+    ----------
+    pad : LoadedPad
+        The part of the pad that the segment needs.
+    segment : LoadSegment
+        The segment.
+    node : Node
+        A solved state of the segment.
+
+    Returns
+    -------
+    float
+        In N/mm.
+    """
     body = pad.model.indentation
     contact_state = body.contact_state(pad.numbering.split(node.unknowns)[0], segment.value(node.s))
     rate = body.force_rate(contact_state, DOWN, pad.numbering.split(node.tangent)[0])

@@ -62,10 +62,29 @@ def end_of_path(
     buckled_at: np.ndarray | None,
     folded_at: Place | None = None,
 ) -> LoadPathEnds:
-    """The end of a path at a ``value``, for a ``reason`` such as "touches the board", at a ``place`` (3,) in mm.
+    """The end of a load path, with its message.
 
-    The place is NaN where there is none; ``buckled_at`` is the load at which the pad buckled before, ``folded_at`` the
-    place of a fold beside an inner edge where no state is found.
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    load : Load
+        Kind of load.
+    value : (c,) ndarray
+        Last value with a state.
+    reason : str
+        Such as "touches the board".
+    place : (3,) ndarray
+        Point of contact, mm; NaN without.
+    buckled_at : (c,) ndarray or None
+        Load at which the pad buckled before.
+    folded_at : Place or None
+        Point of a fold at an inner edge, mm.
+
+    Returns
+    -------
+    LoadPathEnds
+        With the message.
     """
     where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
     touched, what = reason.startswith("touches"), reason.removeprefix("touches ")
@@ -96,7 +115,20 @@ def _listed(numbers: np.ndarray) -> str:
 
 
 def refuse_at_rest(contact: Contact | None, mirrors: Sequence[Mirror] = ()) -> None:
-    """Raise `InputError` if there is a contact of the undeformed pad, where ``mirrors`` took it."""
+    """Refuse an undeformed pad that touches something.
+
+    Parameters
+    ----------
+    contact : Contact or None
+        A contact of the undeformed pad.
+    mirrors : Sequence[Mirror]
+        Mirrors that were applied to the pad.
+
+    Raises
+    ------
+    InputError
+        if there is a contact.
+    """
     if contact:
         point = np.array(contact.place)
         for mirror in reversed(mirrors):
@@ -132,7 +164,20 @@ class Obstacles:
         refuse_at_rest(self._test.find_package(np.zeros_like(mesh.points)), mirrors)
 
     def first(self, segment: LoadSegment, pad: Followed) -> tuple[float, Contact] | None:
-        """Distance along a segment, as far as it is solved, to the first contact, and that contact; else None."""
+        """The first contact along a segment, as far as it is solved.
+
+        Parameters
+        ----------
+        segment : LoadSegment
+            The segment.
+        pad : Followed
+            The pad of the segment.
+
+        Returns
+        -------
+        tuple[float, Contact] or None
+            Distance in N, mm or MPa, and the contact; None without.
+        """
         for index in range(self._clear.get(segment, 1), len(segment.nodes)):
             if segment not in self._first:
                 first_contact = segment.first_contact(pad, index, self._test.find_package)

@@ -190,7 +190,15 @@ class LoadSegment:
                     break
 
     def begin(self, pad: Followed, start: Callable[[], np.ndarray]) -> None:
-        """Solve the first node, unless it is known, whose tangent tells into how small fractions steps may be cut."""
+        """Solve the first node, unless it is known; its tangent determines the smallest fractions of steps.
+
+        Parameters
+        ----------
+        pad : Followed
+            The pad.
+        start : Callable[[], ndarray]
+            Computes the unknowns at the origin.
+        """
         if self.nodes or math.isfinite(self.limit):
             return
         try:  # at rest, or between states of another segment
@@ -302,7 +310,25 @@ class LoadSegment:
         return free, first_contact
 
     def at(self, pad: LoadedPad, s: float) -> Interpolated:
-        """The state at distance ``s``, which the segment must reach; raises Rejected if an element is inverted."""
+        """The interpolated state at a distance, which the segment must reach.
+
+        Parameters
+        ----------
+        pad : LoadedPad
+            The part of the pad that the segment needs.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+
+        Returns
+        -------
+        Interpolated
+            The state, with its figures.
+
+        Raises
+        ------
+        Rejected
+            if an element is inverted.
+        """
         start, end = self.interval(s)
         if end.s == s:
             return Interpolated.of(end, self.seconds_to(s))
@@ -318,7 +344,25 @@ class LoadSegment:
         return sum(node.seconds for node in self.nodes[: self._first_from(s) + 1])
 
     def solved(self, pad: Followed, s: float) -> Node:
-        """The equilibrium at distance ``s``, which the segment must reach; raises Rejected if there is none."""
+        """The equilibrium at a distance, which the segment must reach.
+
+        Parameters
+        ----------
+        pad : Followed
+            The pad.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+
+        Returns
+        -------
+        Node
+            The equilibrium.
+
+        Raises
+        ------
+        Rejected
+            if there is none.
+        """
         start, end = self.interval(s)
         if end.s == s:
             return end
@@ -333,8 +377,25 @@ class LoadSegment:
         return hermite_rate(*self.interval(s), s)
 
     def beyond(self, pad: LoadedPad, s: float) -> Node:
-        """The equilibrium at a distance ``s`` little beyond the last node, which need not be stable; raises Rejected if
-        there is none."""
+        """The equilibrium at a distance slightly beyond the last node.
+
+        Parameters
+        ----------
+        pad : LoadedPad
+            The part of the pad that the segment needs.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+
+        Returns
+        -------
+        Node
+            The equilibrium, which may be unstable.
+
+        Raises
+        ------
+        Rejected
+            if there is none.
+        """
         last = self.nodes[-1]
         return self._node(pad, pad.equilibrium_with_tangent, s, last.unknowns + (s - last.s) * last.tangent)[0]
 

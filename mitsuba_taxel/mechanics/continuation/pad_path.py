@@ -144,14 +144,40 @@ class PadPath(PathStates):
         return self if bears else self._like(self.mesh_size)
 
     def like(self, load: Load | None = None, refinement: Refinement | None = None) -> PadPath:
-        """The path under another load, or with another refinement under the indenter."""
+        """The path under another load, or with another refinement under the indenter.
+
+        Parameters
+        ----------
+        load : Load, optional
+            The other load.
+        refinement : Refinement, optional
+            The other refinement.
+
+        Returns
+        -------
+        PadPath
+            The shared path.
+        """
         judged_on = None if self.judge is None else self.judge.mesh_size
         judged, settings = self.judged or self.judge is not None, (self.bodies, self.step_tolerance)
         which, where = load or self.load, refinement or self._refinement
         return pad_path(self.pad, self.material, which, self.mesh_size, judged, judged_on, *settings, where)
 
     def on_elements(self, mesh_size: float, judged: bool = False) -> PadPath:
-        """The same path on elements of another size, also under an indenter."""
+        """The same path on elements of another size, also under an indenter.
+
+        Parameters
+        ----------
+        mesh_size : float
+            Size of the elements in mm.
+        judged : bool
+            Whether the stability of its states is judged.
+
+        Returns
+        -------
+        PadPath
+            The shared path.
+        """
         if self.load.indenter is None:
             return self._like(mesh_size, judged)
         relative_size = self.refinement.relative_size * mesh_size / self.mesh_size
@@ -171,9 +197,23 @@ class PadPath(PathStates):
     def force(
         self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, fraction: float = 1
     ) -> np.ndarray:
-        """(3,) N, force of a canonical state on the plate or indenter that moves it by ``value``, or on the board.
+        """Force of a canonical state on the plate or indenter that moves it, or on the board.
 
-        ``fraction`` is that of a :class:`SelfTouchingPad`.
+        Parameters
+        ----------
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+        displacement : (N, 3) ndarray
+            Of the nodes, mm.
+        pressure : (corners,) ndarray
+            In MPa, positive in tension.
+        fraction : float
+            As of a :class:`SelfTouchingPad`.
+
+        Returns
+        -------
+        (3,) ndarray
+            In N.
         """
         if not self.load.self_contact:
             return glued_force(self.mesh, self.material, displacement, pressure)

@@ -54,7 +54,22 @@ class Interpolated:
 
 
 def hermite(start: Node, end: Node, s: float) -> np.ndarray:
-    """Cubic with the values and tangents of two nodes; exactly the node's values at a node."""
+    """Cubic interpolation with the values and tangents of two nodes.
+
+    Parameters
+    ----------
+    start : Node
+        At the start of the interval.
+    end : Node
+        At its end.
+    s : float
+        Distance along the segment, in N, mm or MPa.
+
+    Returns
+    -------
+    (unknowns,) ndarray
+        Exactly those of a node at the node.
+    """
     if s == end.s:
         return end.unknowns
     length = end.s - start.s
@@ -68,7 +83,22 @@ def hermite(start: Node, end: Node, s: float) -> np.ndarray:
 
 
 def hermite_rate(start: Node, end: Node, s: float) -> np.ndarray:
-    """Derivative of :func:`hermite` by s; exactly the node's tangent at a node."""
+    """Derivative of :func:`hermite` by the distance.
+
+    Parameters
+    ----------
+    start : Node
+        At the start of the interval.
+    end : Node
+        At its end.
+    s : float
+        Distance along the segment, in N, mm or MPa.
+
+    Returns
+    -------
+    (unknowns,) ndarray
+        Exactly the tangent of a node at the node.
+    """
     if s == end.s:
         return end.tangent
     length = end.s - start.s

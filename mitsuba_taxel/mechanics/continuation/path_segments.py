@@ -51,7 +51,20 @@ class PathSegments:
         return segments
 
     def towards(self, origin: np.ndarray, direction: np.ndarray) -> LoadSegment:
-        """The segment from one load in the direction of another."""
+        """The segment from a load in a direction.
+
+        Parameters
+        ----------
+        origin : (c,) ndarray
+            Value of the load at its start.
+        direction : (c,) ndarray
+            Of the change of the load's value.
+
+        Returns
+        -------
+        LoadSegment
+            From memory, from disk, or new.
+        """
         index = (*origin, *direction)
         if index not in self.known:
             step = self._path.step
@@ -63,7 +76,20 @@ class PathSegments:
         return self.known[index]
 
     def pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
-        """The part of the pad that a segment needs: that between the mirrors which leave its loads as they are."""
+        """The part of the pad that a segment needs.
+
+        Parameters
+        ----------
+        origin : (c,) ndarray
+            Value of the load at its start.
+        direction : (c,) ndarray
+            Of the change of the load's value.
+
+        Returns
+        -------
+        LoadedPad
+            Between the mirrors that leave the loads of the segment unchanged.
+        """
         path, kept = np.stack([origin, direction]), self.mirrors_at(origin + direction)
         mirrors = tuple(m for m in kept if path.shape[1] == 1 or np.array_equal(m.image(path), path))
         segment, rest = self.known.get((*origin, *direction)), np.zeros_like(origin)
@@ -76,9 +102,22 @@ class PathSegments:
         return loaded_pad(self._path.mesh, self._path.material, self._path.load, mirrors, self._path.bodies, ticks)
 
     def extend(self, segment: LoadSegment, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:
-        """Solve a segment as far as ``s``, or the pad touches something, unless another process has meanwhile.
+        """Solve a segment as far as a distance, or until the pad touches something.
 
-        ``start`` is the state at its origin.
+        States that another process has solved meanwhile are read from disk.
+
+        Parameters
+        ----------
+        segment : LoadSegment
+            The segment.
+        pad : LoadedPad
+            The part of the pad that the segment needs.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+        start : Start
+            Computes displacement and pressure at its origin.
+        touch : Touch
+            Finds contacts with obstacles.
         """
         with cache.alone(self.name_of(segment)):
             self._take_stored(segment)
@@ -110,7 +149,22 @@ class PathSegments:
         return cache.key("segment", *self._path.key_parts, numerics, *ends)
 
     def extended_branch(self, segment: LoadSegment, s: float, touch: Touch) -> BuckledBranch:
-        """The branch beyond the end of a segment, as far as it leads to ``s`` or the pad touches something."""
+        """The branch beyond the end of a segment, as far as a distance, or until the pad touches something.
+
+        Parameters
+        ----------
+        segment : LoadSegment
+            The segment.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+        touch : Touch
+            Finds contacts with obstacles.
+
+        Returns
+        -------
+        BuckledBranch
+            The branch.
+        """
         branch, name = self.branch(segment), cache.key("buckled", self.name_of(segment))
         with cache.alone(name):
             arrays = cache.load(name)
@@ -128,8 +182,24 @@ class PathSegments:
         return branch
 
     def part_to(self, segment: LoadSegment, s: float) -> tuple[LoadSegment | BuckledBranch, float, LoadedPad]:
-        """What leads to a distance along a segment that has been followed: it, or what is beyond; how far along that,
-        and its pad."""
+        """The curve that leads to a distance along a segment that has been followed.
+
+        Parameters
+        ----------
+        segment : LoadSegment
+            The segment.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+
+        Returns
+        -------
+        curve : LoadSegment or BuckledBranch
+            The segment, or what continues it.
+        distance : float
+            Along the curve.
+        pad : LoadedPad
+            Its part of the pad.
+        """
         if not segment.mode.size or s <= segment.limit:
             return segment, s, self.pad_for(segment.origin, segment.direction)
         branch = self.branch(segment)
@@ -147,8 +217,20 @@ class PathSegments:
         return self.branches[segment]
 
     def buckled_at(self, value: np.ndarray, mirrors: Sequence[Mirror] = ()) -> np.ndarray | None:
-        """The load at which the pad buckles on the way to a canonical state that ``mirrors`` took there; None if it
-        does not."""
+        """The load at which the pad buckles on the path to a canonical state.
+
+        Parameters
+        ----------
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+        mirrors : Sequence[Mirror]
+            Mirrors that map the load to the canonical one.
+
+        Returns
+        -------
+        (c,) ndarray or None
+            None if the pad does not buckle.
+        """
         if not self.may_buckle:
             return None
         for segment, s in self.to(value):

@@ -63,7 +63,20 @@ class PathStates(PathProblem):
         raise NotImplementedError(f"{self.load} drives no other load")
 
     def driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
-        """(3,) mm, displacement of the body under a force (3,) in N."""
+        """Displacement of an indenter under a force.
+
+        Parameters
+        ----------
+        value : (3,) ndarray
+            Force in N.
+        obstacles : Obstacles or None
+            That the pad must not touch.
+
+        Returns
+        -------
+        (3,) ndarray
+            Displacement of the body, mm.
+        """
         if not value.any():
             return np.zeros(3)
         segments, height = self.driven.segments, float(np.ptp(self.mesh.points[:, 2]))
@@ -98,7 +111,24 @@ class PathStates(PathProblem):
     def mirrored(
         self, displacement: np.ndarray, pressure: np.ndarray, mirrors: Iterable[Mirror]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement (N, 3) and pressure (corners,) after some mirrors of the pad in turn."""
+        """A state after some mirrors of the pad in turn.
+
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            Of the nodes, mm.
+        pressure : (corners,) ndarray
+            In MPa, positive in tension.
+        mirrors : Iterable[Mirror]
+            The mirrors.
+
+        Returns
+        -------
+        displacement : (N, 3) ndarray
+            In mm.
+        pressure : (corners,) ndarray
+            In MPa.
+        """
         for mirror in mirrors:
             image = self.images[mirror]
             displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]

@@ -48,9 +48,23 @@ def _reach(path: PadPath) -> float:
 
 
 def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
-    """The path of an indenter that starts above where a value takes it, and its displacement (3,) from there.
+    """The path of an indenter that starts above the position of a value.
 
-    Both are those given if elements are small enough around where it starts.
+    Path and value do not change if elements are small enough around the start.
+
+    Parameters
+    ----------
+    path : PadPath
+        The path.
+    value : (c,) ndarray
+        Of the load, in N, mm or MPa.
+
+    Returns
+    -------
+    path : PadPath
+        With elements that are small enough around its start.
+    moved : (3,) ndarray
+        Displacement of the indenter from there, mm.
     """
     load: Any = path.load
     if load.moved_indenter is None or math.hypot(*value[:2]) <= CLOSE * _reach(path):

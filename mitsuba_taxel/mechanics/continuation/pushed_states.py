@@ -74,7 +74,29 @@ class PushedStates:
         return Interpolated.of(solution, time.perf_counter() - began)
 
     def rate(self, pad: LoadedPad, segment: LoadSegment, s: float, unknowns: np.ndarray) -> np.ndarray:
-        """Derivative of the ``unknowns`` of such a state by the distance; raises Rejected as :meth:`state` does."""
+        """Derivative of the unknowns of such a state by the distance along its segment.
+
+        Parameters
+        ----------
+        pad : LoadedPad
+            The part of the pad that the segment needs.
+        segment : LoadSegment
+            The segment.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+        unknowns : (unknowns,) ndarray
+            Of the pad.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            Per N.
+
+        Raises
+        ------
+        Rejected
+            as :meth:`state` does.
+        """
         tangent, little = self._tangent(pad), SMALL * segment.step
 
         def correction(rate: np.ndarray) -> np.ndarray | None:

@@ -45,7 +45,22 @@ class SolvedStates:
         self._rates_beside: dict[LoadSegment, dict[float, np.ndarray]] = {}
 
     def at(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
-        """The state in balance at a distance ``s`` that a segment reaches: in contact, cubics are far off."""
+        """The equilibrium at a distance that a segment reaches: in contact, cubics are inaccurate.
+
+        Parameters
+        ----------
+        segment : LoadSegment
+            The segment.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+        pad : LoadedPad
+            The part of the pad that the segment needs.
+
+        Returns
+        -------
+        Node
+            The equilibrium.
+        """
         solved = self._at.setdefault(segment, {})
         if s not in solved:
             name = cache.key("state", self._segments.name_of(segment), s)
@@ -57,17 +72,49 @@ class SolvedStates:
         return solved[s]
 
     def state(self, part: LoadSegment | BuckledBranch, s: float, pad: LoadedPad) -> Interpolated:
-        """The state at a distance ``s`` that a part of the path reaches: in balance, or interpolated within its
-        tolerance; raises Rejected if there is none."""
+        """The state at a distance that a curve of the path reaches: solved, or interpolated within the tolerance.
+
+        Parameters
+        ----------
+        part : LoadSegment or BuckledBranch
+            The curve.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+        pad : LoadedPad
+            The part of the pad that the segment needs.
+
+        Returns
+        -------
+        Interpolated
+            The state, with its figures.
+
+        Raises
+        ------
+        Rejected
+            if there is none.
+        """
         if pad.solves_between and isinstance(part, LoadSegment):
             return Interpolated.of(self.at(part, s, pad), part.seconds_to(s))
         return part.at(pad, s)
 
     def beside(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
-        """The state at a distance ``s`` along a tangential segment, by the tangent of its normal force alone.
+        """The state at a distance along a tangential segment, by the tangent of the normal force alone.
 
-        The way there is that of the judge of the path. None if that tangent does not lead there, or leads to where the
-        pad touches itself or the board: then the segment must be followed.
+        None if that tangent does not lead there, or if the pad then touches itself or the board.
+
+        Parameters
+        ----------
+        segment : LoadSegment
+            The segment.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+        pad : LoadedPad
+            The part of the pad that the segment needs.
+
+        Returns
+        -------
+        Interpolated or None
+            None if the segment must be followed.
         """
         small = segment.direction[:-1].any() and s <= FURTHEST_BESIDE * segment.step
         if self._state_under is None or not small or self._path.load.self_contact or self._path.load.gives_displacement:
@@ -92,7 +139,24 @@ class SolvedStates:
         return None if self._path.contact.find(pad.split(state.unknowns)[0]) else state
 
     def rate_beside(self, segment: LoadSegment, s: float, pad: LoadedPad, unknowns: np.ndarray) -> np.ndarray:
-        """How the ``unknowns`` of a state beside that under a normal force change with ``s``."""
+        """Derivative by the distance of the unknowns of a state beside that under a normal force.
+
+        Parameters
+        ----------
+        segment : LoadSegment
+            The segment.
+        s : float
+            Distance along the segment, in N, mm or MPa.
+        pad : LoadedPad
+            The part of the pad that the segment needs.
+        unknowns : (unknowns,) ndarray
+            Of the pad.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            Per N.
+        """
         rates = self._rates_beside.setdefault(segment, {})
         if s not in rates:
             name = cache.key("pushed rate", self._segments.name_of(segment), s)

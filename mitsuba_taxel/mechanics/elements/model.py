@@ -146,8 +146,20 @@ class Model:
         return Configuration(internal.residual - load, load, entries, internal.min_jacobian, contact_state)
 
     def constraints(self, displacement: np.ndarray, value: np.ndarray) -> LoadConstraints:
-        """Constraints of the load at a displacement (n, 3): that of the plate, or the gaps of contact with an
-        indenter."""
+        """Constraints of the load at a state.
+
+        Parameters
+        ----------
+        displacement : (n, 3) ndarray
+            Of the part, mm.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+
+        Returns
+        -------
+        LoadConstraints
+            Of the displacement of the plate, or of the gaps of contact with an indenter.
+        """
         if self.load.moved_indenter is not None:
             contact_state = self.indentation.contact_state(displacement, value)
             pressed = self.pressed(contact_state)
@@ -182,13 +194,38 @@ class Model:
         return sparse.csr_array(entries, shape=(degrees, self.assembly.unknowns))
 
     def least_nodal_jacobian(self, displacement: np.ndarray, nodes: np.ndarray) -> float:
-        """Smallest volume ratio J of elements at selected nodes (n,), which may be far below that at quadrature points;
-        1 if none is selected."""
+        """Smallest volume ratio J of elements at selected nodes, which may be far below that at quadrature points.
+
+        Parameters
+        ----------
+        displacement : (n, 3) ndarray
+            Of the part, mm.
+        nodes : (n,) ndarray of bool
+            Selected nodes.
+
+        Returns
+        -------
+        float
+            1 if no node is selected.
+        """
         deformed = map_determinants(self.mesh.points + displacement, self.mesh.tets)
         return float((deformed / self._determinants)[nodes[self.mesh.tets]].min(initial=1.0))
 
     def load_vector(self, displacement: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """(unknowns,) forces of the load, linear in its ``value``; zero for a prescribed displacement."""
+        """Forces of the load over the unknowns.
+
+        Parameters
+        ----------
+        displacement : (n, 3) ndarray
+            Of the part, mm.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            Linear in the value; zero for a prescribed displacement.
+        """
         if self.load.follows_surface:
             nodal = np.zeros_like(displacement)
             np.add.at(nodal, self._wet_faces, pressure_forces((self.mesh.points + displacement)[self._wet_faces]))
@@ -200,7 +237,22 @@ class Model:
         return self.numbering.summed(self._nodal_fractions[:, None] * value)
 
     def load_rate(self, displacement: np.ndarray, direction: np.ndarray, value: np.ndarray | None) -> np.ndarray:
-        """(unknowns,) derivative of the forces of the load by its value along ``direction``."""
+        """Derivative of the forces of the load by its value along a direction.
+
+        Parameters
+        ----------
+        displacement : (n, 3) ndarray
+            Of the part, mm.
+        direction : (c,) ndarray
+            Of the change of the load's value.
+        value : (3,) ndarray or None
+            Of the load; needed for an indenter.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            Per N, mm or MPa.
+        """
         if self.load.moved_indenter is not None:
             assert value is not None
             contact_state = self.indentation.contact_state(displacement, value)
@@ -208,7 +260,22 @@ class Model:
         return self.load_vector(displacement, direction)
 
     def penalty_forces(self, material: Material, displacement: np.ndarray, value: np.ndarray) -> np.ndarray | float:
-        """(unknowns,) penalty forces of an indenter, with the contact stiffness of another material; 0 without one."""
+        """Penalty forces of an indenter over the unknowns, with the contact stiffness of another material.
+
+        Parameters
+        ----------
+        material : Material
+            Elastic law of the silicone.
+        displacement : (n, 3) ndarray
+            Of the part, mm.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+
+        Returns
+        -------
+        (unknowns,) ndarray or float
+            0 without an indenter.
+        """
         if self.load.moved_indenter is None:
             return 0.0
         own_material = self.assembly.elements.material

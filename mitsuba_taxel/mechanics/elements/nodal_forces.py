@@ -52,7 +52,20 @@ def internal_forces(
 
 
 def nodes_of(mesh: VolumeMesh, region: str) -> np.ndarray:
-    """Numbers of the nodes on a region of the surface."""
+    """Numbers of the nodes on a region of the surface.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    region : str
+        Name of a region of the surface.
+
+    Returns
+    -------
+    (k,) ndarray of int
+        Ascending.
+    """
     return np.unique(mesh.faces[mesh.face_region == REGIONS[region]])
 
 

@@ -128,12 +128,38 @@ def _rounding(factor: Factorisation, lower: sparse.csc_matrix) -> float:
 
 
 def symmetric_product(lower: sparse.csc_matrix, vector: np.ndarray) -> np.ndarray:
-    """A x for a symmetric A given by its lower triangle."""
+    """The product A x of a symmetric matrix and a vector.
+
+    Parameters
+    ----------
+    lower : (n, n) csc_matrix
+        Lower triangle of A.
+    vector : (n,) ndarray
+        x.
+
+    Returns
+    -------
+    (n,) ndarray
+        A x.
+    """
     return lower @ vector + lower.T @ vector - lower.diagonal() * vector
 
 
 def sum_of_triangles(lower: sparse.csc_matrix, other: sparse.csr_array) -> sparse.csc_matrix:
-    """The sum of two lower triangles, which keeps stored zeros: incompressible solids have zeros on the diagonal."""
+    """The sum of two lower triangles, which keeps stored zeros: incompressible solids have zeros on the diagonal.
+
+    Parameters
+    ----------
+    lower : (n, n) csc_matrix
+        The first.
+    other : (n, n) csr_array
+        The second.
+
+    Returns
+    -------
+    (n, n) csc_matrix
+        With sorted indices.
+    """
     triangles = lower.tocoo(), other.tocoo()
     values, rows, columns = (
         np.concatenate([getattr(triangle, name) for triangle in triangles]) for name in ("data", "row", "col")

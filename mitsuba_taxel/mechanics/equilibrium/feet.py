@@ -54,7 +54,22 @@ def near_feet(mesh: VolumeMesh, fraction: float = 1.0) -> np.ndarray:
 
 
 def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
-    """A sentence for messages if the pad touches the board below a foot, at a place (3,) in mm; else empty."""
+    """A sentence for messages if the pad touches the board below a foot.
+
+    Parameters
+    ----------
+    touched : str
+        What the pad touches.
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    place : (3,) ndarray
+        Point of contact, mm.
+
+    Returns
+    -------
+    str
+        Empty unless the pad touches the board below a foot.
+    """
     if touched != "the board" or not are_at_feet(mesh, place):
         return ""
     return " That is the foot of an upright edge, which rolls over earlier on smaller elements."
@@ -68,10 +83,31 @@ def couple_held(
     pressure: np.ndarray,
     overstress: np.ndarray | None = None,
 ) -> np.ndarray:
-    """(3,) N mm, moment about the origin of the nodal forces of the linear law, at quadrature points (m, q).
+    """Moment of the nodal forces of the linear law at the feet.
 
-    That of other laws is zero. This one knows small rotations alone, and resists others as the board does to which the
-    feet are glued. ``overstress`` (m, q, 6) in MPa is the viscoelastic stress in addition to that of the law.
+    That of other laws is zero. The linear law knows small rotations only, and resists larger ones like the board to
+    which
+    the feet are glued.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    material : Material
+        Elastic law of the silicone.
+    linear : (m, q) ndarray of bool
+        Quadrature points where the law is linear.
+    displacement : (N, 3) ndarray
+        Of the nodes, mm.
+    pressure : (corners,) ndarray
+        In MPa, positive in tension.
+    overstress : (m, q, 6) ndarray, optional
+        MPa, viscoelastic stress in addition to that of the law.
+
+    Returns
+    -------
+    (3,) ndarray
+        N mm, about the origin.
     """
     at = np.flatnonzero(linear.any(axis=1))
     elements, every = Elements(replace(mesh, tets=mesh.tets[at]), material), slice(None)

@@ -49,7 +49,22 @@ class IndentedPad(LoadedPad):
     def friction_state_at(
         self, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> FrictionState | None:
-        """State of friction at an equilibrium after a ``history``; None without friction."""
+        """State of friction at an equilibrium.
+
+        Parameters
+        ----------
+        unknowns : (unknowns,) ndarray
+            Of the pad.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+        history : History
+            Earlier states that the equilibrium depends on.
+
+        Returns
+        -------
+        FrictionState or None
+            None without friction.
+        """
         if self.friction is None:
             return None
         displacement = self.numbering.split(unknowns)[0]

@@ -24,7 +24,20 @@ class Steps(Protocol):
     """A tangent that is factored, or approximated by the factors of another state."""
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """The change of the unknowns for a ``residual``, to the accuracy of the factors, for use in an iteration."""
+        """The change of the unknowns for a residual, to the accuracy of the factors, for use in an iteration.
+
+        Parameters
+        ----------
+        residual : (unknowns,) ndarray
+            Out-of-balance forces and volumes.
+        gap : (k,) ndarray, optional
+            Change of the constrained combinations; 0 by default.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            Change of the unknowns.
+        """
 
 
 class Linearised:
@@ -61,7 +74,20 @@ class Linearised:
         return self.constraints.flexibility(self.factor)
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """As :meth:`correction`, to the accuracy of the factor, for use in an iteration."""
+        """As :meth:`correction`, to the accuracy of the factor, for use in an iteration.
+
+        Parameters
+        ----------
+        residual : (unknowns,) ndarray
+            Out-of-balance forces and volumes.
+        gap : (k,) ndarray, optional
+            Change of the constrained combinations; 0 by default.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            Change of the unknowns.
+        """
         return self._answer(residual, gap)[0]
 
     def _answer(self, residual: np.ndarray, gap: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

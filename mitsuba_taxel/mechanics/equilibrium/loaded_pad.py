@@ -96,6 +96,25 @@ class LoadedPad(MeshedPad):
         """As :meth:`solve`, but without the check of :meth:`refuse_unstable`.
 
         Only one factored matrix is then in memory at a time: that of a nearby state, if it suffices.
+
+        Parameters
+        ----------
+        start : (unknowns,) ndarray
+            Where the iteration starts.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+
+        Returns
+        -------
+        solution : Solution
+            The equilibrium.
+        linearised : Linearised
+            The pad linearised at it.
+
+        Raises
+        ------
+        Rejected
+            if there is no acceptable state.
         """
         balanced = self._balanced(start, value)
         entries = self._entries(balanced, value)
@@ -132,6 +151,25 @@ class LoadedPad(MeshedPad):
 
         Displacements without the symmetry of the load are not checked again, and the linearised pad is that of a state
         within `NEAR`.
+
+        Parameters
+        ----------
+        start : (unknowns,) ndarray
+            Where the iteration starts.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+
+        Returns
+        -------
+        solution : Solution
+            The equilibrium.
+        linearised : Linearised
+            The pad linearised at it.
+
+        Raises
+        ------
+        Rejected
+            if there is no acceptable state.
         """
         balanced = self._balanced(start, value)
         linearised = balanced.linearised
@@ -141,7 +179,27 @@ class LoadedPad(MeshedPad):
         return self._accepted(balanced, self.is_stable(linearised, balanced.unknowns, value)), linearised
 
     def solve_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve_linearised`, with the tangent of the state itself; its factor may be that of a nearby one."""
+        """As :meth:`solve_linearised`, with the tangent of the state itself; its factor may be that of a nearby one.
+
+        Parameters
+        ----------
+        start : (unknowns,) ndarray
+            Where the iteration starts.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+
+        Returns
+        -------
+        solution : Solution
+            The equilibrium.
+        linearised : Linearised
+            The pad linearised at it.
+
+        Raises
+        ------
+        Rejected
+            if there is no acceptable state.
+        """
         solution, nearby = self.solve_linearised(start, value)
         state = self._evaluate(solution.unknowns, value)
         assert state.entries is not None  # no element is inverted
@@ -150,7 +208,27 @@ class LoadedPad(MeshedPad):
         return replace(solution, unknowns=unknowns), linearised
 
     def equilibrium_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve_with_tangent`, but the equilibrium may be unstable."""
+        """As :meth:`solve_with_tangent`, but the equilibrium may be unstable.
+
+        Parameters
+        ----------
+        start : (unknowns,) ndarray
+            Where the iteration starts.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+
+        Returns
+        -------
+        solution : Solution
+            The equilibrium.
+        linearised : Linearised
+            The pad linearised at it.
+
+        Raises
+        ------
+        Rejected
+            if there is no acceptable state.
+        """
         balanced = self._balanced(start, value)
         linearised = self.tangent_at(balanced.unknowns, value, None)
         unknowns = self._further_step(linearised, balanced.state, balanced.unknowns, value)
@@ -169,6 +247,29 @@ class LoadedPad(MeshedPad):
         """As :meth:`solve` after a ``history``, with the factor of a state ``near`` by while that suffices.
 
         Displacements without the symmetry of the load are not checked.
+
+        Parameters
+        ----------
+        start : (unknowns,) ndarray
+            Where the iteration starts.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+        near : Linearised or None
+            The pad linearised at a nearby state, whose factor is used.
+        history : History
+            Earlier states that the equilibrium depends on.
+
+        Returns
+        -------
+        solution : Solution
+            The equilibrium.
+        linearised : Linearised
+            The pad linearised at it.
+
+        Raises
+        ------
+        Rejected
+            if there is no acceptable state.
         """
         balanced = self._balanced(start, value, near, history)
         linearised = balanced.linearised
@@ -185,6 +286,27 @@ class LoadedPad(MeshedPad):
 
         The factor is that of a state ``near`` by if :class:`Stability` checks displacements with the symmetry of the
         load too.
+
+        Parameters
+        ----------
+        unknowns : (unknowns,) ndarray
+            Of the pad.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+        near : Linearised or None
+            The pad linearised at a nearby state, whose factor is used.
+        history : History
+            Earlier states that the equilibrium depends on.
+
+        Returns
+        -------
+        Linearised
+            The pad linearised at the equilibrium.
+
+        Raises
+        ------
+        Rejected
+            if there is no acceptable state.
         """
         of_all = self._stability.of_all
         linearised = self.tangent_at(unknowns, value, near if of_all else None, history)
@@ -194,15 +316,54 @@ class LoadedPad(MeshedPad):
         return linearised
 
     def equilibrium(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """The unknowns of :meth:`solve`, without a check of stability."""
+        """The unknowns of :meth:`solve`, without a check of stability.
+
+        Parameters
+        ----------
+        start : (unknowns,) ndarray
+            Where the iteration starts.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            In equilibrium.
+
+        Raises
+        ------
+        Rejected
+            if there is no acceptable state.
+        """
         return self._balanced(start, value).unknowns
 
     def figures_at(
         self, unknowns: np.ndarray, value: np.ndarray, iterations: int, checked: bool, history: History = NO_HISTORY
     ) -> Solution:
-        """The solution of interpolated unknowns, with its residual; raises Rejected if elements are inverted.
+        """The solution of interpolated unknowns, with its residual.
 
-        ``checked`` is whether their stability is known.
+        Parameters
+        ----------
+        unknowns : (unknowns,) ndarray
+            Of the pad.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+        iterations : int
+            Number of iterations of their solve.
+        checked : bool
+            Whether their stability is known.
+        history : History
+            Earlier states that the equilibrium depends on.
+
+        Returns
+        -------
+        Solution
+            With residual and least volume ratio.
+
+        Raises
+        ------
+        Rejected
+            if an element is inverted.
         """
         state = self._evaluate(unknowns, value, with_tangent=False, history=history)
         error = self._checked_error(state, unknowns, value, 0.0, history)
@@ -309,7 +470,29 @@ class LoadedPad(MeshedPad):
     def is_stable(
         self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> bool:
-        """Whether stability was checked for displacements of the part; raises Rejected if it is unstable."""
+        """Check the stability of an equilibrium.
+
+        Parameters
+        ----------
+        linearised : Linearised
+            The pad linearised at the state, or at a nearby one.
+        unknowns : (unknowns,) ndarray
+            Of the pad.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+        history : History
+            Earlier states that the equilibrium depends on.
+
+        Returns
+        -------
+        bool
+            Whether stability was checked for displacements of the part.
+
+        Raises
+        ------
+        Rejected
+            if it is unstable.
+        """
         refuse_surplus(linearised.negative - self.numbering.pressures)
         return True
 

@@ -95,7 +95,20 @@ class MeshedPad:
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """The guess, or a point on the line from the unknowns of a state to it, from which a solve may start."""
+        """The guess, or a point on the line from the unknowns of a state to it, from which a solve may start.
+
+        Parameters
+        ----------
+        known : (unknowns,) ndarray
+            Of a solved state.
+        guess : (unknowns,) ndarray
+            Where a solve is to start.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            The guess, or a point on the line to it.
+        """
         return guess
 
     def ticks(self, response: np.ndarray) -> int:
@@ -107,7 +120,20 @@ class MeshedPad:
         return self.model.assembly.elements.isochoric_stress(displacement[self.part.nodes])
 
     def isochoric_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """(m, q, 6) MPa/s, its rate with a velocity of the whole pad."""
+        """Rate of the second Piola-Kirchhoff stress of the law in the part.
+
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            Of the nodes, mm.
+        velocity : (N, 3) ndarray
+            Of the nodes of the whole pad, mm/s.
+
+        Returns
+        -------
+        (m, q, 6) ndarray
+            MPa/s.
+        """
         return self.model.assembly.elements.isochoric_rate(displacement[self.part.nodes], velocity[self.part.nodes])
 
     def size_of(self, stress: np.ndarray) -> float:
@@ -119,7 +145,24 @@ class MeshedPad:
     def tangent_at(
         self, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
     ) -> Linearised:
-        """The linearised pad at an equilibrium, with the factor of a state ``near`` by if given."""
+        """The pad linearised at an equilibrium.
+
+        Parameters
+        ----------
+        unknowns : (unknowns,) ndarray
+            Of the pad.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+        near : Linearised or None
+            The pad linearised at a nearby state, whose factor is used.
+        history : History
+            Earlier states that the equilibrium depends on.
+
+        Returns
+        -------
+        Linearised
+            At the equilibrium.
+        """
         entries = self._evaluate(unknowns, value, history=history).entries
         assert entries is not None  # no element is inverted
         return self._linearised(entries, unknowns, value, near)
@@ -127,8 +170,26 @@ class MeshedPad:
     def rate_in_time(
         self, linearised: Linearised, unknowns: np.ndarray, rate: np.ndarray, value: np.ndarray, stress: np.ndarray
     ) -> np.ndarray:
-        """Rate of the unknowns in equilibrium, per s, with those of the load's value and of an additional second
-        Piola-Kirchhoff stress (m, q, 6)."""
+        """Rate of the unknowns in equilibrium, with the rates of the load and of an additional stress.
+
+        Parameters
+        ----------
+        linearised : Linearised
+            The pad linearised at the state, or at a nearby one.
+        unknowns : (unknowns,) ndarray
+            Of the pad.
+        rate : (c,) ndarray
+            Of the load's value, per s.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+        stress : (m, q, 6) ndarray
+            MPa/s, rate of an additional second Piola-Kirchhoff stress.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            Per s.
+        """
         load_force = self.model.load_rate(self.numbering.split(unknowns)[0], rate, value)
         force = load_force - self._stress_forces(unknowns, stress)
         return linearised.correction(force, self.numbering.plate_values(rate) if self._driven else None)
@@ -141,14 +202,46 @@ class MeshedPad:
     def correction(
         self, linearised: Steps, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> np.ndarray | None:
-        """Correction that a Newton step with a known tangent subtracts from ``unknowns``; None if it fails."""
+        """Correction that a Newton step with a known tangent subtracts from the unknowns.
+
+        Parameters
+        ----------
+        linearised : Steps
+            The factored tangent, or an approximation.
+        unknowns : (unknowns,) ndarray
+            Of the pad.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+        history : History
+            Earlier states that the equilibrium depends on.
+
+        Returns
+        -------
+        (unknowns,) ndarray or None
+            None if an element is inverted.
+        """
         residual = self._free_residual(self._evaluate(unknowns, value, with_tangent=False, history=history))
         if not np.all(np.isfinite(residual)):
             return None
         return linearised.step(residual, self._plate_gap(unknowns, value))
 
     def response(self, linearised: Linearised, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """Change of the unknowns for an additional second Piola-Kirchhoff stress (m, q, 6), by a nearby factor."""
+        """Response to an additional second Piola-Kirchhoff stress, by a nearby factor.
+
+        Parameters
+        ----------
+        linearised : Linearised
+            The pad linearised at the state, or at a nearby one.
+        unknowns : (unknowns,) ndarray
+            Of the pad.
+        stress : (m, q, 6) ndarray
+            MPa, second Piola-Kirchhoff stress at the quadrature points.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            Change of the unknowns.
+        """
         return -linearised.step(self._stress_forces(unknowns, stress))
 
     def _stress_forces(self, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
@@ -226,9 +319,23 @@ class MeshedPad:
     def rate(
         self, linearised: Linearised, unknowns: np.ndarray, direction: np.ndarray, value: np.ndarray | None = None
     ) -> np.ndarray:
-        """Derivative of the unknowns in equilibrium by the load's value along ``direction``.
+        """Derivative of the unknowns in equilibrium by the load's value along a direction.
 
-        If the load is not linear in its ``value``, that is required.
+        Parameters
+        ----------
+        linearised : Linearised
+            The pad linearised at the state, or at a nearby one.
+        unknowns : (unknowns,) ndarray
+            Of the pad.
+        direction : (c,) ndarray
+            Of the change of the load's value.
+        value : (c,) ndarray, optional
+            Of the load; needed if the load is not linear in it.
+
+        Returns
+        -------
+        (unknowns,) ndarray
+            Per N, mm or MPa.
         """
         force = self.model.load_rate(self.numbering.split(unknowns)[0], direction, value)
         return linearised.correction(force, self.numbering.plate_values(direction) if self._driven else None)

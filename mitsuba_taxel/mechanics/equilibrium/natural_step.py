@@ -22,7 +22,22 @@ MOST_TURNED = 0.05
 
 
 def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
-    """Step of a load path: change of a load's value (N, mm or MPa) that strains the pad by about `NATURAL_STRAIN`."""
+    """Step of a load path: the change of the load's value that strains the pad by about `NATURAL_STRAIN`.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    material : Material
+        Elastic law of the silicone.
+    load : Load
+        Kind of load.
+
+    Returns
+    -------
+    float
+        In N, mm or MPa.
+    """
     strained = NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
     if load.moves_plate:
         return strained

@@ -82,7 +82,32 @@ def new_pad(
     fraction: float = 1.0,
     ticks: int = TICKS,
 ) -> LoadedPad:
-    """As :func:`loaded_pad`, but not shared with other callers; ``fraction`` is that of a :class:`SelfTouchingPad`."""
+    """As :func:`loaded_pad`, but not shared with other callers; ``fraction`` is that of a :class:`SelfTouchingPad`.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    material : Material
+        Elastic law of the silicone.
+    load : Load
+        Kind of load.
+    mirrors : Sequence[Mirror]
+        Between which the part lies.
+    images : Mapping[Mirror, ndarray]
+        Of the nodes.
+    bodies : RigidBodies, optional
+        Bodies that the pad may touch.
+    fraction : float
+        Of the usual size.
+    ticks : int
+        Number of smallest fractions of a step; see :func:`ticks_of`.
+
+    Returns
+    -------
+    LoadedPad
+        Of which equilibria are solved.
+    """
     indented, arguments = load.moved_indenter is not None, (mesh, material, load, mirrors, images)
     if load.self_contact:
         return (IndentedTouchingPad if indented else SelfTouchingPad)(

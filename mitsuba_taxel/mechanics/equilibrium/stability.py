@@ -141,7 +141,22 @@ class _Pieces:
         self._cuts = np.concatenate([_faces_on(model.mesh, wall) for wall in model.part.walls if signs[0][wall] == CUT])
 
     def are_stable(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> bool:
-        """Whether all pieces are certainly stable; parameters are those of :meth:`Stability.surplus`."""
+        """Whether all pieces are certainly stable.
+
+        Parameters
+        ----------
+        entries : ndarray
+            Of the tangent, in the order of :class:`Sparsity`.
+        displacement : (N, 3) ndarray
+            Of the nodes, mm.
+        pressure : (corners,) ndarray
+            In MPa, positive in tension.
+
+        Returns
+        -------
+        bool
+            False if unknown.
+        """
         entries = self.with_pressure(entries, displacement, pressure)
         try:
             return not any(block.surplus(entries) for block in self.blocks)
@@ -166,8 +181,20 @@ class _Block:
     solver: Solver
 
     def surplus(self, entries: np.ndarray, constraints: LoadConstraints | None = None) -> int:
-        """Number of negative eigenvalues of the tangent beyond those of the pressures, with the constraints
-        ``constraints``."""
+        """Number of negative eigenvalues of the tangent beyond those of the pressures.
+
+        Parameters
+        ----------
+        entries : ndarray
+            Of the tangent, in the order of :class:`Sparsity`.
+        constraints : LoadConstraints, optional
+            Constraints of the load.
+
+        Returns
+        -------
+        int
+            0 for a stable block.
+        """
         factor = self.solver.factor(self.model.assembly.matrix(entries))
         surplus = factor.negative_pivots - self.model.numbering.pressures
         return surplus - constraints.negative(factor) if surplus and constraints else surplus

@@ -135,7 +135,24 @@ class TangentBlock:
     def tangent(
         self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray, contacts: Contacts | None = None
     ) -> Linearised:
-        """As :meth:`factored`, of a state that need not be stable."""
+        """As :meth:`factored`, of a state that need not be stable.
+
+        Parameters
+        ----------
+        entries : ndarray
+            Of the tangent, in the order of :class:`Sparsity`.
+        displacement : (n, 3) ndarray
+            Of the part, mm.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+        contacts : Contacts, optional
+            Barriers of the whole pad.
+
+        Returns
+        -------
+        Linearised
+            The factored tangent.
+        """
         lower = self._lower(entries, displacement, contacts)
         return self._linearised(entries, lower, self.model.constraints(displacement, value))
 
@@ -183,8 +200,22 @@ class TangentBlock:
 
 
 def reflection(mirror: Mirror, image: np.ndarray, corners: int) -> sparse.csr_array:
-    """(3 N + corners, 3 N + corners): displacement and pressure of a mirrored state, with the ``image`` (N,) of each
-    node."""
+    """The matrix that mirrors a state.
+
+    Parameters
+    ----------
+    mirror : Mirror
+        A plane of symmetry.
+    image : (N,) ndarray of int
+        Mirror image of each node.
+    corners : int
+        Number of corners.
+
+    Returns
+    -------
+    (3 N + corners, 3 N + corners) csr_array
+        Displacement and pressure of the mirrored state.
+    """
     turned = mirror.image(np.eye(3))
     columns = np.concatenate(
         [(3 * image[:, None] + np.abs(turned).argmax(axis=1)).ravel(), 3 * len(image) + image[:corners]]
@@ -284,15 +315,28 @@ MOST_ITERATIONS = 200
 
 
 def least_mode(block: TangentBlock, tangent: Linearised, converged: float) -> tuple[float, np.ndarray]:
-    """The eigenvalue of a block's ``tangent`` nearest to 0, and its mode over the unknowns, by inverse iteration.
+    """The eigenvalue of a block's tangent nearest to 0, by inverse iteration.
 
-    In N/mm, for displacements with unit sum of squares. The iteration ends where a step changes these by less than
-    ``converged``.
+    Parameters
+    ----------
+    block : TangentBlock
+        Displacements of one symmetry type.
+    tangent : Linearised
+        Its tangent.
+    converged : float
+        Change of the mode at which the iteration ends.
+
+    Returns
+    -------
+    stiffness : float
+        The eigenvalue in N/mm, for displacements with unit sum of squares.
+    mode : (unknowns,) ndarray
+        Its mode.
 
     Raises
     ------
     ComputationError
-        if modes are too close to be told apart.
+        if modes are too close to be separated.
     """
     model = block.model
     moves = np.arange(model.assembly.unknowns) < model.numbering.displacements

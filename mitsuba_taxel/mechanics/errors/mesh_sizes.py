@@ -79,7 +79,31 @@ def _height(pad: Pad | PadFile) -> float:
 def chosen_size(
     pad: Pad | PadFile, material: Material, load: Load, size: float | None, tolerance: float | None
 ) -> float:
-    """The mesh size in mm, as given, chosen by a tolerance, or the pad's default; raises `InputError`."""
+    """The mesh size: as given, chosen by a tolerance, or the pad's default.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+        The pad.
+    material : Material
+        Elastic law of the silicone.
+    load : Load
+        Kind of load.
+    size : float or None
+        In mm.
+    tolerance : float or None
+        Target for the relative error; see :func:`mesh_size_for`.
+
+    Returns
+    -------
+    float
+        In mm.
+
+    Raises
+    ------
+    InputError
+        if one is not allowed, or both are given.
+    """
     for name, value in (("mesh_size", size), ("mesh_tolerance", tolerance)):
         if not (value is None or is_number(value)):
             raise refusal(name, value, "a finite number is needed")

@@ -47,7 +47,20 @@ def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
 
 
 def top_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
-    """As :func:`size_ratio`, of the elements at the top alone."""
+    """As :func:`size_ratio`, of the elements at the top alone.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of a pad.
+    other : VolumeMesh
+        Of the same pad.
+
+    Returns
+    -------
+    float
+        Above 1 if the other one is coarser.
+    """
     faces = (np.count_nonzero(of_mesh.face_region == REGIONS["top"]) for of_mesh in (mesh, other))
     return math.sqrt(next(faces) / next(faces))
 

@@ -180,7 +180,20 @@ def second_meshes(path: PadPath) -> SecondMeshes:
 
 
 def compared(path: PadPath, state: State) -> State:
-    """A state of a path with its error, for which a second mesh is solved when it is first needed."""
+    """A state of a path with its error, for which a second mesh is solved when it is first needed.
+
+    Parameters
+    ----------
+    path : PadPath
+        The path.
+    state : State
+        Without its error.
+
+    Returns
+    -------
+    State
+        With its error.
+    """
     return replace(state, second_mesh=partial(_comparison, path, state))
 
 
@@ -203,7 +216,20 @@ def _mirrored(path: PadPath, deviate: Callable[[], np.ndarray], mirrors: list[Mi
 
 
 def share_of(error: float, force: np.ndarray) -> float:
-    """Relative error of a force (3,); 1 where the force is 0 and the error is not."""
+    """Relative error of a force.
+
+    Parameters
+    ----------
+    error : float
+        In N.
+    force : (3,) ndarray
+        In N.
+
+    Returns
+    -------
+    float
+        1 where the force is 0 and the error is not.
+    """
     size = float(np.linalg.norm(force))
     return error / size if size else float(error > 0)
 

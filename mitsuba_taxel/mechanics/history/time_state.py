@@ -137,7 +137,20 @@ class TimeState:
     mid_step: MidStep | None = None
 
     def on_its_way(self, time: float, value: np.ndarray) -> bool:
-        """Whether a load whose rate does not change has a ``value`` at another time."""
+        """Whether a load whose rate does not change has a value at another time.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+        value : (c,) ndarray
+            Of the load, in N, mm or MPa.
+
+        Returns
+        -------
+        bool
+            Whether it has, within rounding.
+        """
         if not np.all(np.isfinite(self.load.rate)):
             return False
         then = self.load.value + (time - self.time) * self.load.rate
@@ -161,10 +174,27 @@ class TimeState:
 
 
 def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: float) -> Shape:
-    """The shape at a time within the step from ``start`` to ``end``, beyond whose end no row is.
+    """The shape at a time within a step that leads beyond rows.
 
-    It is that of the cubics between both with, in the middle, the value after one step of Newton's method. What such a
-    step would then add a quarter of the way from an end is stated as its error.
+    It is that of the cubics between both ends with, in the middle, the value after one step of Newton's method. The
+    step
+    that Newton's method would then add a quarter of the way from an end is the error.
+
+    Parameters
+    ----------
+    start : TimeState
+        At the start of the step.
+    end : TimeState
+        At its end.
+    cubics : StepCubics
+        Between both.
+    time : float
+        In s.
+
+    Returns
+    -------
+    Shape
+        With its estimated error.
     """
     assert end.mid_step is not None  # it leads beyond a row
     elapsed = time - start.time

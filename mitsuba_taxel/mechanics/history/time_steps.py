@@ -364,16 +364,57 @@ class RowSteps:
 
 
 def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:
-    """Whether steps may lead beyond rows."""
+    """Whether steps may lead beyond rows.
+
+    Parameters
+    ----------
+    pad : LoadedPad
+        The part of the pad.
+    material : Viscoelastic
+        The silicone.
+
+    Returns
+    -------
+    bool
+        Whether they may.
+    """
     return bool(material.prony) and not pad.solves_between
 
 
 def response(load: Load, material: Viscoelastic) -> CreepResponse:
-    """Of a pad to a kind of load."""
+    """Response of a pad of a material to a kind of load.
+
+    Parameters
+    ----------
+    load : Load
+        Kind of load.
+    material : Viscoelastic
+        The silicone.
+
+    Returns
+    -------
+    CreepResponse
+        Of displacements or pressures.
+    """
     return CreepResponse.of(material.prony, not load.gives_displacement)
 
 
 def furthest(pad: LoadedPad, to_load: CreepResponse, rate: np.ndarray) -> float:
-    """Length in s of the longest step that leads beyond rows, under a load with a ``rate`` per s."""
+    """Length of the longest step that leads beyond rows.
+
+    Parameters
+    ----------
+    pad : LoadedPad
+        The part of the pad.
+    to_load : CreepResponse
+        Response to the load.
+    rate : (c,) ndarray
+        Of the load, per s.
+
+    Returns
+    -------
+    float
+        In s.
+    """
     speed = float(np.linalg.norm(rate))
     return pad.step / speed if speed else HELD / float(to_load.rates.min())

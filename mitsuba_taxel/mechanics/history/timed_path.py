@@ -40,7 +40,20 @@ class TimedPath(TimedStates):
     @classmethod
     @kept(4)
     def of(cls, path: PadPath, material: Viscoelastic) -> TimedPath:
-        """The shared path of a pad and material."""
+        """The shared path of a pad and material.
+
+        Parameters
+        ----------
+        path : PadPath
+            The path.
+        material : Viscoelastic
+            The silicone.
+
+        Returns
+        -------
+        TimedPath
+            The same for the same arguments.
+        """
         return cls(path, material)
 
     def state(self, rows: LoadHistory, obstacles: np.ndarray | None = None) -> State:

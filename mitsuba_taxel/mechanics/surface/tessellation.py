@@ -203,7 +203,27 @@ def contact_pressure_at_vertices(
 
 
 def chosen_cells(mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish | None) -> tuple[int, ...] | None:
-    """Numbers of the cells to be subdivided finely, None for all; raises `InputError` if they are not allowed."""
+    """The numbers of the cells to be subdivided finely.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    cells : Sequence[int] or None
+        As for :func:`tessellate`.
+    finish : Finish or None
+        As for :func:`tessellate`.
+
+    Returns
+    -------
+    tuple[int, ...] or None
+        None for all.
+
+    Raises
+    ------
+    InputError
+        if they are not allowed.
+    """
     if cells is None:
         return None
     if finish is not None:

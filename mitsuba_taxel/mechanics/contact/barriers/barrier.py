@@ -106,6 +106,18 @@ class Barrier:
         """(3 N, 3 N) N/mm, negative derivative of the forces by the displacement.
 
         Forces that turn about a corner have negative eigenvalues; if ``steady``, those of each pair are set to 0.
+
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            Of the nodes, mm.
+        steady : bool
+            Whether negative eigenvalues of each pair are set to 0.
+
+        Returns
+        -------
+        (3 N, 3 N) csr_array
+            In N/mm.
         """
         positions, collisions = self._near(displacement)
         projection = self._ipc.PSDProjectionMethod.CLAMP if steady else self._ipc.PSDProjectionMethod.NONE
@@ -121,8 +133,20 @@ class Barrier:
         return sparse.csr_array((values, (rows, columns)), shape=(displacement.size, displacement.size))
 
     def free_fraction(self, before: np.ndarray, after: np.ndarray) -> float:
-        """Fraction, at most 1, of the step from one displacement (N, 3) to another that is free of collisions, with a
-        margin."""
+        """Fraction of a step that is free of collisions, with a margin.
+
+        Parameters
+        ----------
+        before : (N, 3) ndarray
+            Displacement at the start of the step, mm.
+        after : (N, 3) ndarray
+            Displacement at its end, mm.
+
+        Returns
+        -------
+        float
+            At most 1.
+        """
         start, end = self._places(before), self._places(after)
         fraction = float(self._ipc.compute_collision_free_stepsize(self._mesh, start, end, narrow_phase_ccd=self._ccd))
         height_before, height_after = self._height(before), self._height(after)

@@ -99,7 +99,20 @@ class BodyBarrier:
         return self._interpolation.T @ -gradient[: self._interpolation.shape[0]]
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
-        """(3 N, 3 N) N/mm, negative derivative of the forces by the displacement, as of :class:`Barrier`."""
+        """(3 N, 3 N) N/mm, negative derivative of the forces by the displacement, as of :class:`Barrier`.
+
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            Of the nodes, mm.
+        steady : bool
+            Whether negative eigenvalues of each pair are set to 0.
+
+        Returns
+        -------
+        (3 N, 3 N) csr_array
+            In N/mm.
+        """
         (positions, collisions), count = self._near(displacement), 3 * self._interpolation.shape[0]
         if not len(collisions):
             return sparse.csr_array((displacement.size, displacement.size))
@@ -115,8 +128,20 @@ class BodyBarrier:
         return sparse.csr_array(interpolation.T @ point_stiffness @ interpolation)
 
     def free_fraction(self, before: np.ndarray, after: np.ndarray) -> float:
-        """Fraction, at most 1, of the step from one displacement (N, 3) to another that is free of collisions, with a
-        margin."""
+        """Fraction of a step that is free of collisions, with a margin.
+
+        Parameters
+        ----------
+        before : (N, 3) ndarray
+            Displacement at the start of the step, mm.
+        after : (N, 3) ndarray
+            Displacement at its end, mm.
+
+        Returns
+        -------
+        float
+            At most 1.
+        """
         start, end = self._places(before), self._places(after)
         pairs = self._pairs(np.minimum(start, end), np.maximum(start, end), 0.0)
         if not len(pairs):

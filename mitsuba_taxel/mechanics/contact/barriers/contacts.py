@@ -48,14 +48,39 @@ class Contacts:
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
         """(3 N, 3 N) N/mm, negative derivative of the forces by the displacement; without negative eigenvalues of any
-        pair if ``steady``."""
+        pair if ``steady``.
+
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            Of the nodes, mm.
+        steady : bool
+            Whether negative eigenvalues of each pair are set to 0.
+
+        Returns
+        -------
+        (3 N, 3 N) csr_array
+            In N/mm.
+        """
         own = self._own.stiffness(displacement, steady)
         return own if self._bodies is None else own + self._bodies.stiffness(displacement, steady)
 
     def shape_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """(N, 3) rate of all forces while the undeformed nodes move with a velocity (N, 3), at constant displacements.
+        """Rate of all forces at constant displacements while the undeformed nodes move.
 
         By a central difference, because areas and the reach change too.
+
+        Parameters
+        ----------
+        displacement : (N, 3) ndarray
+            Of the nodes, mm.
+        velocity : (N, 3) ndarray
+            Of the nodes.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            In N per unit of the changed parameter.
         """
         fastest = float(np.abs(velocity).max(initial=0.0))
         if fastest == 0:
@@ -66,7 +91,19 @@ class Contacts:
         return (ahead - behind) / (2 * step)
 
     def free_fraction(self, before: np.ndarray, after: np.ndarray) -> float:
-        """Fraction, at most 1, of the step from one displacement (N, 3) to another that is free of collisions, with a
-        margin."""
+        """Fraction of a step that is free of collisions, with a margin.
+
+        Parameters
+        ----------
+        before : (N, 3) ndarray
+            Displacement at the start of the step, mm.
+        after : (N, 3) ndarray
+            Displacement at its end, mm.
+
+        Returns
+        -------
+        float
+            At most 1.
+        """
         own = self._own.free_fraction(before, after)
         return own if self._bodies is None else min(own, self._bodies.free_fraction(before, after))

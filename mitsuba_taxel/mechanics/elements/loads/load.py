@@ -199,6 +199,19 @@ def top_faces(mesh: VolumeMesh) -> np.ndarray:
 
 
 def face_areas(mesh: VolumeMesh, faces: np.ndarray) -> np.ndarray:
-    """(B,) areas in mm² of flat faces (B, 6)."""
+    """Areas of flat faces.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    faces : (B, 6) ndarray of int
+        Their nodes.
+
+    Returns
+    -------
+    (B,) ndarray
+        In mm².
+    """
     a, b, c = (mesh.points[faces[:, k]] for k in range(3))
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
