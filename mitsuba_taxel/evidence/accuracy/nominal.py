@@ -33,7 +33,8 @@ For users who ask how long a study takes and how exact it is.
 Written by `{command}`; do not edit by hand.
 
 Nine taxels of `pad.xml`, for each shape under normal force to -20 N and under tangential force along x at -8 N to
-where the paper's solver ended: readings wanted within {error:g}, slopes within {slope:g} of the steepest one. Each
+where the paper's solver ended. Target errors: readings within {error:g}, slopes within {slope:g} of the steepest one.
+Each
 shape is measured in a process of its own with an empty cache of solutions.
 
 {table}

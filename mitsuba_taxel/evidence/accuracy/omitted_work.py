@@ -262,8 +262,8 @@ For users who ask what makes a scene slow, and for people who change the code.
 Written by `taxel bench omitted-work --markdown docs/omitted_work.md`; do not edit by hand.
 `taxel render SCENE --explain` lists the work omitted for a scene.
 
-Each row is a reading of {points} points in 32 randomisations. The first row of a scene is the unchanged scene; the next
-add one piece of work that the scene does not need; the last adds all of them.
+Each row is a reading of {points} points in 32 randomisations. The first row of a scene is the unchanged scene; each
+following row adds one piece of work that the scene does not need; the last row adds all of them.
 
 {table}
 

@@ -34,23 +34,28 @@ For users of slopes, nonlinearity and hysteresis who ask how well their stated e
 Written by `{command}`; do not edit by hand.
 
 Pads of one or two cells with shapes, dimensions, walls, LED, material and loads drawn at random from the seed {seed}:
-of ten scenes about seven under a normal force, one under a tangential one, one whose roof is a rough mirror and needs
-random paths, and one of viscoelastic silicone, loaded and unloaded. Each is swept over {loads} loads at the default
-settings and to target errors of 0.2 % and 0.1 %. Figures of merit and their stated errors are those of the first taxel,
-as by `taxel characterise`. The ranges of the draw were changed after first results, so that a scene takes a minute
-rather than ten (sides reflect in a fifth of the scenes), and are fixed since: a test compares the names of all scenes.
+of ten scenes, about seven have a normal force, one has a tangential force, one has a rough mirror as roof (which needs
+random paths), and one is of viscoelastic silicone that is loaded and unloaded. Each is
+swept over {loads} loads at the default
+settings and to target errors of 0.2 % and 0.1 %. Figures of merit and their stated errors are those of
+`taxel characterise` for the first taxel. The ranges of the draw were changed once, after first results, so
+that a scene takes a minute rather than ten (sides reflect in a fifth of the
+scenes). They have been fixed since: a test compares the names of all scenes.
 
 The truth is not a sweep to 0.03 %, which would take many minutes each. It is extrapolated, reading by reading, from
 elements of {fine:g} mm or less (1.41 times smaller than those of the sweep to 0.1 %, if these are smaller), and 1.41
 times as large, with an error that falls with the power {order:g} of their size. Its largest and zero slopes are those
 of the polynomial through all its readings where the sweeps have derivatives, and as in the sweeps where they have
-none. Its light is by the same patches as that of the sweeps, or by {points} random paths for each randomisation, of
-another seed: what patches are off by is common to both.
+none. Its light is computed with the same patches as that
+of the sweeps, or by {points} random paths for each randomisation,
+of another seed. So the error of the patches is not part of the comparison.
 
-**The truth has an error**, too: half of what the extrapolation changes in a figure, as the order of convergence may be
-1 or 2; at least 0.2 % of a slope, as two meshes may agree by chance; and the noise of random paths. Deviations below
-are those of the sweep from the truth over both errors together. Where the error of the truth is the larger one, and the
-deviation is within twice both, the figure says little of what is stated: it is **not judged**, and in no other count.
+**The truth has an error** too: half of the change that the extrapolation makes to a figure, as the order of convergence
+may be 1 or 2; at least 0.2 % of a slope, as two meshes may agree by chance; and the noise of random paths.
+Deviations below are those of the sweep from the truth, divided by both errors together. If the error of the truth
+exceeds
+the stated one, and the deviation is within twice both, the comparison says little about the stated error: the figure is
+**not judged**, and is in no other count.
 
 Of {every} scenes {measured} have been measured so far; the command goes on with the others. The last is of an earlier
 draw: its default elements and those of twice their size differ by a third of the error only. Where the default settings

@@ -98,15 +98,15 @@ Written by `{command}`; do not edit by hand.
 
 Derivatives of the reading of a cell with an isotropic roof at {designs} designs or loads, from one to another on one
 mesh, with the step at the [horizon](theory/derivatives.md#the-light-of-a-cell) spread over several widths (cosine).
-{width:g} is in use between walls, and {wider:g} times as much as seen by a phototransistor. Readings do not depend on
-it.
+{width:g} is the width between walls, and {wider:g} times as much is used as seen from a phototransistor. Readings do
+not depend on the width.
 
 {table}
 
-- **bias**: of the mean derivative, against the slope between the ends of the line of readings with {points} x {points}
-  points on the phototransistor, and relative to it.
-- **scatter**: standard deviation of the derivatives from a cubic along the line, relative to the same.
-- **stated**: the part of the stated error that is for this, from the change with twice the width.
+- **bias**: relative deviation of the mean derivative from the slope between the ends of the line, from readings with
+  {points} x {points} points on the phototransistor.
+- **scatter**: standard deviation of the derivatives from a cubic along the line, relative to the same slope.
+- **stated**: the part of the stated error due to the width, from the change with twice the width.
 """
 
 

@@ -34,7 +34,7 @@ read at the default settings, and by random paths alone, which need neither patc
 
 {table}
 
-- **random paths**: whether the default reading needs them; if not, it has no noise.
+- **random paths**: whether the default reading uses them; if not, it has no noise.
 - **deviation**: of the default reading from that by random paths, relative. **stated**: error that the default reading
   states. **noise**: error of random paths, by noise and by triangles. **combined errors**: the deviation over the root
   of the sum of their squares.
