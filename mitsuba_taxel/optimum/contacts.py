@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.optimum.figures import FIRST_CONTACT, TO_THE_END, Seen
+from mitsuba_taxel.optimum.figures import FIRST_CONTACT, TO_THE_END, DesignResponses
 from mitsuba_taxel.optimum.plan import Design, Limit, Plan
 from mitsuba_taxel.sensing.derivatives.first_contact import why_no_contact
 from mitsuba_taxel.studies.plan.batch import Batch
@@ -91,7 +91,7 @@ def lines_without_contact(plan: Plan, batch: Batch, designs: Sequence[Design]) -
     return reasons
 
 
-def undetermined_end(plan: Plan, seen: Seen, contacts: Mapping[str, DesignContact]) -> str:
+def undetermined_end(plan: Plan, responses: DesignResponses, contacts: Mapping[str, DesignContact]) -> str:
     """Reason why a figure of a design is undetermined: its load path ends, and derivatives of that end are missing.
 
     Empty if all figures are determined. A constraint that the design meets at the end of the path needs no derivatives.
@@ -99,7 +99,7 @@ def undetermined_end(plan: Plan, seen: Seen, contacts: Mapping[str, DesignContac
     for criterion in (*plan.criteria, *([plan.front[0]] if plan.front else [])):
         end = contacts.get(criterion.figure.parameters["along"]) if criterion.figure.kind in TO_THE_END else None
         if end is not None and end.missing:
-            least = criterion.figure.components(seen).real.min()
+            least = criterion.figure.components(responses).real.min()
             bears = isinstance(criterion, Limit) and criterion.sign < 0 and criterion.bound <= least
             if least == abs(end.value) and not bears:
                 return end.ended

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.optimum.failures import LEAST_GAP, off_failures
-from mitsuba_taxel.optimum.search import TINY, Judged, balanced, least_violation
+from mitsuba_taxel.optimum.search import TINY, Linearisation, balanced, least_violation
 
 FIRST_STEP = 0.3
 """Largest first change of a variable, relative to its bounds' width."""
@@ -43,16 +43,16 @@ class Trial(NamedTuple):
 
     Attributes
     ----------
-    there : Judged or None
+    there : Linearisation or None
         Goals and limits at the point; None if it fails.
-    here : Judged or None
+    here : Linearisation or None
         The last accepted point, if it was evaluated again on the mesh of this one.
     jump : float
         Error of a comparison of the two: relative for goals, absolute for limits.
     """
 
-    there: Judged | None
-    here: Judged | None = None
+    there: Linearisation | None
+    here: Linearisation | None = None
     jump: float = JUMP
 
 
@@ -169,14 +169,14 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarr
     return x
 
 
-def best_step(x: np.ndarray, here: Judged, curvature: np.ndarray, radius: float) -> Step:
+def best_step(x: np.ndarray, here: Linearisation, curvature: np.ndarray, radius: float) -> Step:
     """The step that minimises the quadratic model within a box and the bounds of the unit cube.
 
     Parameters
     ----------
     x : (V,) ndarray
         Current point.
-    here : Judged
+    here : Linearisation
         Goals and limits there.
     curvature : (V, V) ndarray
         Quadratic term of all goals.
@@ -210,7 +210,7 @@ def best_step(x: np.ndarray, here: Judged, curvature: np.ndarray, radius: float)
 
 
 def _multipliers(
-    here: Judged, curvature: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, violation: float
+    here: Linearisation, curvature: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, violation: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Weights of goals and multipliers of limits that balance the model's gradient at its minimum."""
     goals, limits = here.goals + here.goal_rates @ d, here.limits + here.limit_rates @ d
@@ -223,12 +223,12 @@ def _multipliers(
     return of_goals, of_limits
 
 
-def _even_curvature(here: Judged) -> np.ndarray:
+def _even_curvature(here: Linearisation) -> np.ndarray:
     """The isotropic curvature whose best step is as long as the bounds are wide."""
     return max(float(np.linalg.norm(here.goal_rates, axis=1).max()), TINY) * np.eye(here.goal_rates.shape[1])
 
 
-def _lagrangian_rate(at: Judged, step: Step) -> np.ndarray:
+def _lagrangian_rate(at: Linearisation, step: Step) -> np.ndarray:
     """Gradient (V,) of the Lagrangian at a point, with the multipliers of a step."""
     return step.goals @ at.goal_rates - step.limits[: len(at.limits)] @ at.limit_rates
 

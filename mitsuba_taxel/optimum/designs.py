@@ -15,7 +15,7 @@ from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.optimum.contacts import DesignContact, first_contact_in, lines_without_contact, undetermined_end
-from mitsuba_taxel.optimum.figures import TINY, Line, Seen
+from mitsuba_taxel.optimum.figures import TINY, DesignResponses, LineResponse
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.mould import SHAPE
@@ -41,26 +41,26 @@ OTHERS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Read:
+class DesignEvaluation:
     """An evaluated design.
 
     Attributes
     ----------
-    values : Seen
+    values : DesignResponses
         Readings and dimensions.
-    by : list[Seen]
+    by : list[DesignResponses]
         For each variable, readings and dimensions with their derivatives times `TINY` as imaginary parts. Derivatives
         are by the variable in the unit cube; 0 for a variable that the design does not have.
-    by_tolerance : list[Seen]
+    by_tolerance : list[DesignResponses]
         The same for each parameter with a tolerance, per standard deviation. Variation of the shape is neglected.
     """
 
-    values: Seen
-    by: list[Seen]
-    by_tolerance: list[Seen]
+    values: DesignResponses
+    by: list[DesignResponses]
+    by_tolerance: list[DesignResponses]
 
 
-class _Rows(NamedTuple):
+class _DesignRows(NamedTuple):
     """Rows of a design in the study: those of its loads, and by line the row of its load path to the first contact."""
 
     loads: list[int]
@@ -72,7 +72,7 @@ class _Rows(NamedTuple):
         return [*self.loads, *self.contacts.values()]
 
 
-class Designs:
+class DesignEvaluator:
     """Evaluates designs, in ``folder``, by derivatives where available, else by differences.
 
     Attributes
@@ -126,7 +126,7 @@ class Designs:
         self.seconds_of: dict[Design, float] = {}
         self._rows: set[int] = set()
         self._contact_rows: set[int] = set()
-        self._evaluated: dict[Design, Read] = {}
+        self._evaluated: dict[Design, DesignEvaluation] = {}
 
     def can_move(self, design: Design) -> bool:
         """Whether the mesh of the origin of a design can be moved onto its pads; False if it has none."""
@@ -145,7 +145,7 @@ class Designs:
             return False
         return True
 
-    def read(self, designs: Sequence[Design]) -> list[Read | None]:
+    def read(self, designs: Sequence[Design]) -> list[DesignEvaluation | None]:
         """Evaluate designs; None for a design that fails, whose reason is in ``failures``."""
         new = [design for design in dict.fromkeys(designs) if design not in self._evaluated | self.failures]
         for design in new:
@@ -226,14 +226,14 @@ class Designs:
     def _has(self, design: Design) -> list[bool]:
         return self._plan.has(design.choice)
 
-    def _study(self, designs: Sequence[Design]) -> tuple[xr.Dataset, dict[Design, _Rows]]:
+    def _study(self, designs: Sequence[Design]) -> tuple[xr.Dataset, dict[Design, _DesignRows]]:
         """Extend the study by designs, and run it.
 
         Returns
         -------
         study : xr.Dataset
             Readings over steps, with derivatives by `_by`.
-        rows_of : dict[Design, _Rows]
+        rows_of : dict[Design, _DesignRows]
             Steps of each design.
         """
         # Columns: parameters of designs, of loads, of moved meshes, and of first contacts.
@@ -262,7 +262,7 @@ class Designs:
         count, rows_of = len(self._plan.loads), {}
         for design, needed in words_of.items():
             numbers = [row_numbers[row] for row in needed]
-            rows_of[design] = _Rows(numbers[:count], dict(zip(contact_loads, numbers[count:], strict=True)))
+            rows_of[design] = _DesignRows(numbers[:count], dict(zip(contact_loads, numbers[count:], strict=True)))
         return study, rows_of
 
     def _power(self, study: xr.Dataset, rows: list[int]) -> np.ndarray:
@@ -303,7 +303,7 @@ class Designs:
         ]
 
     def _contacts(
-        self, study: xr.Dataset, design: Design, rows: dict[Design, _Rows], shifted: dict[tuple[int, int], Design]
+        self, study: xr.Dataset, design: Design, rows: dict[Design, _DesignRows], shifted: dict[tuple[int, int], Design]
     ) -> dict[str, DesignContact]:
         """First contacts by line, with derivatives from the study or the neighbours ``shifted``; NaN if unknown."""
         contacts = {}
@@ -330,12 +330,14 @@ class Designs:
         rates: np.ndarray,
         by_tolerance: list[np.ndarray],
         contacts: dict[str, DesignContact],
-    ) -> Read:
+    ) -> DesignEvaluation:
         """The evaluated design, from readings and derivatives of :meth:`_power` and first contacts by line."""
         shape, shape_rates = self._shape(design)
         loads = [frozenset(load.items()) for load in self._plan.loads]
 
-        def seen(power: np.ndarray, contact_rates: dict[str, float], rate: dict[str, np.ndarray] | None = None) -> Seen:
+        def responses(
+            power: np.ndarray, contact_rates: dict[str, float], rate: dict[str, np.ndarray] | None = None
+        ) -> DesignResponses:
             # Lines of loads and dimensions for readings ``power`` whose imaginary parts are derivatives.
             lines = {}
             for name, (along, rows) in self._plan.lines.items():
@@ -344,21 +346,26 @@ class Designs:
                 strain, clearance = of_line[:, -OTHERS:].T
                 contact = contacts.get(name, DesignContact(np.nan, "", "", [], []))
                 end = complex(contact.value, TINY * contact_rates.get(name, 0.0))
-                lines[name] = Line(values, of_line[:, :-OTHERS], strain, clearance, end, contact.touched, contact.ended)
+                lines[name] = LineResponse(
+                    values, of_line[:, :-OTHERS], strain, clearance, end, contact.touched, contact.ended
+                )
             imaginary = {} if rate is None else {name: 1j * TINY * rate[name] for name in shape}
             figures = {name: values + imaginary.get(name, 0j) for name, values in shape.items()}
-            return Seen(lines, figures, self._plan.circuit)
+            return DesignResponses(lines, figures, self._plan.circuit)
 
         by = [{line: change.by[number] for line, change in contacts.items()} for number in range(len(rates))]
         contacts_by_tolerance = [
             {line: change.by_tolerance[number] for line, change in contacts.items()}
             for number in range(len(by_tolerance))
         ]
-        return Read(
-            seen(power + 0j, {}),
-            [seen(power + 1j * TINY * change, to, of) for change, to, of in zip(rates, by, shape_rates, strict=True)],
+        return DesignEvaluation(
+            responses(power + 0j, {}),
             [
-                seen(power + 1j * TINY * change, to)
+                responses(power + 1j * TINY * change, to, of)
+                for change, to, of in zip(rates, by, shape_rates, strict=True)
+            ],
+            [
+                responses(power + 1j * TINY * change, to)
                 for change, to in zip(by_tolerance, contacts_by_tolerance, strict=True)
             ],
         )

@@ -8,13 +8,15 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import nnls
 
-from mitsuba_taxel.optimum.search import Judged
+from mitsuba_taxel.optimum.search import Linearisation
 
 LEAST_GAP = 1e-3
 """Smallest distance, relative to the bounds' width, between points that are separated by a plane."""
 
 
-def off_failures(x: np.ndarray, here: Judged, readable: Sequence[np.ndarray], failed: Sequence[np.ndarray]) -> Judged:
+def off_failures(
+    x: np.ndarray, here: Linearisation, readable: Sequence[np.ndarray], failed: Sequence[np.ndarray]
+) -> Linearisation:
     """Goals and limits with an additional limit that keeps steps away from points that failed.
 
     The limit is a plane midway between the convex hulls of readable and failed points, where these are nearest (the
@@ -25,7 +27,7 @@ def off_failures(x: np.ndarray, here: Judged, readable: Sequence[np.ndarray], fa
     ----------
     x : (V,) ndarray
         Current point.
-    here : Judged
+    here : Linearisation
         Goals and limits there.
     readable, failed : Sequence[(V,) ndarray]
         Points that could be evaluated, and points that failed.

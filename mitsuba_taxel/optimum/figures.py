@@ -35,7 +35,7 @@ TINY = 1e-150
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class LineResponse:
     """Readings along a sequence of loads.
 
     Attributes
@@ -67,12 +67,12 @@ class Line:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class DesignResponses:
     """Readings and dimensions of a design, from which figures are computed.
 
     Attributes
     ----------
-    lines : Mapping[str, Line]
+    lines : Mapping[str, LineResponse]
         Lines of loads, by name.
     shape : Mapping[str, (N,) ndarray of complex]
         Dimensions of the pads, by the names in `pads.mould.SHAPE`.
@@ -80,7 +80,7 @@ class Seen:
         Read-out circuit, which converts W to V.
     """
 
-    lines: Mapping[str, Line]
+    lines: Mapping[str, LineResponse]
     shape: Mapping[str, np.ndarray]
     circuit: Circuit | None
 
@@ -123,86 +123,86 @@ def _both_signs(values: np.ndarray) -> np.ndarray:
     return np.concatenate([values.ravel(), -values.ravel()])
 
 
-def sensitivity(seen: Seen, along: str) -> np.ndarray:
+def sensitivity(responses: DesignResponses, along: str) -> np.ndarray:
     """Magnitude of each taxel's mean slope."""
-    return _magnitude(seen.slopes(along))
+    return _magnitude(responses.slopes(along))
 
 
-def relative_sensitivity(seen: Seen, along: str) -> np.ndarray:
+def relative_sensitivity(responses: DesignResponses, along: str) -> np.ndarray:
     """Magnitude of each taxel's mean slope, relative to its first reading."""
-    return _magnitude(seen.slopes(along) / seen.readings(along)[0])
+    return _magnitude(responses.slopes(along) / responses.readings(along)[0])
 
 
-def nonlinearity(seen: Seen, along: str) -> np.ndarray:
+def nonlinearity(responses: DesignResponses, along: str) -> np.ndarray:
     """Distance of each reading from the straight line between the ends, relative to the taxel's largest change.
 
     Equation 7 of the paper.
     """
-    readings, values = seen.readings(along), seen.lines[along].values
+    readings, values = responses.readings(along), responses.lines[along].values
     change = readings - readings[0]
     most = np.take_along_axis(change, np.abs(change.real).argmax(axis=0)[None], axis=0)[0]
     fraction = (values - values[0]) / (values[-1] - values[0])
     return _both_signs(((change - fraction[:, None] * change[-1]) / most)[1:-1])
 
 
-def cross_talk(seen: Seen, along: str, taxel: int) -> np.ndarray:
+def cross_talk(responses: DesignResponses, along: str, taxel: int) -> np.ndarray:
     """Relative change of the reading of each unloaded taxel, divided by that of the loaded taxel."""
-    readings = seen.readings(along)
+    readings = responses.readings(along)
     change = readings[-1] / readings[0] - 1
     return _both_signs(np.delete(change / change[taxel - 1], taxel - 1))
 
 
-def cross_sensitivity(seen: Seen, along: str, by: str) -> np.ndarray:
+def cross_sensitivity(responses: DesignResponses, along: str, by: str) -> np.ndarray:
     """Error in N of a force along ``along`` due to a force of 1 N along ``by``.
 
     The force is estimated by least squares from the changes of all readings, as if it were the only one.
     """
-    own, disturbing = seen.slopes(along), seen.slopes(by)
+    own, disturbing = responses.slopes(along), responses.slopes(by)
     return _both_signs(np.atleast_1d(own @ disturbing / (own @ own)))
 
 
-def rest(seen: Seen, along: str) -> np.ndarray:
+def rest(responses: DesignResponses, along: str) -> np.ndarray:
     """First reading of each taxel."""
-    return seen.readings(along)[0]
+    return responses.readings(along)[0]
 
 
-def largest_reading(seen: Seen, along: str) -> np.ndarray:
+def largest_reading(responses: DesignResponses, along: str) -> np.ndarray:
     """All readings of all taxels."""
-    return seen.readings(along).ravel()
+    return responses.readings(along).ravel()
 
 
-def saturation(seen: Seen, along: str) -> np.ndarray:
+def saturation(responses: DesignResponses, along: str) -> np.ndarray:
     """All voltages, relative to the voltage at which the circuit is saturated."""
-    assert seen.circuit is not None
-    return seen.readings(along).ravel() / seen.circuit.limit
+    assert responses.circuit is not None
+    return responses.readings(along).ravel() / responses.circuit.limit
 
 
-def measuring_range(seen: Seen, along: str) -> np.ndarray:
+def measuring_range(responses: DesignResponses, along: str) -> np.ndarray:
     """Magnitudes of the loads that limit the measuring range: of the first contact and of the saturation of taxels.
 
     The first contact is left out if it is unknown, saturation without a circuit. Power is interpolated linearly between
     loads, and extrapolated beyond the last from the last two.
     """
-    return np.concatenate(_ends(seen, along))
+    return np.concatenate(_ends(responses, along))
 
 
-def _ends(seen: Seen, along: str) -> tuple[np.ndarray, np.ndarray]:
+def _ends(responses: DesignResponses, along: str) -> tuple[np.ndarray, np.ndarray]:
     """Magnitudes of loads: that of the first contact, empty if unknown, and those at which each taxel saturates, empty
     without a circuit."""
-    line, saturated = seen.lines[along], np.zeros(0)
-    if seen.circuit is not None:
-        saturated = _used_up(saturating_power(seen.circuit) - line.power, line.values)
-    return np.zeros(0) if np.isnan(line.contact.real) else first_contact(seen, along), saturated
+    line, saturated = responses.lines[along], np.zeros(0)
+    if responses.circuit is not None:
+        saturated = _used_up(saturating_power(responses.circuit) - line.power, line.values)
+    return np.zeros(0) if np.isnan(line.contact.real) else first_contact(responses, along), saturated
 
 
-def clearance(seen: Seen, along: str) -> np.ndarray:
+def clearance(responses: DesignResponses, along: str) -> np.ndarray:
     """Least distance between cells and packages at each load."""
-    return seen.lines[along].clearance
+    return responses.lines[along].clearance
 
 
-def first_contact(seen: Seen, along: str) -> np.ndarray:
+def first_contact(responses: DesignResponses, along: str) -> np.ndarray:
     """Magnitude of the load at which the pad first touches itself, the board or a package, or its load path ends."""
-    return _magnitude(np.atleast_1d(seen.lines[along].contact))
+    return _magnitude(np.atleast_1d(responses.lines[along].contact))
 
 
 def _used_up(missing: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -223,18 +223,20 @@ def _used_up(missing: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.where(loads.real < furthest, loads, furthest)
 
 
-def noise_equivalent_force(seen: Seen, along: str, noise: float | None = None) -> np.ndarray:
+def noise_equivalent_force(responses: DesignResponses, along: str, noise: float | None = None) -> np.ndarray:
     """Noise of each reading, divided by the mean slope of its taxel: the noise as a force."""
-    return (seen.noise(along, noise) / _magnitude(seen.slopes(along))).ravel()
+    return (responses.noise(along, noise) / _magnitude(responses.slopes(along))).ravel()
 
 
-def resolution(seen: Seen, along: tuple[str, ...], of: tuple[str, ...] = (), noise: float | None = None) -> np.ndarray:
+def resolution(
+    responses: DesignResponses, along: tuple[str, ...], of: tuple[str, ...] = (), noise: float | None = None
+) -> np.ndarray:
     """Standard deviation of each load along the lines ``of``, if all loads are estimated together from all readings.
 
     It is the root of the diagonal of the inverse Fisher information, from mean slopes and the noise of the first
     readings; NaN if readings do not distinguish all loads. By default, ``of`` is ``along``.
     """
-    slopes = np.stack([seen.slopes(line) / seen.noise(line, noise)[0] for line in along], axis=1)
+    slopes = np.stack([responses.slopes(line) / responses.noise(line, noise)[0] for line in along], axis=1)
     sizes = np.linalg.norm(slopes.real, axis=0)
     directions = slopes.real / np.where(sizes > 0, sizes, 1.0)
     estimated = [along.index(line) for line in of or along]
@@ -243,29 +245,29 @@ def resolution(seen: Seen, along: tuple[str, ...], of: tuple[str, ...] = (), noi
     return np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes))[estimated])
 
 
-def largest_strain(seen: Seen, along: str) -> np.ndarray:
+def largest_strain(responses: DesignResponses, along: str) -> np.ndarray:
     """Largest principal strain of the silicone at each load, mean over the most strained 1 % of its volume."""
-    return seen.lines[along].strain
+    return responses.lines[along].strain
 
 
-def least_wall(seen: Seen) -> np.ndarray:
+def least_wall(responses: DesignResponses) -> np.ndarray:
     """Thicknesses between cells, around the outer ones, and above them."""
-    return seen.shape["least_wall"]
+    return responses.shape["least_wall"]
 
 
-def draft_angle(seen: Seen) -> np.ndarray:
+def draft_angle(responses: DesignResponses) -> np.ndarray:
     """Angles by which walls of cells lean inwards from the vertical."""
-    return seen.shape["draft_angle"]
+    return responses.shape["draft_angle"]
 
 
-def least_radius(seen: Seen) -> np.ndarray:
+def least_radius(responses: DesignResponses) -> np.ndarray:
     """Radii of curvature of roofs along their meridian."""
-    return seen.shape["least_radius"]
+    return responses.shape["least_radius"]
 
 
-def view_angle(seen: Seen) -> np.ndarray:
+def view_angle(responses: DesignResponses) -> np.ndarray:
     """Angles between roofs and rays from the middle of the cell's opening."""
-    return seen.shape["view_angle"]
+    return responses.shape["view_angle"]
 
 
 @dataclass(frozen=True)
@@ -275,7 +277,7 @@ class FigureOfMerit:
     Attributes
     ----------
     components : Callable
-        Function of a `Seen` and the figure's parameters, which returns the components (N,).
+        Function of a `DesignResponses` and the figure's parameters, which returns the components (N,).
     unit : str
         Unit, with ``{u}`` for that of readings and ``{f}`` for that of the parameter along its lines.
     takes : tuple[str, ...]
@@ -329,17 +331,17 @@ class Figure:
         named = [self.kind.replace("_", " "), f"of {of}" if of else "", f"along {lines}" if lines else ""]
         return " ".join(filter(None, named))
 
-    def components(self, seen: Seen) -> np.ndarray:
+    def components(self, responses: DesignResponses) -> np.ndarray:
         """Components (N,) of the figure, complex."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            return FIGURES_OF_MERIT[self.kind].components(seen, **self.parameters)
+            return FIGURES_OF_MERIT[self.kind].components(responses, **self.parameters)
 
 
-def end_of(figure: Figure, seen: Seen) -> str:
+def end_of(figure: Figure, responses: DesignResponses) -> str:
     """The reason why a range or a first contact ends where it does, in words."""
-    line = seen.lines[figure.parameters["along"]]
+    line = responses.lines[figure.parameters["along"]]
     with np.errstate(invalid="ignore"):
-        contact, saturated = (loads.real for loads in _ends(seen, figure.parameters["along"]))
+        contact, saturated = (loads.real for loads in _ends(responses, figure.parameters["along"]))
     saturated = saturated if figure.kind == RANGE else np.zeros(0)
     end = np.concatenate([contact, saturated]).min()
     if end >= FURTHEST * np.abs(line.values).max():

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mitsuba_taxel.optimum.course import Course, worst_of
+from mitsuba_taxel.optimum.optimiser import Optimiser, worst_of
 from mitsuba_taxel.optimum.plan import Goal, Limit
 
 if TYPE_CHECKING:
     import pandas
 
 
-def front(course: Course, other: Goal, points: int) -> pandas.DataFrame:
+def front(optimiser: Optimiser, other: Goal, points: int) -> pandas.DataFrame:
     """Non-dominated designs from the best by the study's objective to the best by another objective.
 
     The other objective is bounded at even steps between the two (epsilon-constraint), and each descent starts from the
@@ -21,7 +21,7 @@ def front(course: Course, other: Goal, points: int) -> pandas.DataFrame:
 
     Parameters
     ----------
-    course : Course
+    optimiser : Optimiser
         Optimisation by the study's objective.
     other : Goal
         The other objective.
@@ -35,27 +35,27 @@ def front(course: Course, other: Goal, points: int) -> pandas.DataFrame:
     """
     import pandas
 
-    plan = course.plan
+    plan = optimiser.plan
     goal, limits = plan.goal, plan.limits
-    best = course.best(goal, limits)
+    best = optimiser.best(goal, limits)
     assert best is not None
 
     # Ends of the front: the best designs by each of the two objectives.
-    course.descend(best, other, limits)
-    ends = [course.best(goal, limits) or best, course.best(other, limits) or best]
-    first, last = (worst_of(other, course.read(end)) for end in ends)
+    optimiser.descend(best, other, limits)
+    ends = [optimiser.best(goal, limits) or best, optimiser.best(other, limits) or best]
+    first, last = (worst_of(other, optimiser.read(end)) for end in ends)
 
     # The best designs by the study's objective at bounds of the other one.
     candidates = dict.fromkeys(ends)
     for bound in np.linspace(first, last, points)[1:-1].tolist():
         bounded = [*limits, Limit(other.figure, other.sign, bound)]
-        course.descend(course.best(goal, bounded) or ends[1], goal, bounded)
-        candidates[course.best(goal, bounded) or ends[1]] = None
+        optimiser.descend(optimiser.best(goal, bounded) or ends[1], goal, bounded)
+        candidates[optimiser.best(goal, bounded) or ends[1]] = None
 
     # A design is dominated if another is at least as good by both objectives, and better by one.
     rows = []
     for design in candidates:
-        values = {objective.figure.words: worst_of(objective, course.read(design)) for objective in (goal, other)}
+        values = {objective.figure.words: worst_of(objective, optimiser.read(design)) for objective in (goal, other)}
         rows.append({**values, **dict(zip(plan.choices, design.choice, strict=True)), **plan.values(design)})
     table = pandas.DataFrame(rows).sort_values(goal.figure.words, ignore_index=True)
     losses = np.stack(

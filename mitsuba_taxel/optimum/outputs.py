@@ -90,19 +90,19 @@ def printed_optimum(result: Optimum) -> Printed:
     """
     finer = "best_finer" in result.figures
     columns = ["before", "best", *(["before_finer", "best_finer"] if finer else [])]
-    judged = bool(result.figures.error.notna().any())
+    has_errors = bool(result.figures.error.notna().any())
     figures = [
         [
             row["figure"],
             row["unit"],
             *(shown(row[name]) for name in columns),
-            *([_shown_error(row["error"], row["best"])] if judged else []),
+            *([_shown_error(row["error"], row["best"])] if has_errors else []),
             f"{row['multiplier']:.2g}" if row["multiplier"] > 0 else "",
         ]
         for row in result.figures.to_dict("records")
     ]
     named = [name.replace("_", ", ") for name in columns]
-    headings = ["figure", "unit", *named, *(["error"] if judged else []), "binds"]
+    headings = ["figure", "unit", *named, *(["error"] if has_errors else []), "binds"]
     return [
         gain_line(result),
         PrintedTable("", headings, figures),

@@ -13,12 +13,12 @@ from mitsuba_taxel.base.convergence import ORDER
 from mitsuba_taxel.electronics import saturation_force, total_noise
 from mitsuba_taxel.electronics.noise import resolution_notes
 from mitsuba_taxel.electronics.response import lit
-from mitsuba_taxel.optimum.again import FINER, Again, Beyond
-from mitsuba_taxel.optimum.course import HELD, Course, with_rates, worst_of
-from mitsuba_taxel.optimum.designs import Read
-from mitsuba_taxel.optimum.figures import SATURATION, TO_THE_END, Seen, end_of, noise_equivalent_force
+from mitsuba_taxel.optimum.designs import DesignEvaluation
+from mitsuba_taxel.optimum.figures import SATURATION, TO_THE_END, DesignResponses, end_of, noise_equivalent_force
+from mitsuba_taxel.optimum.optimiser import HELD, Optimiser, with_rates, worst_of
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.optimum.search import BALANCED, Stationarity
+from mitsuba_taxel.optimum.verification import FINER, FineDescent, MeshVerification
 
 if TYPE_CHECKING:
     import pandas
@@ -100,16 +100,18 @@ class Optimum:
         return self.unbalanced + self.unbalanced_error <= BALANCED
 
 
-def make_optimum(course: Course, best: Design, again: Again, trade_offs: pandas.DataFrame | None) -> Optimum:
+def make_optimum(
+    optimiser: Optimiser, best: Design, verification: MeshVerification, trade_offs: pandas.DataFrame | None
+) -> Optimum:
     """Comparison of the best design with the first, with multipliers, errors, warnings and notes.
 
     Parameters
     ----------
-    course : Course
+    optimiser : Optimiser
         The optimisation.
     best : Design
         Its best design.
-    again : Again
+    verification : MeshVerification
         Both designs on a finer mesh, where a descent follows if the slope shows no local optimum.
     trade_offs : DataFrame or None
         Pareto front.
@@ -117,18 +119,18 @@ def make_optimum(course: Course, best: Design, again: Again, trade_offs: pandas.
     import pandas
 
     # Notes on the evaluation and on the ends of ranges.
-    plan, before, notes = course.plan, course.before, list(course.designs.notes)
+    plan, before, notes = optimiser.plan, optimiser.before, list(optimiser.designs.notes)
     if plan.tolerances:
         names = ", ".join(plan.tolerances)
         notes.append(f"figures are those that 90 % of all sensors keep, to first order in the tolerances of {names}")
-    notes += [note for note in again.notes if note not in notes]
-    reads = {"before": course.read(before), "best": course.read(best)} | again.reads
-    notes += _ends(course, again, reads)
+    notes += [note for note in verification.notes if note not in notes]
+    reads = {"before": optimiser.read(before), "best": optimiser.read(best)} | verification.reads
+    notes += _ends(optimiser, verification, reads)
     notes += circuit_notes(reads["best"].values, {name: along for name, (along, _) in plan.lines.items()})
 
     # Multipliers of the constraints, and a descent on the finer mesh if they do not show a local optimum.
-    conditions = course.stationarity(best, *again.finer)
-    beyond = None if conditions.is_local else again.descend()
+    conditions = optimiser.stationarity(best, *verification.finer)
+    fine_descent = None if conditions.is_local else verification.descend()
     sizes = [len(limit.figure.components(reads["best"].values)) for limit in plan.limits]
     of_limits = np.split(conditions.limits, np.cumsum(sizes)[:-1]) if sizes else []
     multipliers = [float(components.sum()) for components in of_limits]
@@ -143,7 +145,7 @@ def make_optimum(course: Course, best: Design, again: Again, trade_offs: pandas.
             "multiplier": [math.nan, *multipliers],
         }
     )
-    figures["error"] = EXTRAPOLATED * (figures.best_finer - figures.best).abs() if again.finer else math.nan
+    figures["error"] = EXTRAPOLATED * (figures.best_finer - figures.best).abs() if verification.finer else math.nan
     gain, error, probability = _gain(figures, plan.goal.sign)
     base = plan.base
     return Optimum(
@@ -152,65 +154,65 @@ def make_optimum(course: Course, best: Design, again: Again, trade_offs: pandas.
         figures,
         _variables(plan, before, best, conditions),
         _slopes(plan, best, reads["best"]),
-        pandas.DataFrame(course.rows()),
+        pandas.DataFrame(optimiser.rows()),
         pandas.DataFrame() if trade_offs is None else trade_offs,
         gain,
         error,
         probability,
         conditions.unbalanced,
         conditions.error,
-        math.nan if beyond is None else beyond.gain,
-        beyond is not None and beyond.ended,
+        math.nan if fine_descent is None else fine_descent.gain,
+        fine_descent is not None and fine_descent.ended,
         conditions.gradients,
-        course.designs.loads,
-        course.designs.seconds,
-        [course.designs.seconds_of.get(design, 0.0) for design in course.history],
-        _warnings(course, conditions, beyond, probability, reads),
+        optimiser.designs.loads,
+        optimiser.designs.seconds,
+        [optimiser.designs.seconds_of.get(design, 0.0) for design in optimiser.history],
+        _warnings(optimiser, conditions, fine_descent, probability, reads),
         notes,
     )
 
 
-def _ends(course: Course, again: Again, reads: Mapping[str, Read]) -> list[str]:
+def _ends(optimiser: Optimiser, verification: MeshVerification, reads: Mapping[str, DesignEvaluation]) -> list[str]:
     """A line for each figure that is a range or a first contact: its value at the best design, error, and reason."""
     notes = []
-    finer = "best_finer" if again.finer else "best"
-    for figure in {figure.words: figure for figure in course.plan.figures if figure.kind in TO_THE_END}.values():
+    finer = "best_finer" if verification.finer else "best"
+    for figure in {figure.words: figure for figure in optimiser.plan.figures if figure.kind in TO_THE_END}.values():
         ends = [figure.components(reads[name].values).real.min() for name in ("best", finer)]
         error = "" if finer == "best" else f" ± {EXTRAPOLATED * abs(ends[1] - ends[0]):.2g} (by the finer mesh)"
         notes.append(f"{figure.words}: {ends[0]:.4g}{error} {figure.unit}, {end_of(figure, reads['best'].values)}")
-        if figure.parameters["along"] in course.designs.no_contact:
+        if figure.parameters["along"] in optimiser.designs.no_contact:
             notes.append(
-                f"{figure.words} ends with saturation alone: {course.designs.no_contact[figure.parameters['along']]}"
+                f"{figure.words} ends with saturation alone: {optimiser.designs.no_contact[figure.parameters['along']]}"
             )
     return notes
 
 
-def circuit_notes(seen: Seen, along: Mapping[str, str]) -> list[str]:
+def circuit_notes(responses: DesignResponses, along: Mapping[str, str]) -> list[str]:
     """Notes on noise and saturation of the circuit along each line of loads; empty without a circuit.
 
     Parameters
     ----------
-    seen : Seen
+    responses : DesignResponses
         Readings of a design.
     along : Mapping[str, str]
         Parameter that changes along each line, by the line's name.
     """
-    if seen.circuit is None:
+    if responses.circuit is None:
         return []
-    notes = [f"one count: {seen.circuit.step:.4g} V"]
-    for name, line in seen.lines.items():
+    notes = [f"one count: {responses.circuit.step:.4g} V"]
+    for name, line in responses.lines.items():
         if len(line.values) > 1:
             with np.errstate(divide="ignore", invalid="ignore"):
-                noise = noise_equivalent_force(seen, name).real.reshape(line.power.shape)[0]
+                noise = noise_equivalent_force(responses, name).real.reshape(line.power.shape)[0]
             noises = " to ".join(dict.fromkeys(f"{end:.3g}" for end in (noise.min(), noise.max())))
-            saturated = saturation_force(seen.circuit, line.values, line.power.real)
+            saturated = saturation_force(responses.circuit, line.values, line.power.real)
             where = "nowhere"
             if np.isfinite(saturated).any():
                 first = int(np.nanargmin(np.abs(saturated)))
                 where = f"from {along[name]} = {saturated[first]:.4g} on (taxel {first + 1})"
             notes.append(f"along {name}: noise of the first reading as {along[name]}: {noises}; saturated {where}")
-    noise = [total_noise(seen.circuit, lit(line.power.real)).ravel() for line in seen.lines.values()]
-    return [*notes, *resolution_notes(seen.circuit.step, np.concatenate(noise))]
+    noise = [total_noise(responses.circuit, lit(line.power.real)).ravel() for line in responses.lines.values()]
+    return [*notes, *resolution_notes(responses.circuit.step, np.concatenate(noise))]
 
 
 def _gain(figures: pandas.DataFrame, sign: int) -> tuple[float, float, float]:
@@ -262,45 +264,53 @@ def _slopes(plan: Plan, best: Design, read: Any) -> pandas.DataFrame:
     return pandas.DataFrame(rows, columns=["figure", "variable", "slope", "over_the_bounds"])
 
 
-def _broken(course: Course, read: Read) -> str:
+def _broken(optimiser: Optimiser, read: DesignEvaluation) -> str:
     """The constraints that a design violates, in words; empty if it meets all."""
-    worst = [(limit, worst_of(limit, read)) for limit in course.plan.limits]
-    beyond = [(limit, at) for limit, at in worst if limit.sign * (at - limit.bound) > HELD * (abs(limit.bound) or 1.0)]
-    return " and ".join(f"{limit.words} ({at:.4g})" for limit, at in beyond)
+    worst = [(limit, worst_of(limit, read)) for limit in optimiser.plan.limits]
+    violated = [
+        (limit, at) for limit, at in worst if limit.sign * (at - limit.bound) > HELD * (abs(limit.bound) or 1.0)
+    ]
+    return " and ".join(f"{limit.words} ({at:.4g})" for limit, at in violated)
 
 
-def _gained(beyond: Beyond | None) -> str:
+def _gained(fine_descent: FineDescent | None) -> str:
     """End of a sentence on the gain of a descent on the finer mesh."""
-    if beyond is None:
+    if fine_descent is None:
         return "; more evaluations may find better, or readings are too coarse to tell"
-    end = "then no step gains more" if beyond.ended else "more evaluations may find better"
-    return f"; on the finer mesh a descent from it gains {beyond.gain:.2%} in {beyond.designs} designs, and {end}"
+    end = "then no step gains more" if fine_descent.ended else "more evaluations may find better"
+    gain = f"{fine_descent.gain:.2%} in {fine_descent.designs} designs"
+    return f"; on the finer mesh a descent from it gains {gain}, and {end}"
 
 
 def _warnings(
-    course: Course, conditions: Stationarity, beyond: Beyond | None, probability: float, reads: Mapping[str, Read]
+    optimiser: Optimiser,
+    conditions: Stationarity,
+    fine_descent: FineDescent | None,
+    probability: float,
+    reads: Mapping[str, DesignEvaluation],
 ) -> list[str]:
     """Warnings: violated constraints, an uncertain optimum or improvement, saturation, and failed designs."""
     warnings = []
-    if "best_finer" in reads and (broken := _broken(course, reads["best_finer"])):
+    if "best_finer" in reads and (broken := _broken(optimiser, reads["best_finer"])):
         warnings.append(f"on the finer mesh the best design does not keep {broken}")
     if math.isnan(conditions.error):
-        warnings.append(f"a local optimum is not certain: its slope is known from one mesh only{_gained(beyond)}")
+        warnings.append(f"a local optimum is not certain: its slope is known from one mesh only{_gained(fine_descent)}")
     elif not conditions.is_local:
         warnings.append(
             f"a local optimum is not certain: a slope of the objective of "
-            f"{conditions.unbalanced + conditions.error:.0%} over the width of the bounds may be left{_gained(beyond)}"
+            f"{conditions.unbalanced + conditions.error:.0%} over the width of the bounds may be left"
+            f"{_gained(fine_descent)}"
         )
-    if probability < 0.95 and (broken := _broken(course, reads["before"])):
+    if probability < 0.95 and (broken := _broken(optimiser, reads["before"])):
         warnings.append(f"the first design does not keep {broken}: the best one is that of those that do")
     elif probability < 0.95:
         warnings.append(f"that the best design is better is certain by {probability:.0%} only")
-    if any(limit.figure.kind == SATURATION and worst_of(limit, reads["before"]) > 1 for limit in course.plan.limits):
+    if any(limit.figure.kind == SATURATION and worst_of(limit, reads["before"]) > 1 for limit in optimiser.plan.limits):
         warnings.append("the first design saturates: its figures are those of a converter without a full scale")
-    failures = course.designs.failures
+    failures = optimiser.designs.failures
     if failures:
         warnings.append(
-            f"{len(failures)} of {len(course.history)} designs could not be read (history.csv says why), as the first: "
-            f"{next(iter(failures.values()))}"
+            f"{len(failures)} of {len(optimiser.history)} designs could not be read (history.csv says why), as the "
+            f"first: {next(iter(failures.values()))}"
         )
     return warnings

@@ -10,16 +10,16 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.optimum.again import judged_again
-from mitsuba_taxel.optimum.course import Course, OptimisationProgress, worst_of
-from mitsuba_taxel.optimum.designs import Designs, pads_of
+from mitsuba_taxel.optimum.designs import DesignEvaluator, pads_of
 from mitsuba_taxel.optimum.figures import OF_CHANGES, RANGE, SATURATION, Figure
 from mitsuba_taxel.optimum.front import front
+from mitsuba_taxel.optimum.optimiser import OptimisationProgress, Optimiser, worst_of
 from mitsuba_taxel.optimum.outputs import write
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
 from mitsuba_taxel.optimum.plan_file import read_plan
 from mitsuba_taxel.optimum.result import Optimum, make_optimum
 from mitsuba_taxel.optimum.search import least_violation
+from mitsuba_taxel.optimum.verification import verified_on_finer_mesh
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.run.pool import open_pool
 
@@ -80,24 +80,24 @@ def optimise(
     plan = _unsaturated(_in_view(plan, initial))
     make_folder(folder)
     with open_pool(workers, scheduler) as pool:
-        course = Course(plan, Designs(plan, pool, folder / "designs", retry_failed), progress)
+        optimiser = Optimiser(plan, DesignEvaluator(plan, pool, folder / "designs", retry_failed), progress)
 
         # Descents from all initial designs, then the front, whose descents may find a better design.
-        starts = readable_starts(course, initial)
-        _check_figures(course, starts)
+        starts = readable_starts(optimiser, initial)
+        _check_figures(optimiser, starts)
         for start in starts:
-            course.descend(start, plan.goal, plan.limits)
-        best = course.best(plan.goal, plan.limits)
+            optimiser.descend(start, plan.goal, plan.limits)
+        best = optimiser.best(plan.goal, plan.limits)
         if best is None:
-            raise _no_design(course)
-        trade_offs = None if plan.front is None else front(course, *plan.front)
-        best = course.best(plan.goal, plan.limits) or best
+            raise _no_design(optimiser)
+        trade_offs = None if plan.front is None else front(optimiser, *plan.front)
+        best = optimiser.best(plan.goal, plan.limits) or best
 
         # The best design is evaluated again, without a moved mesh, then on a finer one.
-        course.look([best.alone])
-        again = judged_again(course, best, pool, folder / "judged")
-        result = make_optimum(course, best, again, trade_offs)
-    write(plan, course.before, best, result, folder)
+        optimiser.evaluate([best.alone])
+        verification = verified_on_finer_mesh(optimiser, best, pool, folder / "judged")
+        result = make_optimum(optimiser, best, verification, trade_offs)
+    write(plan, optimiser.before, best, result, folder)
     return result
 
 
@@ -131,7 +131,7 @@ def _unsaturated(plan: Plan) -> Plan:
     return replace(plan, limits=[*plan.limits, *added])
 
 
-def readable_starts(course: Course, initial: list[Design]) -> list[Design]:
+def readable_starts(optimiser: Optimiser, initial: list[Design]) -> list[Design]:
     """The initial designs that can be evaluated.
 
     If none can, further designs are tried, as many as a descent may evaluate, and the first that can is returned.
@@ -141,27 +141,27 @@ def readable_starts(course: Course, initial: list[Design]) -> list[Design]:
     ComputationError
         if all of them fail.
     """
-    plan = course.plan
-    readable = [design for design, read in zip(initial, course.look(initial), strict=True) if read is not None]
+    plan = optimiser.plan
+    readable = [design for design, read in zip(initial, optimiser.evaluate(initial), strict=True) if read is not None]
     additional = [] if readable else replace(plan, starts=plan.starts + plan.evaluations).initial_designs()
     for design in additional:
-        if course.look([design]) != [None]:
+        if optimiser.evaluate([design]) != [None]:
             return [design]
     if not readable:
-        why = next(iter(course.designs.failures.values()))
-        raise ComputationError(f"none of {len(course.history)} designs can be read to begin with: {why}")
+        why = next(iter(optimiser.designs.failures.values()))
+        raise ComputationError(f"none of {len(optimiser.history)} designs can be read to begin with: {why}")
     return readable
 
 
-def _check_figures(course: Course, starts: list[Design]) -> None:
+def _check_figures(optimiser: Optimiser, starts: list[Design]) -> None:
     """Raise `InputError` if a figure of the study cannot be computed for this scene."""
-    reads = [course.read(design) for design in starts]
-    for criterion in [*course.plan.criteria, *([course.plan.front[0]] if course.plan.front else [])]:
+    reads = [optimiser.read(design) for design in starts]
+    for criterion in [*optimiser.plan.criteria, *([optimiser.plan.front[0]] if optimiser.plan.front else [])]:
         try:
             components = [criterion.figure.components(read.values) for read in reads]
         except IndexError:
             raise InputError(f"{criterion.figure.words} cannot be computed: there is no such taxel.") from None
-        no_contact = course.designs.no_contact.get(criterion.figure.parameters.get("along", ()))
+        no_contact = optimiser.designs.no_contact.get(criterion.figure.parameters.get("along", ()))
         if no_contact and criterion.figure.kind == RANGE and not any(values.size for values in components):
             raise InputError(f"{criterion.figure.words} cannot be computed without a table [circuit]: {no_contact}")
         applies = [values.size > 0 for values in components]  # a constraint may apply to some choices only
@@ -170,24 +170,24 @@ def _check_figures(course: Course, starts: list[Design]) -> None:
             raise InputError(f"{criterion.figure.words} cannot be computed for this scene: it is not a number.")
 
 
-def _no_design(course: Course) -> InputError:
+def _no_design(optimiser: Optimiser) -> InputError:
     """The error for constraints that no design meets."""
     # The multipliers of the design with the least violation show which constraints are in conflict.
-    plan = course.plan
-    nearest, judged = course.nearest(plan.goal, plan.limits)
+    plan = optimiser.plan
+    nearest, linearisation = optimiser.nearest(plan.goal, plan.limits)
     x = np.array(nearest.x)
-    _, _, weights = least_violation(judged, -x, 1 - x)
-    sizes = [len(limit.figure.components(course.read(nearest).values)) for limit in plan.limits]
+    _, _, weights = least_violation(linearisation, -x, 1 - x)
+    sizes = [len(limit.figure.components(optimiser.read(nearest).values)) for limit in plan.limits]
     ends = np.cumsum(sizes)[:-1]
     of_limits = [float(components.sum()) for components in np.split(weights, ends)]
     order = np.argsort(of_limits)[::-1]
     conflicting = [plan.limits[number] for number in order[:2] if of_limits[number] > 1e-6]
     what = "in conflict within the bounds" if len(conflicting) > 1 else "beyond reach within the bounds"
     if not conflicting:
-        broken = [components.min(initial=0.0) for components in np.split(judged.limits, ends)]
+        broken = [components.min(initial=0.0) for components in np.split(linearisation.limits, ends)]
         conflicting = [plan.limits[int(np.argmin(broken))]]
         what = "met by no design yet, but more evaluations or starts may find one"
     said = " and ".join(
-        f"{limit.words} (nearest: {worst_of(limit, course.read(nearest)):.4g})" for limit in conflicting
+        f"{limit.words} (nearest: {worst_of(limit, optimiser.read(nearest)):.4g})" for limit in conflicting
     )
-    return InputError(f"constraints {what}: {said}; {len(course.history)} designs looked at.")
+    return InputError(f"constraints {what}: {said}; {len(optimiser.history)} designs looked at.")

@@ -23,7 +23,7 @@ TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class Linearisation:
     """Goals and limits at a point of the unit cube of V variables.
 
     Attributes
@@ -85,22 +85,22 @@ class Stationarity:
         return self.unbalanced + self.error <= BALANCED
 
 
-def stationarity(x: np.ndarray, judged: Judged, repeated: Sequence[Judged] = ()) -> Stationarity:
+def stationarity(x: np.ndarray, linearisation: Linearisation, repeated: Sequence[Linearisation] = ()) -> Stationarity:
     """Multipliers of active limits and bounds at a point, and the slope that they do not balance.
 
     Parameters
     ----------
     x : (V,) ndarray
         The point in the unit cube.
-    judged : Judged
+    linearisation : Linearisation
         Goals and limits there, which determine what is active.
-    repeated : Sequence[Judged]
+    repeated : Sequence[Linearisation]
         The same point on other meshes. Gradients are averaged over all of them.
     """
     # Active goals, limits and bounds, with the gradients of each evaluation (n, active, V).
-    evaluations = [judged, *repeated]
-    worst = np.flatnonzero(judged.goals >= judged.worst - ACTIVE * abs(judged.worst))
-    active = np.flatnonzero(judged.limits <= ACTIVE)
+    evaluations = [linearisation, *repeated]
+    worst = np.flatnonzero(linearisation.goals >= linearisation.worst - ACTIVE * abs(linearisation.worst))
+    active = np.flatnonzero(linearisation.limits <= ACTIVE)
     low, high = np.flatnonzero(x <= AT_BOUND), np.flatnonzero(x >= 1 - AT_BOUND)
     ends = np.concatenate([-np.eye(len(x))[low], np.eye(len(x))[high]])
     goal_rates = np.stack([evaluation.goal_rates[worst] for evaluation in evaluations])
@@ -109,7 +109,7 @@ def stationarity(x: np.ndarray, judged: Judged, repeated: Sequence[Judged] = ())
     # Multipliers for the mean gradients.
     means = goal_rates.mean(axis=0), limit_rates.mean(axis=0)
     weights, of_limits, of_ends, rest = balanced(*means, ends, np.zeros(len(x)))
-    limits, bounds = np.zeros(len(judged.limits)), np.zeros(len(x))
+    limits, bounds = np.zeros(len(linearisation.limits)), np.zeros(len(x))
     limits[active] = of_limits
     bounds[low] -= of_ends[: len(low)]
     bounds[high] += of_ends[len(low) :]
@@ -118,7 +118,7 @@ def stationarity(x: np.ndarray, judged: Judged, repeated: Sequence[Judged] = ())
     chosen = means[0][weights > 0]
     normals = np.concatenate([chosen[1:] - chosen[:1], means[1][of_limits > 0], ends[of_ends > 0]])
     lagrangian = np.einsum("k,nkv->nv", weights, goal_rates) - np.einsum("k,nkv->nv", of_limits, limit_rates)
-    scale = max(abs(judged.worst), TINY)
+    scale = max(abs(linearisation.worst), TINY)
     error = _scatter(lagrangian, normals) / scale
     return Stationarity(float(np.linalg.norm(rest)) / scale, error, len(evaluations), limits, bounds)
 
@@ -178,12 +178,14 @@ def balanced(
     return goals, size * limits, size * bounds, size * columns.T @ solution
 
 
-def least_violation(judged: Judged, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+def least_violation(
+    linearisation: Linearisation, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, float, np.ndarray]:
     """The step with the least violation of the linearised limits, by linear programming.
 
     Parameters
     ----------
-    judged : Judged
+    linearisation : Linearisation
         Limits and their gradients at the point.
     low, high : (V,) ndarray
         Bounds of the step.
@@ -200,12 +202,12 @@ def least_violation(judged: Judged, low: np.ndarray, high: np.ndarray) -> tuple[
     from scipy.optimize import linprog
 
     count = len(low)
-    if not len(judged.limits) or judged.limits.min() >= 0:
-        return np.zeros(count), 0.0, np.zeros(len(judged.limits))
+    if not len(linearisation.limits) or linearisation.limits.min() >= 0:
+        return np.zeros(count), 0.0, np.zeros(len(linearisation.limits))
     cost = np.append(np.zeros(count), 1.0)
-    rows = np.column_stack([-judged.limit_rates, -np.ones(len(judged.limits))])
+    rows = np.column_stack([-linearisation.limit_rates, -np.ones(len(linearisation.limits))])
     bounds: list[tuple[float, float | None]] = [*zip(low.tolist(), high.tolist(), strict=True), (0.0, None)]
-    solved = linprog(cost, A_ub=rows, b_ub=judged.limits, bounds=bounds)
+    solved = linprog(cost, A_ub=rows, b_ub=linearisation.limits, bounds=bounds)
     if not solved.success or solved.x is None:
-        return np.zeros(count), judged.violation, (judged.limits < 0).astype(float)
+        return np.zeros(count), linearisation.violation, (linearisation.limits < 0).astype(float)
     return solved.x[:count], float(solved.x[count]), -solved.ineqlin.marginals

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.optimum.descent import JUMP, JUMP_MOVED, Trial, descend
-from mitsuba_taxel.optimum.search import Judged, stationarity
+from mitsuba_taxel.optimum.search import Linearisation, stationarity
 
 pytestmark = pytest.mark.quick
 
@@ -20,15 +20,15 @@ def down(at, start, tolerance=3e-4, jump=JUMP):
 
 def lowest(at, start):
     """Where the descent saw the least of what is allowed, and how many points it took."""
-    seen = {}
+    visited = {}
 
     def noted(x):
-        seen[tuple(x)] = at(x)
-        return seen[tuple(x)]
+        visited[tuple(x)] = at(x)
+        return visited[tuple(x)]
 
     down(noted, start, 1e-8, 0.0)
-    allowed = {x: found for x, found in seen.items() if found is not None and found.violation < 1e-6}
-    return np.array(min(allowed, key=lambda x: allowed[x].worst)), len(seen)
+    allowed = {x: found for x, found in visited.items() if found is not None and found.violation < 1e-6}
+    return np.array(min(allowed, key=lambda x: allowed[x].worst)), len(visited)
 
 
 def rosenbrock(cube):
@@ -36,7 +36,7 @@ def rosenbrock(cube):
     x, y = 4 * cube - 2
     value = 100 * (y - x**2) ** 2 + (1 - x) ** 2
     rate = 4 * np.array([-400 * x * (y - x**2) - 2 * (1 - x), 200 * (y - x**2)])
-    return Judged(np.array([value]), rate[None], np.array([1 - x**2 - y**2]), -8 * np.array([[x, y]]))
+    return Linearisation(np.array([value]), rate[None], np.array([1 - x**2 - y**2]), -8 * np.array([[x, y]]))
 
 
 def test_rosenbrock_in_a_circle():
@@ -51,7 +51,7 @@ def test_the_worst_of_several_goals():
 
     def at(x):
         rates = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
-        return Judged(rates @ x + [0.0, 0.0, 1.0], rates, *NONE)
+        return Linearisation(rates @ x + [0.0, 0.0, 1.0], rates, *NONE)
 
     x, points = lowest(at, (0.9, 0.05))
     np.testing.assert_allclose(x, 1 / 3, atol=1e-4)
@@ -62,22 +62,22 @@ def test_what_cannot_be_computed_is_a_wall():
     def at(x):
         if x.sum() > 1.2:
             return None
-        return Judged(np.array([-x[0] - 2 * x[1]]), np.array([[-1.0, -2.0]]), *NONE)
+        return Linearisation(np.array([-x[0] - 2 * x[1]]), np.array([[-1.0, -2.0]]), *NONE)
 
-    seen = []
+    visited = []
 
     def noted(x):
-        seen.append(x)
+        visited.append(x)
         return at(x)
 
     down(noted, [0.1, 0.1])
-    reached = [x.sum() for x in seen[:40] if at(x) is not None]
+    reached = [x.sum() for x in visited[:40] if at(x) is not None]
     assert 1.15 < max(reached) <= 1.2 and len(reached) < 40
 
 
 def test_bounds_are_reached():
     def at(x):
-        return Judged(np.array([x[0] - 3 * x[1]]), np.array([[1.0, -3.0]]), *NONE)
+        return Linearisation(np.array([x[0] - 3 * x[1]]), np.array([[1.0, -3.0]]), *NONE)
 
     x, points = lowest(at, (0.5, 0.5))
     np.testing.assert_allclose(x, [0, 1], atol=1e-9)
@@ -89,7 +89,7 @@ def test_from_a_start_that_violates_a_limit():
 
     def at(x):
         corner, middle = x - [1, 1], x - [0.3, 0.5]
-        return Judged(
+        return Linearisation(
             np.array([corner @ corner]), 2 * corner[None], np.array([0.04 - middle @ middle]), -2 * middle[None]
         )
 
@@ -108,17 +108,17 @@ def test_curvature_of_far_away_does_not_end_a_descent(start):
         up = max(x[0] - 0.3, 0.0)
         value = 2 + (x[0] - 0.1) ** 2 + 0.3 * x[0] * x[1] + 0.5 * (x[1] - 0.5) ** 2 + 3000 * up**2
         rate = [2 * (x[0] - 0.1) + 0.3 * x[1] + 6000 * up, 0.3 * x[0] + x[1] - 0.5]
-        return Judged(np.array([value]), np.array([rate]), *NONE)
+        return Linearisation(np.array([value]), np.array([rate]), *NONE)
 
-    seen = []
+    visited = []
 
     def noted(x):
-        seen.append(x)
+        visited.append(x)
         return at(x)
 
     x = down(noted, start, jump=JUMP_MOVED)
     np.testing.assert_allclose(x, np.linalg.solve([[2, 0.3], [0.3, 1]], [0.2, 0.5]), atol=0.03)
-    assert len(seen) < 16 and stationarity(x, at(x)).unbalanced < 0.02
+    assert len(visited) < 16 and stationarity(x, at(x)).unbalanced < 0.02
 
 
 BEST = np.array([0.3, 0.5, 0.7, 0.2, 0.6, 0.4, 0.8, 0.5])
@@ -134,7 +134,7 @@ def eight(x, jump=0.0):
     noise = np.random.default_rng(np.frombuffer(np.round(x, 9).tobytes(), np.uint32))
     goals = goals * (1 + jump * noise.normal(size=2))
     rates = rates + 10 * jump * noise.normal(size=rates.shape)
-    return Judged(goals, rates, np.array([x[0] - x[1] + 0.1]), (np.eye(8)[0] - np.eye(8)[1])[None])
+    return Linearisation(goals, rates, np.array([x[0] - x[1] + 0.1]), (np.eye(8)[0] - np.eye(8)[1])[None])
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -143,12 +143,12 @@ def test_eight_variables_of_readings_that_jump(seed):
     exact = down(eight, np.full(8, 0.5), 1e-9, 0.0)
     truth = eight(exact)
     assert stationarity(exact, truth).unbalanced < 1e-3 and truth.violation < 1e-6
-    seen = []
+    visited = []
 
     def at(x):
-        seen.append(x)
+        visited.append(x)
         return eight(x, 1e-3)
 
     end = eight(down(at, np.random.default_rng(seed).random(8)))
-    assert len(seen) <= 40 and end.violation < 1e-3
+    assert len(visited) <= 40 and end.violation < 1e-3
     assert end.worst == pytest.approx(truth.worst, rel=3e-3)

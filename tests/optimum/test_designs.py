@@ -9,9 +9,9 @@ import pytest
 from one_cell import one_cell
 
 from mitsuba_taxel import ComputationError
-from mitsuba_taxel.optimum.course import with_rates
-from mitsuba_taxel.optimum.designs import Designs
+from mitsuba_taxel.optimum.designs import DesignEvaluator
 from mitsuba_taxel.optimum.figures import FIGURES_OF_MERIT, TINY, end_of
+from mitsuba_taxel.optimum.optimiser import with_rates
 from mitsuba_taxel.optimum.plan_file import read_plan
 from mitsuba_taxel.sensing.reading.contact_value import FirstContact
 from mitsuba_taxel.studies.run.pool import open_pool
@@ -55,7 +55,7 @@ def along(tmp_path_factory):
     (folder / "study.toml").write_text(STUDY + "".join(limits))
     plan = read_plan(folder / "study.toml")
     with open_pool() as pool:
-        reads = Designs(plan, pool, folder / "designs", False).read(
+        reads = DesignEvaluator(plan, pool, folder / "designs", False).read(
             [plan.design((), [0.5 + step, 0.5 - step]) for step in (-STEP, 0.0, STEP)]
         )
     assert None not in reads
@@ -84,7 +84,7 @@ def test_first_contact_of_a_design(tmp_path, monkeypatch):
     plan = read_plan(tmp_path / "study.toml")
     assert plan.goal.figure.unit == "N"
     with open_pool() as pool:
-        designs = Designs(plan, pool, tmp_path / "designs", False)
+        designs = DesignEvaluator(plan, pool, tmp_path / "designs", False)
         (read,) = designs.read([plan.before])
         found, rates = with_rates(plan.goal.figure, read)
         assert 5 < found[0] < 20 and read.values.lines["normal"].touched == "a package"
@@ -99,7 +99,7 @@ def test_first_contact_of_a_design(tmp_path, monkeypatch):
         softer = plan.design((), [0.0])
         assert designs.read([softer]) == [None]
         assert designs.failures[softer] == "the contact was not found again"
-        (kept,) = Designs(plan, pool, tmp_path / "designs", False).read([plan.before])
+        (kept,) = DesignEvaluator(plan, pool, tmp_path / "designs", False).read([plan.before])
         assert kept is not None and plan.goal.figure.components(kept.values) == found
 
 
@@ -130,7 +130,7 @@ def test_range_of_a_cell_that_becomes_unstable(tmp_path, monkeypatch):
         (tmp_path / "study.toml").write_text(UNSTABLE.format(transfer=transfer, goal=goal, least=least))
         plan = read_plan(tmp_path / "study.toml")
         with open_pool() as pool:
-            designs = Designs(plan, pool, tmp_path / "designs", False)
+            designs = DesignEvaluator(plan, pool, tmp_path / "designs", False)
             return plan, designs, designs.read([plan.before])[0]
 
     plan, _, read = found(0.09)

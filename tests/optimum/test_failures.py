@@ -7,7 +7,7 @@ import pytest
 
 from mitsuba_taxel.optimum.descent import Trial, descend
 from mitsuba_taxel.optimum.failures import nearest, off_failures
-from mitsuba_taxel.optimum.search import Judged
+from mitsuba_taxel.optimum.search import Linearisation
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
 
@@ -26,7 +26,7 @@ def test_nearest_points_of_hulls(others, one, other):
 
 
 def test_the_plane_lies_midway():
-    here = Judged(np.zeros(1), np.zeros((1, 2)), np.ones(1), np.ones((1, 2)))
+    here = Linearisation(np.zeros(1), np.zeros((1, 2)), np.ones(1), np.ones((1, 2)))
     with_plane = off_failures(np.array([1.0, 0.4]), here, list(SQUARE), [np.array([1.5, 0.4])])
     np.testing.assert_allclose(with_plane.limits, [1.0, 0.25], atol=1e-5)
     np.testing.assert_allclose(with_plane.limit_rates, [[1, 1], [-1, 0]], atol=1e-5)
@@ -45,16 +45,16 @@ def test_along_a_half_space_that_fails(seed):
     least, bend = np.full(6, 0.5), np.geomspace(1, 4, 6)
     start = least + 0.2 * random.normal(size=6)
     start -= (normal @ (start - least) + 0.3) * normal
-    seen = []
+    visited = []
 
     def at(x):
         d = x - least
         if normal @ d > -0.1:
-            seen.append(np.inf)
+            visited.append(np.inf)
             return None
-        seen.append(1 + d @ (bend * d))
-        return Judged(np.array(seen[-1:]), 2 * (bend * d)[None], np.zeros(0), np.zeros((0, 6)))
+        visited.append(1 + d @ (bend * d))
+        return Linearisation(np.array(visited[-1:]), 2 * (bend * d)[None], np.zeros(0), np.zeros((0, 6)))
 
     descend(lambda x, beside: Trial(at(x), jump=0.0), start)
     truth = 1 + 0.1**2 / (normal @ (normal / bend))
-    assert min(seen[:40]) == pytest.approx(truth, rel=0.01)
+    assert min(visited[:40]) == pytest.approx(truth, rel=0.01)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import Circuit
-from mitsuba_taxel.optimum.figures import FIGURES_OF_MERIT, TINY, Figure, Line, Seen, end_of
+from mitsuba_taxel.optimum.figures import FIGURES_OF_MERIT, TINY, DesignResponses, Figure, LineResponse, end_of
 from mitsuba_taxel.optimum.result import circuit_notes
 from mitsuba_taxel.pads.mould import SHAPE
 
@@ -22,7 +22,7 @@ TOLD = {
 }
 
 
-def seen(shift, circuit=CIRCUIT, imaginary=0.0):
+def responses(shift, circuit=CIRCUIT, imaginary=0.0):
     """Four taxels along two lines, and how they change with one variable."""
     random = np.random.default_rng(3)
     lines = {}
@@ -30,9 +30,9 @@ def seen(shift, circuit=CIRCUIT, imaginary=0.0):
         power, rate = 1e-3 * (2 + random.random((2, len(values), 4)))
         changed = power + shift * rate + 1j * imaginary * rate
         others = changed[:, 0], 500 * changed[::-1, 1], -changed[0, 2]
-        lines[name] = Line(np.array(values, dtype=float), changed, *others)
+        lines[name] = LineResponse(np.array(values, dtype=float), changed, *others)
     shape = np.array([1.0, 0.7]) + (shift + 1j * imaginary) * np.array([0.3, -0.2])
-    return Seen(lines, dict.fromkeys(SHAPE, shape), circuit)
+    return DesignResponses(lines, dict.fromkeys(SHAPE, shape), circuit)
 
 
 @pytest.mark.parametrize(
@@ -46,8 +46,8 @@ def test_gradients_are_those_of_differences(kind, circuit):
         told = {**told, "noise": 1e-6}
     figure = Figure(kind, told, "")
     step = 1e-5
-    ahead, behind = (figure.components(seen(sign * step, circuit)).real for sign in (1, -1))
-    rates = figure.components(seen(0.0, circuit, TINY)).imag / TINY
+    ahead, behind = (figure.components(responses(sign * step, circuit)).real for sign in (1, -1))
+    rates = figure.components(responses(0.0, circuit, TINY)).imag / TINY
     difference = (ahead - behind) / (2 * step)
     np.testing.assert_allclose(rates, difference, rtol=1e-5, atol=1e-6 * np.abs(difference).max())
 
@@ -56,9 +56,9 @@ def test_values():
     """Of readings 1, 2 and 4 along 0, 1 and 2 N, and of twice as much: slopes, half a unit off the line."""
     power = np.array([[1.0, 2.0], [2.0, 4.0], [4.0, 8.0]]) + 0j
     strain = np.array([0.0, 0.2, 0.5])
-    lines = {"z": Line(np.array([0.0, 1.0, 2.0]), power, strain, 1 - strain, -7.0)}
-    lines["x"] = Line(np.array([0.0, 1.0]), power[:2] * [1, -1], strain[:2], 1 - strain[:2])
-    one = Seen(lines, {}, None)
+    lines = {"z": LineResponse(np.array([0.0, 1.0, 2.0]), power, strain, 1 - strain, -7.0)}
+    lines["x"] = LineResponse(np.array([0.0, 1.0]), power[:2] * [1, -1], strain[:2], 1 - strain[:2])
+    one = DesignResponses(lines, {}, None)
 
     def of(kind, **told):
         return Figure(kind, {"along": "z"} | told, "").components(one).real
@@ -83,11 +83,11 @@ def test_values():
 def test_resolution_of_forces_that_readings_do_not_tell_apart(readings):
     """One reading, changes that are alike, and none."""
     lines = {
-        name: Line(np.array([0.0, 1.0]), np.array([np.zeros(len(each)), each]) + 0j, np.zeros(2), np.zeros(2))
+        name: LineResponse(np.array([0.0, 1.0]), np.array([np.zeros(len(each)), each]) + 0j, np.zeros(2), np.zeros(2))
         for name, each in zip("zx", readings, strict=True)
     }
     told = {"along": ("z", "x"), "noise": 0.1}
-    assert np.isnan(Figure("resolution", told, "N").components(Seen(lines, {}, None)).real).all()
+    assert np.isnan(Figure("resolution", told, "N").components(DesignResponses(lines, {}, None)).real).all()
 
 
 def test_range():
@@ -95,14 +95,14 @@ def test_range():
     something, nothing, or are not known to."""
     circuit = Circuit(supply=4.0, load_resistance=1.0, transfer=1.0, saturation_voltage=0.0)
     power = np.array([[1.0, 1.0, 2.0], [2.0, 1.5, 1.0], [5.0, 3.0, 0.5]]) + 0j
-    dark = Line(np.array([0.0, -1.0, -2.0]), power, power[:, 0], np.full(3, np.nan))
+    dark = LineResponse(np.array([0.0, -1.0, -2.0]), power, power[:, 0], np.full(3, np.nan))
     lit = replace(dark, power=np.array([[5.0], [6.0], [3.0]]) + 0j)
 
     def of(line, circuit):
-        seen = Seen({"z": line}, {}, circuit)
+        responses = DesignResponses({"z": line}, {}, circuit)
         figure = Figure("range", {"along": "z"}, "N")
-        ends = figure.components(seen).real.tolist()
-        return ends, end_of(figure, seen) if ends else ""
+        ends = figure.components(responses).real.tolist()
+        return ends, end_of(figure, responses) if ends else ""
 
     saturated = [pytest.approx(5 / 3), pytest.approx(8 / 3), 20.0]
     assert of(dark, circuit) == (saturated, "where taxel 1 saturates") and of(dark, None) == ([], "")
@@ -111,7 +111,9 @@ def test_range():
     assert of(touching, circuit) == ([1.5, *saturated], "where the pad touches the board")
     later = replace(touching, contact=-1.7 + 0j)
     assert of(later, circuit) == ([1.7, *saturated], "where taxel 1 saturates")
-    assert end_of(Figure("first_contact", {"along": "z"}, "N"), Seen({"z": later}, {}, circuit)).endswith("the board")
+    assert end_of(Figure("first_contact", {"along": "z"}, "N"), DesignResponses({"z": later}, {}, circuit)).endswith(
+        "the board"
+    )
     untouched = "up to which the pad touches nothing; loads beyond were not followed"
     assert of(replace(dark, contact=-20 + 0j), None) == ([20.0], untouched)
     unstable = replace(dark, contact=-1.7 + 0j, ended="it is unstable")
@@ -123,15 +125,19 @@ def test_what_a_circuit_shows_of_a_design():
     """Of 1 V per watt up to 4 V, with 0.3 V of noise: readings 1, 2, 5 and 1, 1.5, 3 W along 0, 1 and 2 N."""
     circuit = Circuit(supply=4.0, load_resistance=1.0, transfer=1.0, saturation_voltage=0.0, other_noise=0.3)
     power = np.array([[1.0, 1.0], [2.0, 1.5], [5.0, 3.0]]) + 0j
-    lines = {name: Line(np.arange(count), power[:count], *power[:count].T) for name, count in (("z", 3), ("x", 2))}
-    lines["still"] = Line(np.zeros(1), power[:1], *power[:1].T)
-    assert circuit_notes(Seen(lines, {}, circuit), {"z": "fz", "x": "fx", "still": ""}) == [
+    lines = {
+        name: LineResponse(np.arange(count), power[:count], *power[:count].T) for name, count in (("z", 3), ("x", 2))
+    }
+    lines["still"] = LineResponse(np.zeros(1), power[:1], *power[:1].T)
+    assert circuit_notes(DesignResponses(lines, {}, circuit), {"z": "fz", "x": "fx", "still": ""}) == [
         "one count: 0.0009766 V",
         "along z: noise of the first reading as fz: 0.2 to 0.3; saturated from fz = 1.667 on (taxel 1)",
         "along x: noise of the first reading as fx: 0.3 to 0.6; saturated nowhere",
     ]
-    assert circuit_notes(Seen(lines, {}, None), {}) == []
-    quiet = circuit_notes(Seen(lines, {}, replace(circuit, other_noise=0.0)), {"z": "fz", "x": "fx", "still": ""})
+    assert circuit_notes(DesignResponses(lines, {}, None), {}) == []
+    quiet = circuit_notes(
+        DesignResponses(lines, {}, replace(circuit, other_noise=0.0)), {"z": "fz", "x": "fx", "still": ""}
+    )
     assert len(quiet) == 4 and quiet[-1].startswith("The noise before the converter is less than half of its step")
 
 

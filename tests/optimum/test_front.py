@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.optimum.course import Course
-from mitsuba_taxel.optimum.designs import Read
-from mitsuba_taxel.optimum.figures import TINY, Line, Seen
+from mitsuba_taxel.optimum.designs import DesignEvaluation
+from mitsuba_taxel.optimum.figures import TINY, DesignResponses, LineResponse
 from mitsuba_taxel.optimum.front import front
+from mitsuba_taxel.optimum.optimiser import Optimiser
 from mitsuba_taxel.optimum.plan_file import read_plan
 
 STUDY = """
@@ -45,28 +45,30 @@ class Formula:
         if x > 0.98:
             self.failures[design] = "no."
             return None
-        seen = []
+        responses = []
         for z in (x + 0j, x + 1j * TINY):
             rest = 1 + z**2
             power = np.array([[rest], [rest + 1.1 - (1 - z) ** 2]])
-            seen.append(
-                Seen({"normal": Line(np.array([0.0, -1.0]), power, np.zeros(2), np.ones(2))}, np.zeros(0), None)
+            responses.append(
+                DesignResponses(
+                    {"normal": LineResponse(np.array([0.0, -1.0]), power, np.zeros(2), np.ones(2))}, np.zeros(0), None
+                )
             )
-        return Read(seen[0], seen[1:], [])
+        return DesignEvaluation(responses[0], responses[1:], [])
 
 
 @pytest.fixture
-def course(tmp_path):
+def optimiser(tmp_path):
     (tmp_path / "study.toml").write_text(STUDY)
     plan = read_plan(tmp_path / "study.toml")
-    course = Course(plan, Formula(), None)
-    course.look([plan.before])
-    course.descend(plan.before, plan.goal, plan.limits)
-    return course
+    optimiser = Optimiser(plan, Formula(), None)
+    optimiser.evaluate([plan.before])
+    optimiser.descend(plan.before, plan.goal, plan.limits)
+    return optimiser
 
 
-def test_a_front_that_is_known(course):
-    table = front(course, *course.plan.front)
+def test_a_front_that_is_known(optimiser):
+    table = front(optimiser, *optimiser.plan.front)
     rest, sensitivity = table["rest along normal"], table["sensitivity along normal"]
     x = (table.spacing - 0.8) / 0.1
     np.testing.assert_allclose(rest, 1 + x**2, atol=1e-9)
@@ -76,7 +78,7 @@ def test_a_front_that_is_known(course):
     assert rest[0] == pytest.approx(1, abs=1e-6) and sensitivity[5] > 1.095
 
 
-def test_the_history_says_what_failed(course):
-    front(course, *course.plan.front)
-    failed = [row for row in course.rows() if "failed" in row]
+def test_the_history_says_what_failed(optimiser):
+    front(optimiser, *optimiser.plan.front)
+    failed = [row for row in optimiser.rows() if "failed" in row]
     assert failed and {row["failed"] for row in failed} == {"no."} and "allowed" not in failed[0]

@@ -179,9 +179,9 @@ def test_nothing_is_computed_twice(cell):
     """The same study with another bound goes on with what there is, to the same end where it asks for the same."""
     folder, found = cell
     before = {file: file.stat().st_mtime_ns for file in folder.rglob("*.npz")}
-    again = optimise(folder / "study.toml", folder / "out")
+    verification = optimise(folder / "study.toml", folder / "out")
     assert {file: file.stat().st_mtime_ns for file in folder.rglob("*.npz")} == before
-    assert again.history.best.iloc[-1] == found["history"][-1]["best"]
+    assert verification.history.best.iloc[-1] == found["history"][-1]["best"]
 
 
 def test_a_cell_no_softer_than_its_strain_allows(cell):
@@ -221,11 +221,11 @@ def test_a_run_that_was_ended_goes_on(tmp_path):
         optimise(tmp_path / "study.toml", tmp_path / "out", progress=ended)
     kept = {file: file.stat().st_size for file in (tmp_path / "out").rglob("jobs/*.npz")}
     assert len(kept) >= 4
-    seen = []
-    went_on = optimise(tmp_path / "study.toml", tmp_path / "out", progress=seen.append)
+    reports = []
+    went_on = optimise(tmp_path / "study.toml", tmp_path / "out", progress=reports.append)
     whole = optimise(tmp_path / "study.toml", tmp_path / "whole")
     assert went_on.best == whole.best and went_on.history.equals(whole.history)
-    assert [progress.designs for progress in seen][-1] == len(whole.history) and "maximise rest" in seen[-1].best
+    assert [progress.designs for progress in reports][-1] == len(whole.history) and "maximise rest" in reports[-1].best
 
 
 @pytest.mark.parametrize(

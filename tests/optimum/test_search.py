@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.optimum.search import Judged, least_violation, stationarity
+from mitsuba_taxel.optimum.search import Linearisation, least_violation, stationarity
 
 NONE = (np.zeros(0), np.zeros((0, 2)))
 
 
 def test_bounds_that_hold():
     def at(x):
-        return Judged(np.array([x[0] - 3 * x[1]]), np.array([[1.0, -3.0]]), *NONE)
+        return Linearisation(np.array([x[0] - 3 * x[1]]), np.array([[1.0, -3.0]]), *NONE)
 
     x = np.array([0.0, 1.0])
     held = stationarity(x, at(x))
@@ -24,10 +24,10 @@ def test_bounds_that_hold():
 @pytest.mark.parametrize(("gap", "left"), [(0.004, 0.0), (0.006, 1.0)])
 def test_a_bound_holds_what_is_close_to_it(gap, left):
     """The slope towards it would gain 0.4 % on the way."""
-    near = Judged(np.ones(1), np.array([[1.0, 0.0]]), *NONE)
+    near = Linearisation(np.ones(1), np.array([[1.0, 0.0]]), *NONE)
     held = stationarity(np.array([gap, 0.5]), near)
     assert held.unbalanced == pytest.approx(left, abs=1e-6) and held.bounds[0] == pytest.approx(left - 1, abs=1e-6)
-    away = stationarity(np.array([gap, 0.5]), Judged(np.ones(1), np.array([[-1.0, 0.0]]), *NONE))
+    away = stationarity(np.array([gap, 0.5]), Linearisation(np.ones(1), np.array([[-1.0, 0.0]]), *NONE))
     assert away.unbalanced == pytest.approx(1) and not away.bounds.any()
 
 
@@ -39,7 +39,7 @@ def test_the_scatter_of_what_is_left(count):
     found = []
     for _ in range(500):
         rates = slope + 0.2 * random.normal(size=(count, 3))
-        each = [Judged(np.ones(1), one[None], np.zeros(0), np.zeros((0, 3))) for one in rates]
+        each = [Linearisation(np.ones(1), one[None], np.zeros(0), np.zeros((0, 3))) for one in rates]
         found.append(stationarity(x, each[0], each[1:]))
     covered = np.mean([held.unbalanced + held.error >= 0.3 for held in found])
     assert covered > 0.84 - 4 * np.sqrt(0.84 * 0.16 / 500)
@@ -52,10 +52,10 @@ def test_what_scatters_along_constraints_is_held():
     """The limit x + y and two goals balance whatever gradients are; one goal is left to scatter along the limit."""
     rates = [np.array([[2 + k, 1 - k], [1.0, 2.0]]) for k in (0.0, 0.4)]
     limit = np.zeros(1), np.array([[1.0, 1.0]])
-    both = [Judged(np.ones(2), goals, *limit) for goals in rates]
+    both = [Linearisation(np.ones(2), goals, *limit) for goals in rates]
     held = stationarity(np.full(2, 0.5), both[0], both[1:])
     assert held.unbalanced < 1e-4 and held.error < 1e-4 and held.gradients == 2
-    one = [Judged(np.ones(1), goals[:1], *limit) for goals in rates]
+    one = [Linearisation(np.ones(1), goals[:1], *limit) for goals in rates]
     held = stationarity(np.full(2, 0.5), one[0], one[1:])
     assert held.unbalanced == pytest.approx(0.7 * np.sqrt(2), rel=1e-3)
     assert held.error == pytest.approx(1.837 * 0.2 * np.sqrt(2), rel=1e-3)
@@ -64,7 +64,7 @@ def test_what_scatters_along_constraints_is_held():
 def test_constraints_in_conflict():
     """x at least 0.8 and at most 0.3; y at most 0.9 has nothing to do with it."""
     rates = np.array([[1.0, 0.0], [0.0, -1.0], [-1.0, 0.0]])
-    judged = Judged(np.zeros(1), np.zeros((1, 2)), np.array([-0.3, 0.4, -0.2]), rates)
-    step, violation, weights = least_violation(judged, np.full(2, -0.5), np.full(2, 0.5))
+    linearisation = Linearisation(np.zeros(1), np.zeros((1, 2)), np.array([-0.3, 0.4, -0.2]), rates)
+    step, violation, weights = least_violation(linearisation, np.full(2, -0.5), np.full(2, 0.5))
     assert step[0] == pytest.approx(0.05) and violation == pytest.approx(0.25)
     np.testing.assert_allclose(weights, [0.5, 0, 0.5], atol=1e-9)

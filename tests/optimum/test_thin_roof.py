@@ -95,8 +95,8 @@ def bent_power(z, pressure, plate):
     down, by_x, by_y = (pressure * each(x, y) for each in plate)
     points, normal = np.column_stack([x, y, z - down]), np.column_stack([-by_x, -by_y, -np.ones(len(x))])
     lit = form_factor(points, normal, -0.5 * SPACING, LED) / np.prod(LED)
-    seen = form_factor(points, normal / np.linalg.norm(normal, axis=1, keepdims=True), 0.5 * SPACING, DETECTOR)
-    return area @ (lit * seen)
+    responses = form_factor(points, normal / np.linalg.norm(normal, axis=1, keepdims=True), 0.5 * SPACING, DETECTOR)
+    return area @ (lit * responses)
 
 
 def test_the_most_sensitive_height_below_a_thin_roof(tmp_path):

@@ -32,7 +32,7 @@ from mitsuba_taxel.evidence.paper.optima import (
     RANGE,
     VARIABLES,
 )
-from mitsuba_taxel.optimum.course import NEAR
+from mitsuba_taxel.optimum.optimiser import NEAR
 from mitsuba_taxel.optimum.search import BALANCED
 from mitsuba_taxel.plots.figures import COLOURS, panel_axes, save_small
 from mitsuba_taxel.studies.plan.files import make_folder

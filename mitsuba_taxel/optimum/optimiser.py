@@ -1,4 +1,4 @@
-"""The course of an optimisation: all evaluated designs, their objectives and constraints, and the best so far."""
+"""The optimiser: all evaluated designs, their objectives and constraints, and the best so far."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.optimum.descent import JUMP, JUMP_BARE, JUMP_MOVED, TOLERANCE, TOLERANCE_BARE, Trial, descend
-from mitsuba_taxel.optimum.designs import Designs, Read
+from mitsuba_taxel.optimum.designs import DesignEvaluation, DesignEvaluator
 from mitsuba_taxel.optimum.figures import TINY, Figure
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
-from mitsuba_taxel.optimum.search import Judged, Stationarity, stationarity
+from mitsuba_taxel.optimum.search import Linearisation, Stationarity, stationarity
 
 QUANTILE = 1.2816
 """Quantile of 90 % of a normal distribution, in standard deviations."""
@@ -44,31 +44,33 @@ class OptimisationProgress(NamedTuple):
     best: str
 
 
-class Enough(Exception):
+class EvaluationsExhausted(Exception):
     """A descent has used all its evaluations."""
 
 
-class Course:
+class Optimiser:
     """Evaluates designs, and runs descents.
 
     Attributes
     ----------
     plan : Plan
         The optimisation.
-    designs : Designs
+    designs : DesignEvaluator
         Evaluation of its designs.
     history : list[Design]
         All evaluated designs, in their order.
     """
 
-    def __init__(self, plan: Plan, designs: Designs, progress: Callable[[OptimisationProgress], None] | None) -> None:
+    def __init__(
+        self, plan: Plan, designs: DesignEvaluator, progress: Callable[[OptimisationProgress], None] | None
+    ) -> None:
         self.plan, self.designs, self._progress = plan, designs, progress
         self.history: list[Design] = []
-        self._read: dict[Design, Read | None] = {}
+        self._read: dict[Design, DesignEvaluation | None] = {}
         self._descents = 0
         self._descent_of: dict[Design, int] = {}
 
-    def look(self, designs: Sequence[Design]) -> list[Read | None]:
+    def evaluate(self, designs: Sequence[Design]) -> list[DesignEvaluation | None]:
         """Evaluate designs, all in one run of their study; None for a design that fails."""
         for design, read in zip(designs, self.designs.read(designs), strict=True):
             if design not in self._read:
@@ -87,22 +89,24 @@ class Course:
         readable = [design for design in self.history if self._read[design] is not None]
         return next((design for design in readable if design == self.plan.before), readable[0])
 
-    def read(self, design: Design) -> Read:
+    def read(self, design: Design) -> DesignEvaluation:
         """The evaluation of a design, which must not have failed."""
         evaluated = self._read[design]
         assert evaluated is not None
         return evaluated
 
-    def judged(self, design: Design, goal: Goal, limits: Sequence[Limit]) -> Judged | None:
+    def linearisation(self, design: Design, goal: Goal, limits: Sequence[Limit]) -> Linearisation | None:
         """Goals of a design relative to the worst of `before`, and limits relative to their bounds.
 
         None if the design fails, or has no goal or a figure that is not finite.
         """
-        (read,) = self.look([design])
-        return None if read is None else self._judge(read, read, goal, limits)
+        (read,) = self.evaluate([design])
+        return None if read is None else self._linearise(read, read, goal, limits)
 
-    def _judge(self, read: Read, spread: Read, goal: Goal, limits: Sequence[Limit]) -> Judged | None:
-        """As :meth:`judged`, with each figure worse by the spread due to tolerances at the design ``spread``."""
+    def _linearise(
+        self, read: DesignEvaluation, spread: DesignEvaluation, goal: Goal, limits: Sequence[Limit]
+    ) -> Linearisation | None:
+        """As :meth:`linearisation`, with each figure worse by the spread due to tolerances at the design ``spread``."""
         scale = abs(worst_of(goal, self.read(self.before))) or 1.0
         goals, goal_rates = _loss(goal, read, spread)
         none = np.zeros((0, len(read.by)))
@@ -112,8 +116,9 @@ class Course:
             size = abs(limit.bound) or 1.0
             margins.append((limit.sign * limit.bound - values) / size)
             rates.append(-slopes / size)
-        judged = Judged(goals / scale, goal_rates / scale, np.concatenate(margins), np.concatenate(rates))
-        return judged if goals.size and all(np.isfinite(array).all() for array in vars(judged).values()) else None
+        linearisation = Linearisation(goals / scale, goal_rates / scale, np.concatenate(margins), np.concatenate(rates))
+        is_finite = all(np.isfinite(array).all() for array in vars(linearisation).values())
+        return linearisation if goals.size and is_finite else None
 
     def descend(self, start: Design, goal: Goal, limits: Sequence[Limit]) -> None:
         """Descend from a design; all evaluated designs are in the history.
@@ -126,32 +131,32 @@ class Course:
         self._descents += 1
         placed: dict[tuple[float, ...], Design] = {start.x: start}
 
-        def judged(design: Design) -> Judged | None:
+        def linearisation(design: Design) -> Linearisation | None:
             if len(self.history) - before >= self.plan.evaluations:
-                raise Enough
-            (read,) = self.look([design])
-            return None if read is None else self._judge(read, self.read(start), goal, limits)
+                raise EvaluationsExhausted
+            (read,) = self.evaluate([design])
+            return None if read is None else self._linearise(read, self.read(start), goal, limits)
 
         def at(end: np.ndarray, x: np.ndarray) -> Trial:
             # The mesh of the last point is moved to the end; where it cannot be, the last point is evaluated again.
             here = placed[tuple(x.tolist())]
             if np.array_equal(end, x):
-                return Trial(judged(here))
+                return Trial(linearisation(here))
             beside, there = self._beside(here, end)
-            anew = None if beside == here else judged(beside)
+            anew = None if beside == here else linearisation(beside)
             if anew is None:
                 beside = here
             placed[tuple(x.tolist())], placed[tuple(end.tolist())] = beside, there
-            return Trial(judged(there), anew, self._jump(there, beside))
+            return Trial(linearisation(there), anew, self._jump(there, beside))
 
         tolerance = TOLERANCE if self.designs.has_parts else TOLERANCE_BARE
 
         for _ in range(ROUNDS if self.plan.tolerances else 1):
             try:
-                if self._read[start] is None or judged(start) is None:
+                if self._read[start] is None or linearisation(start) is None:
                     return
                 x = descend(at, np.array(start.x), tolerance)
-            except Enough:
+            except EvaluationsExhausted:
                 return
             end = placed[tuple(x.tolist())]
             if self._read.get(end) is None or end == start:
@@ -188,7 +193,11 @@ class Course:
 
     def best(self, goal: Goal, limits: Sequence[Limit]) -> Design | None:
         """The best evaluated design that meets all constraints; None if no design does."""
-        feasible = [(design, judged) for design, judged in self._all(goal, limits) if judged.violation <= HELD]
+        feasible = [
+            (design, linearisation)
+            for design, linearisation in self._all(goal, limits)
+            if linearisation.violation <= HELD
+        ]
         return min(feasible, key=lambda pair: pair[1].worst)[0] if feasible else None
 
     def gain_from(self, start: Design) -> tuple[float, int]:
@@ -198,49 +207,49 @@ class Course:
         is renewed, the gains on both meshes are added.
         """
         goal, limits, before = self.plan.goal, self.plan.limits, len(self.history)
-        first = self.judged(start, goal, limits)
+        first = self.linearisation(start, goal, limits)
         if first is None:
             return math.nan, 0
         self.descend(start, goal, limits)
         new = {start, *self.history[before:]}
         feasible = [
-            (design, judged) for design, judged in self._all(goal, limits) if design in new and judged.violation <= HELD
+            (design, linearisation)
+            for design, linearisation in self._all(goal, limits)
+            if design in new and linearisation.violation <= HELD
         ]
         gain = 0.0
         for family in dict.fromkeys(design.family for design, _ in feasible):
-            goals = [judged.worst for design, judged in feasible if design.family == family]
+            goals = [linearisation.worst for design, linearisation in feasible if design.family == family]
             gain += goals[0] - min(goals)
         return gain / (abs(first.worst) or 1.0), len(self.history) - before
 
-    def stationarity(self, best: Design, *finer: Read) -> Stationarity:
+    def stationarity(self, best: Design, *finer: DesignEvaluation) -> Stationarity:
         """Multipliers and unbalanced slope of a design, with gradients averaged over meshes, by which they scatter.
 
         Gradients are averaged over the design itself, a close design on each of the other meshes, and ``finer``, the
         design on finer meshes.
         """
         goal, limits = self.plan.goal, self.plan.limits
-        own = self.judged(best, goal, limits)
+        own = self.linearisation(best, goal, limits)
         assert own is not None
-        meshes: dict[tuple[float, ...], Judged] = {}
-        for design, judged in sorted(self._all(goal, limits), key=lambda pair: _distance(pair[0], best)):
+        meshes: dict[tuple[float, ...], Linearisation] = {}
+        for design, linearisation in sorted(self._all(goal, limits), key=lambda pair: _distance(pair[0], best)):
             if design.family != best.family and _is_near(design, best):
-                meshes.setdefault(design.family, judged)
-        on_finer = [
-            judged_finer for read in finer if (judged_finer := self._judge(read, read, goal, limits)) is not None
-        ]
+                meshes.setdefault(design.family, linearisation)
+        on_finer = [at_design for read in finer if (at_design := self._linearise(read, read, goal, limits)) is not None]
         return stationarity(np.array(best.x), own, [*meshes.values(), *on_finer])
 
-    def nearest(self, goal: Goal, limits: Sequence[Limit]) -> tuple[Design, Judged]:
+    def nearest(self, goal: Goal, limits: Sequence[Limit]) -> tuple[Design, Linearisation]:
         """The design that violates its constraints least."""
         return min(self._all(goal, limits), key=lambda pair: pair[1].violation)
 
-    def _all(self, goal: Goal, limits: Sequence[Limit]) -> list[tuple[Design, Judged]]:
+    def _all(self, goal: Goal, limits: Sequence[Limit]) -> list[tuple[Design, Linearisation]]:
         """All designs that could be evaluated, with their goals and limits."""
         readable = ((design, evaluated) for design in self.history if (evaluated := self._read[design]) is not None)
         return [
-            (design, judged)
+            (design, linearisation)
             for design, evaluated in readable
-            if (judged := self._judge(evaluated, evaluated, goal, limits)) is not None
+            if (linearisation := self._linearise(evaluated, evaluated, goal, limits)) is not None
         ]
 
     def _number_of(self, design: Design) -> int:
@@ -255,13 +264,13 @@ class Course:
             row["mesh_of"] = number if design.origin is None else self._number_of(design)
             row |= dict(zip(plan.choices, design.choice, strict=True)) | plan.values(design)
             read = self._read[design]
-            judged = None if read is None else self._judge(read, read, plan.goal, plan.limits)
-            if read is None or judged is None:
+            linearisation = None if read is None else self._linearise(read, read, plan.goal, plan.limits)
+            if read is None or linearisation is None:
                 row["failed"] = self.designs.failures.get(design, "a figure cannot be computed")
             else:
                 value = row[plan.goal.figure.words] = worst_of(plan.goal, read)
                 row |= {limit.words: worst_of(limit, read) for limit in plan.limits}
-                row["allowed"] = judged.violation <= HELD
+                row["allowed"] = linearisation.violation <= HELD
                 if row["allowed"] and not plan.goal.sign * (best - value) <= 0:
                     best = value
             rows.append({**row, "best": best})
@@ -278,13 +287,13 @@ def _distance(first: Design, second: Design) -> float:
     return float(np.abs(np.subtract(first.x, second.x)).max())
 
 
-def with_rates(figure: Figure, read: Read) -> tuple[np.ndarray, np.ndarray]:
+def with_rates(figure: Figure, read: DesignEvaluation) -> tuple[np.ndarray, np.ndarray]:
     """Components (N,) of a figure of a design, and their derivatives (N, V) by variables in the unit cube."""
     rates = [figure.components(readings).imag / TINY for readings in read.by]
     return figure.components(read.values).real, np.stack(rates, axis=1)
 
 
-def worst_of(criterion: Goal | Limit, read: Read) -> float:
+def worst_of(criterion: Goal | Limit, read: DesignEvaluation) -> float:
     """The worst component of a figure, including its spread due to tolerances.
 
     It is the largest if the figure should be small, else the least; NaN if the design has no component, as a flat roof
@@ -294,7 +303,7 @@ def worst_of(criterion: Goal | Limit, read: Read) -> float:
     return criterion.sign * float(losses.max()) if losses.size else math.nan
 
 
-def _loss(criterion: Goal | Limit, read: Read, spread: Read) -> tuple[np.ndarray, np.ndarray]:
+def _loss(criterion: Goal | Limit, read: DesignEvaluation, spread: DesignEvaluation) -> tuple[np.ndarray, np.ndarray]:
     """Components (N,) to be minimised, including the spread due to tolerances at ``spread``, and their derivatives
     (N, V) without it."""
     values, rates = with_rates(criterion.figure, read)

@@ -1,4 +1,4 @@
-"""Evaluation of the first and the best design again, on a finer mesh with more points and another seed."""
+"""Verification of the first and the best design on a finer mesh, with more points and another seed."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mitsuba_taxel.kernels.dome_elements import size_for_light
-from mitsuba_taxel.optimum.course import Course
-from mitsuba_taxel.optimum.designs import Designs, Read, parts_of
+from mitsuba_taxel.optimum.designs import DesignEvaluation, DesignEvaluator, parts_of
+from mitsuba_taxel.optimum.optimiser import Optimiser
 from mitsuba_taxel.optimum.plan import Design
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing import Scene
@@ -22,7 +22,7 @@ MORE_POINTS = 4
 SAME_MESH = "the mesh could not be made finer, which the scene states: what it does to the improvement is not known"
 
 
-class Beyond(NamedTuple):
+class FineDescent(NamedTuple):
     """A descent from the best design on the finer mesh.
 
     Attributes
@@ -41,25 +41,25 @@ class Beyond(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Again:
+class MeshVerification:
     """The first and the best design, evaluated again.
 
     Attributes
     ----------
-    course : Course
+    optimiser : Optimiser
         Designs on the finer mesh.
     first, winner : Design
         The first and the best design, with meshes that are not moved from other designs.
-    reads : dict[str, Read]
+    reads : dict[str, DesignEvaluation]
         Their evaluations, as ``before_finer`` and ``best_finer``; empty if one fails.
     is_finer : bool
         Whether the mesh is finer; the scene may have fixed its size.
     """
 
-    course: Course
+    optimiser: Optimiser
     first: Design
     winner: Design
-    reads: dict[str, Read]
+    reads: dict[str, DesignEvaluation]
     is_finer: bool
 
     @property
@@ -67,28 +67,28 @@ class Again:
         """Remarks for the user."""
         if not self.reads:
             return ["the best design could not be read on a finer mesh: its improvement is not judged again"]
-        return [*self.course.designs.notes, *([] if self.is_finer else [SAME_MESH])]
+        return [*self.optimiser.designs.notes, *([] if self.is_finer else [SAME_MESH])]
 
     @property
-    def finer(self) -> list[Read]:
+    def finer(self) -> list[DesignEvaluation]:
         """The best design on a finer mesh, if it could be read there."""
         return [self.reads["best_finer"]] if self.reads and self.is_finer else []
 
-    def descend(self) -> Beyond | None:
+    def descend(self) -> FineDescent | None:
         """A descent from the best design on the finer mesh; None if it has not been read there."""
         if not self.finer:
             return None
-        plan = self.course.plan
-        gain, designs = self.course.gain_from(self.winner)
-        return Beyond(gain, designs, designs < plan.evaluations)
+        plan = self.optimiser.plan
+        gain, designs = self.optimiser.gain_from(self.winner)
+        return FineDescent(gain, designs, designs < plan.evaluations)
 
 
-def judged_again(course: Course, best: Design, pool: Pool, folder: Path) -> Again:
+def verified_on_finer_mesh(optimiser: Optimiser, best: Design, pool: Pool, folder: Path) -> MeshVerification:
     """Evaluate the first and the best design of a course on a finer mesh.
 
     Parameters
     ----------
-    course : Course
+    optimiser : Optimiser
         The optimisation.
     best : Design
         Its best design.
@@ -97,7 +97,7 @@ def judged_again(course: Course, best: Design, pool: Pool, folder: Path) -> Agai
     folder : Path
         Folder of the new study.
     """
-    plan, first, winner = course.plan, course.before.alone, best.alone
+    plan, first, winner = optimiser.plan, optimiser.before.alone, best.alone
     scene = plan.scene(winner)
     pads = parts_of(scene)
     size = plan.batch.mesh_size or (_default_size(scene) if pads else None)
@@ -107,11 +107,11 @@ def judged_again(course: Course, best: Design, pool: Pool, folder: Path) -> Agai
         seed=plan.batch.seed + 1,
         mesh_size=None if size is None else float(f"{FINER * size:.3g}"),
     )
-    again = Course(plan, Designs(plan, pool, folder, False, finer), None)
-    names = zip(("before_finer", "best_finer"), again.look([first, winner]), strict=True)
+    fine_optimiser = Optimiser(plan, DesignEvaluator(plan, pool, folder, False, finer), None)
+    names = zip(("before_finer", "best_finer"), fine_optimiser.evaluate([first, winner]), strict=True)
     reads = {name: read for name, read in names if read is not None}
     is_finer = not pads or bool(size and scene.leaves_mesh_open)
-    return Again(again, first, winner, reads if len(reads) == 2 else {}, is_finer)
+    return MeshVerification(fine_optimiser, first, winner, reads if len(reads) == 2 else {}, is_finer)
 
 
 def _default_size(scene: Scene) -> float | None:

@@ -11,9 +11,9 @@ from one_cell import one_cell
 from mitsuba_taxel import Scene, measure, open_study
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.optimum import optimise
-from mitsuba_taxel.optimum.course import Course, with_rates
-from mitsuba_taxel.optimum.designs import Designs, Read
-from mitsuba_taxel.optimum.figures import TINY, Line, Seen
+from mitsuba_taxel.optimum.designs import DesignEvaluation, DesignEvaluator
+from mitsuba_taxel.optimum.figures import TINY, DesignResponses, LineResponse
+from mitsuba_taxel.optimum.optimiser import Optimiser, with_rates
 from mitsuba_taxel.optimum.plan_file import read_plan
 from mitsuba_taxel.optimum.run import readable_starts
 from mitsuba_taxel.studies.run.pool import open_pool
@@ -39,29 +39,29 @@ class Scattered:
     def _read(self, x):
         rate = 2 * (x - 0.5) + SCATTER[x]
         value = 1 + (x - 0.5) ** 2
-        seen = [
-            Seen({"": Line(np.zeros(1), np.array([[power]]), np.zeros(1), np.ones(1))}, {}, None)
+        responses = [
+            DesignResponses({"": LineResponse(np.zeros(1), np.array([[power]]), np.zeros(1), np.ones(1))}, {}, None)
             for power in (value + 0j, value + 1j * TINY * rate)
         ]
-        return Read(seen[0], seen[1:], [])
+        return DesignEvaluation(responses[0], responses[1:], [])
 
 
 def test_gradients_that_scatter_are_averaged(tmp_path):
     """Those of 0.49, 0.5 and 0.51 are -0.32, 0.3 and 0.02, and 0.6 is too far to count."""
     (tmp_path / "study.toml").write_text(STUDY)
     plan = read_plan(tmp_path / "study.toml")
-    course = Course(plan, Scattered(), None)
+    optimiser = Optimiser(plan, Scattered(), None)
     lone, *others = [plan.design((), [x]) for x in (0.5, 0.49, 0.51, 0.6)]
-    course.look([lone])
-    alone = course.stationarity(lone)
+    optimiser.evaluate([lone])
+    alone = optimiser.stationarity(lone)
     assert alone.unbalanced == pytest.approx(0.3) and np.isnan(alone.error) and alone.gradients == 1
-    course.look(others)
-    assert course.best(plan.goal, plan.limits) == lone
-    held = course.stationarity(lone)
+    optimiser.evaluate(others)
+    assert optimiser.best(plan.goal, plan.limits) == lone
+    held = optimiser.stationarity(lone)
     assert held.unbalanced == pytest.approx(0, abs=1e-12) and held.gradients == 3
     student = 1.3213  # 84.13 % of two degrees of freedom
     assert held.error == pytest.approx(student * np.std([-0.32, 0.3, 0.02], ddof=1) / np.sqrt(3), rel=1e-3)
-    finer = course.stationarity(lone, course.read(others[0]))
+    finer = optimiser.stationarity(lone, optimiser.read(others[0]))
     assert finer.gradients == 4 and finer.unbalanced == pytest.approx(0.08)
 
 
@@ -81,11 +81,11 @@ class Dark:
 def test_where_no_initial_design_can_be_read_others_are_tried(tmp_path):
     (tmp_path / "study.toml").write_text(STUDY)
     plan = read_plan(tmp_path / "study.toml")
-    course = Course(plan, Dark(), None)
-    (start,) = readable_starts(course, plan.initial_designs())
-    assert start.x[0] > 0.7 and start == course.history[-1] and len(course.history) > 1
-    assert readable_starts(course, [start]) == [start]
-    hopeless = Course(plan, Dark(), None)
+    optimiser = Optimiser(plan, Dark(), None)
+    (start,) = readable_starts(optimiser, plan.initial_designs())
+    assert start.x[0] > 0.7 and start == optimiser.history[-1] and len(optimiser.history) > 1
+    assert readable_starts(optimiser, [start]) == [start]
+    hopeless = Optimiser(plan, Dark(), None)
     hopeless.designs.least = 1.0
     with pytest.raises(ComputationError, match="none of 13 designs can be read to begin with: no light"):
         readable_starts(hopeless, plan.initial_designs())
@@ -129,7 +129,7 @@ def test_figures_along_a_line_of_designs_are_smooth(tmp_path, shape):
     own = [plan.design((), [0.5 + STEP * place]) for place in range(3)]
     moved = [replace(design, origin=own[0].x) for design in own]
     with open_pool() as pool:
-        designs = Designs(plan, pool, tmp_path / "designs", False)
+        designs = DesignEvaluator(plan, pool, tmp_path / "designs", False)
         assert all(map(designs.can_move, moved))
         off = [
             off_the_derivatives([with_rates(plan.goal.figure, read) for read in designs.read(line)])
@@ -146,7 +146,7 @@ class Families:
     has_parts = True
 
     def __init__(self, reach):
-        self.reach, self.seen = reach, []
+        self.reach, self.responses = reach, []
 
     def can_move(self, design):
         return max(np.abs(np.subtract(design.x, design.origin))) <= self.reach
@@ -155,15 +155,15 @@ class Families:
         return [self._read(design) for design in designs]
 
     def _read(self, design):
-        self.seen.append(design)
+        self.responses.append(design)
         x, (family,) = design.x[0], design.family
         jump = 1 + 0.05 * np.sin(1e3 * family)
         value, rate = jump * (2 + (x - 0.7) ** 2), jump * 2 * (x - 0.7)
-        seen = [
-            Seen({"": Line(np.zeros(1), np.array([[power]]), np.zeros(1), np.ones(1))}, {}, None)
+        responses = [
+            DesignResponses({"": LineResponse(np.zeros(1), np.array([[power]]), np.zeros(1), np.ones(1))}, {}, None)
             for power in (value + 0j, value + 1j * TINY * rate)
         ]
-        return Read(seen[0], seen[1:], [])
+        return DesignEvaluation(responses[0], responses[1:], [])
 
 
 PLATE = """
@@ -179,22 +179,22 @@ spacing = { low = 0.8, high = 0.9, start = 0.81 }
 def descended(tmp_path, reach):
     (tmp_path / "study.toml").write_text(PLATE)
     plan = read_plan(tmp_path / "study.toml")
-    course = Course(plan, Families(reach), None)
-    course.look([plan.before])
-    course.descend(plan.before, plan.goal, plan.limits)
-    return course, course.history
+    optimiser = Optimiser(plan, Families(reach), None)
+    optimiser.evaluate([plan.before])
+    optimiser.descend(plan.before, plan.goal, plan.limits)
+    return optimiser, optimiser.history
 
 
 def test_a_descent_stays_on_one_mesh_as_long_as_it_reaches(tmp_path):
-    course, history = descended(tmp_path, 1.0)
+    optimiser, history = descended(tmp_path, 1.0)
     assert {design.origin for design in history} == {None, history[0].x}
     assert history[-1].x[0] == pytest.approx(0.7, abs=0.02)
-    assert all(row["mesh_of"] == 1 for row in course.rows())
+    assert all(row["mesh_of"] == 1 for row in optimiser.rows())
 
 
 def test_where_the_mesh_is_renewed_the_last_design_is_judged_anew(tmp_path):
     """Jumps of 5 % between meshes do not end the descent, as each comparison is of designs on one mesh."""
-    course, history = descended(tmp_path, 0.32)
+    optimiser, history = descended(tmp_path, 0.32)
     assert history[-1].x[0] == pytest.approx(0.7, abs=0.02)
     renewed = [design for design in history[1:] if design.origin is None]
     assert renewed
@@ -202,7 +202,7 @@ def test_where_the_mesh_is_renewed_the_last_design_is_judged_anew(tmp_path):
         place = history.index(design)
         assert any(design.x == before.x for before in history[:place]), "the last one that was accepted"
         assert history[place + 1].origin == design.x
-        assert course.rows()[place + 1]["mesh_of"] == place + 1
+        assert optimiser.rows()[place + 1]["mesh_of"] == place + 1
 
 
 @pytest.mark.parametrize("reach", [1.0, 0.32])
@@ -210,24 +210,24 @@ def test_what_a_descent_gains_is_that_on_each_mesh(tmp_path, reach):
     """From 2 + 0.6^2 to 2, however the meshes jump by up to 5 % in between."""
     (tmp_path / "study.toml").write_text(PLATE)
     plan = read_plan(tmp_path / "study.toml")
-    course = Course(plan, Families(reach), None)
-    course.look([plan.before])
-    gain, designs = course.gain_from(plan.before)
-    assert designs == len(course.history) - 1 < plan.evaluations
+    optimiser = Optimiser(plan, Families(reach), None)
+    optimiser.evaluate([plan.before])
+    gain, designs = optimiser.gain_from(plan.before)
+    assert designs == len(optimiser.history) - 1 < plan.evaluations
     assert gain == pytest.approx(0.36 / 2.36, rel=1e-3 if reach == 1 else 0.1)
 
 
 def test_where_no_mesh_can_be_moved_each_design_has_its_own(tmp_path):
-    course, history = descended(tmp_path, -1.0)
+    optimiser, history = descended(tmp_path, -1.0)
     assert {design.origin for design in history} == {None}
 
 
 def test_of_one_mesh_only_one_gradient_counts(tmp_path):
-    course, history = descended(tmp_path, 1.0)
-    best = course.best(course.plan.goal, course.plan.limits)
-    assert course.stationarity(best).gradients == 1
-    course.look([best.alone])
-    assert course.stationarity(best).gradients == 2
+    optimiser, history = descended(tmp_path, 1.0)
+    best = optimiser.best(optimiser.plan.goal, optimiser.plan.limits)
+    assert optimiser.stationarity(best).gradients == 1
+    optimiser.evaluate([best.alone])
+    assert optimiser.stationarity(best).gradients == 2
 
 
 RESUMED = """
