@@ -12,7 +12,7 @@ from mitsuba_taxel.evidence.extremes.reading_cases import reading_cases
 from mitsuba_taxel.evidence.extremes.solid_cases import solid_cases
 from mitsuba_taxel.evidence.extremes.tables import AnyRow, write_csv, write_markdown
 from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
-from mitsuba_taxel.evidence.rows.row_files import NamedCase, chosen
+from mitsuba_taxel.evidence.rows.row_files import NamedCase, chosen, not_measured
 from mitsuba_taxel.studies.plan.files import check_new_file
 
 
@@ -51,7 +51,7 @@ def stability(
         if csv:
             write_csv(rows, csv)
         if markdown:
-            write_markdown(rows, markdown, _command(only, markdown))
+            write_markdown(rows, markdown, _command(only, markdown), not_measured(cases, rows))
         yield rows[-1]
 
 

@@ -106,7 +106,7 @@ def write_csv(rows: Sequence[AnyRow], file: Path) -> None:
         writer.writerows(map(asdict, rows))
 
 
-def write_markdown(rows: Sequence[AnyRow], file: Path, command: str) -> None:
+def write_markdown(rows: Sequence[AnyRow], file: Path, command: str, missing: str) -> None:
     """Write rows as a Markdown page that explains its columns.
 
     Parameters
@@ -117,6 +117,8 @@ def write_markdown(rows: Sequence[AnyRow], file: Path, command: str) -> None:
         Page, which is replaced.
     command : str
         Command that the page names as its origin.
+    missing : str
+        Last paragraph: which cases are not measured.
     """
     mechanics = [row for row in rows if isinstance(row, MechanicsRow)]
     readings = [row for row in rows if isinstance(row, ReadingRow)]
@@ -133,4 +135,4 @@ def write_markdown(rows: Sequence[AnyRow], file: Path, command: str) -> None:
     if circuits:
         table = markdown_table(headings(CircuitRow), map(cells, circuits), LEFT)
         text += _CIRCUITS.format(difference=MOST_DIFFERENCE, table=table)
-    write_text(file, text)
+    write_text(file, f"{text}\n{missing}\n")

@@ -72,7 +72,7 @@ def test_a_circuit_that_is_refused_is_wrong():
 def test_rows_as_files(tmp_path):
     row = CircuitRow("a", "right", voltage=0.8, reference=0.8, counts=992, noise=2.3e-4)
     assert cells(row)[2:6] == ["0.8", "0.8", "992", "2.30e-04"]
-    write_markdown([row], tmp_path / "t.md", "taxel bench stability")
+    write_markdown([row], tmp_path / "t.md", "taxel bench stability", "All cases are measured.")
     page = (tmp_path / "t.md").read_text()
     assert "## Circuits" in page and "## Readings" not in page
     assert f"| {' | '.join(headings(CircuitRow))} |" in page

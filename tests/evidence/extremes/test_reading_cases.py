@@ -86,7 +86,7 @@ def test_every_case_can_be_sent_to_a_process_and_has_a_name_of_its_own():
 def test_rows_as_files(tmp_path):
     row = ReadingRow("a | b", "right", power=1.5, error=1e-3, reference=1.5, deviations=0.2, by="hand")
     assert cells(row)[2:6] == ["1.50000e+00", "1.0e-03", "1.50000e+00", "+0.2"]
-    write_markdown([row], tmp_path / "t.md", "taxel bench stability")
+    write_markdown([row], tmp_path / "t.md", "taxel bench stability", "All cases are measured.")
     page = (tmp_path / "t.md").read_text()
     assert "## Readings" in page and "## Mechanics" not in page and r"a \| b" in page
     assert f"| {' | '.join(headings(ReadingRow))} |" in page

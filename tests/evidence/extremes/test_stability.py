@@ -264,7 +264,7 @@ def test_tables_round_trip(tmp_path):
     with (tmp_path / "t.csv").open(newline="") as stream:
         first, second = csv.DictReader(stream)
     assert float(first["residual"]) == RIGHT.residual and second["roof"] == "nan" and second["wrong"] == "no answer"
-    write_markdown([RIGHT], tmp_path / "t.md", "taxel bench stability")
+    write_markdown([RIGHT], tmp_path / "t.md", "taxel bench stability", "All cases are measured.")
     (heading, _, line) = [line for line in (tmp_path / "t.md").read_text().splitlines() if line.startswith("|")]
     assert heading.strip("| ").split(" | ") == headings(MechanicsRow)
     assert line.strip("| ").split(" | ")[:5] == ["a", "converged", "4", "2", "0"]
