@@ -51,14 +51,8 @@ def shared() -> Iterator[Any]:
                 continue
             for name in (alias.name for alias in node.names):
                 value = inspect.unwrap(resolved(f"{node.module}.{name}"))
-                if inspect.isfunction(value) and value.__doc__ and not is_predicate(value):
+                if inspect.isfunction(value) and value.__doc__:
                     yield value
-
-
-def is_predicate(function: Any) -> bool:
-    """Whether a function of one argument says in its only sentence what it tests: "Whether a BSDF is a `wall`."."""
-    doc = function.__doc__
-    return doc.startswith("Whether ") and "\n" not in doc and len(inspect.signature(function).parameters) == 1
 
 
 def fields_of(value: type) -> set[str]:
