@@ -1,4 +1,4 @@
-"""Energy audit: shares of the emitted power that each surface absorbs, that are detected, and that escape."""
+"""Energy audit: fractions of the emitted power that each surface absorbs, that are detected, and that escape."""
 
 from __future__ import annotations
 
@@ -31,29 +31,29 @@ from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 
 DEFAULT_POINTS = 4096
 ENDS = ("detected", "escaped", "lost by single scattering", "unfinished")
-"""Places where light ends besides the surfaces."""
+"""Ends of light other than surfaces."""
 
 INSIDE = "inside packages"
-"""Place of light that does not leave the windows above its LED."""
+"""End of light that does not leave the windows above its LED."""
 
 _WEIGHTED_REFLECTIONS = 8
 
 
 @dataclass(frozen=True)
 class EnergyAudit:
-    """Shares of the power that all LEDs emit.
+    """Where the power that all LEDs emit ends, as fractions of it.
 
     Attributes
     ----------
     places : tuple[str, ...]
-        (P,) where light ended. A surface is named by its shape's id, or else its kind, and by the region if it has
-        several (``deformable_pad roof``); its share is what it absorbed, that of a window also what it let through
-        beside the die. Light of dies below windows that does not leave them is ``inside packages``. Then follow the
-        :data:`ENDS`: ``detected`` is what phototransistors absorbed, not weighted by their response. ``lost by single
-        scattering`` is the light that would meet a second facet of a rough mirror, and ``unfinished`` the power left
-        after the largest number of reflections.
+        (P,) names of the surfaces and of the other ends of light. A surface has the id of its shape, or else its kind,
+        and the region if there are several (``deformable_pad roof``). Its fraction is the light that it absorbed; that
+        of a window includes the light that passed beside the die. Light of dies below windows that does not leave them
+        is ``inside packages``. Then follow the :data:`ENDS`: ``detected`` is the light that phototransistors absorbed,
+        not weighted by their response; ``lost by single scattering`` is the light that would meet a second facet of a
+        rough mirror; ``unfinished`` is the power that remains after the largest number of reflections.
     replicates : (R, P) ndarray
-        Shares for each independent randomisation.
+        Fractions for each independent randomisation.
     points : int
         Light paths for each LED and replicate.
     seed : int
@@ -70,7 +70,7 @@ class EnergyAudit:
 
     @property
     def share(self) -> np.ndarray:
-        """(P,) share of the emitted power."""
+        """(P,) fractions of the emitted power."""
         return self.replicates.mean(axis=0)
 
     @property
@@ -80,7 +80,7 @@ class EnergyAudit:
 
     @property
     def total(self) -> float:
-        """Sum of all shares: 1 up to rounding, as all power of each path is accounted for."""
+        """Sum of all fractions: 1 up to rounding, as all power of each path is accounted for."""
         return float(self.share.sum())
 
     @property
@@ -125,7 +125,7 @@ def energy_audit(
     InputError
         if a value is not allowed, or the scene cannot be built or has no `annular_led` with power.
     ComputationError
-        if a pad cannot be deformed as asked.
+        if a pad cannot bear its load.
     """
     check_whole("points", points, 1, MOST_POINTS)
     check_seed(seed)
@@ -150,7 +150,7 @@ def _silent(done: int, total: int) -> None:
 def _trace_all(
     scene, pairs: list[TaxelPair], surfaces: _Surfaces, points: int, seed: int, limit: int, progress
 ) -> tuple[np.ndarray, int]:
-    """Power [W] that ends at each place, (R, P), after at most ``limit`` reflections; points for each LED."""
+    """Power (R, P) in W that ends at each place after at most ``limit`` reflections, and the points of each LED."""
     sampler = make_plugin("owen_sobol", sample_count=points)
     points = sampler.sample_count()
     sums = dr.zeros(mi.Float64, REPLICATES * (len(surfaces.places) + len(ENDS)))
@@ -184,7 +184,7 @@ def _trace(
     limit: int,
     sums: mi.Float64,
 ) -> None:
-    """Add the power [W] of one path from the LEDs of ``pair`` for each entry of ``sequence`` to ``sums``."""
+    """Add to ``sums`` the power in W of a path from an LED of ``pair`` for each entry of ``sequence``."""
     index = sequence % dr.opaque(mi.UInt32, pair.count)
     replicate = sequence // dr.opaque(mi.UInt32, pair.count)
     first_end = len(surfaces.places)
@@ -195,17 +195,17 @@ def _trace(
     def book(step: PathStep) -> None:
         surface = surfaces.at(step)
         kept = mi.Float64(step.power) - mi.Float64(step.onward)
-        unseen = kept * mi.Float64(surfaces.unseen_share(surface, step))
-        place, ends_here = dr.select(step.hit, row + surface, escaped), kept - unseen
-        for other in pairs:
-            here, _ = landed(other, step)
-            place = dr.select(here, detected, place)
-            if other.sensor.resin_index is not None:
-                through = transmittance(other.sensor.resin_index, -dr.dot(step.ray.d, other.sensor.normal))
+        unseen = kept * mi.Float64(surfaces.unseen_fraction(surface, step))
+        column, ends_here = dr.select(step.hit, row + surface, escaped), kept - unseen
+        for receiver in pairs:
+            here, _ = landed(receiver, step)
+            column = dr.select(here, detected, column)
+            if receiver.sensor.resin_index is not None:
+                through = transmittance(receiver.sensor.resin_index, -dr.dot(step.ray.d, receiver.sensor.normal))
                 refused = ends_here * (1 - mi.Float64(through)) & (step.active & here)
                 dr.scatter_add(sums, refused, row + surface, refused != 0)
                 ends_here -= refused
-        dr.scatter_add(sums, ends_here, place, step.active)
+        dr.scatter_add(sums, ends_here, column, step.active)
         dr.scatter_add(sums, unseen, lost, unseen != 0)
         dr.scatter_add(sums, mi.Float64(step.onward), unfinished, step.hit & (step.depth >= most_reflections))
 
@@ -219,9 +219,9 @@ def _trace(
 
 
 class _Surfaces:
-    """All surfaces of a scene: each region of meshes with regions, each other shape as a whole.
+    """All surfaces of a scene: each region of meshes with regions, and each other shape.
 
-    ``places`` are their names; the last stands for shapes that the scene does not list, such as those of an instance.
+    ``places`` are their names; the last is for shapes that the scene does not list, such as those of an instance.
     """
 
     def __init__(self, scene: mi.Scene) -> None:
@@ -246,7 +246,7 @@ class _Surfaces:
         self.bsdfs.append(None)
         unlisted = np.array([len(self.places) - 1])
         self.table = mi.UInt32(in_packets(np.concatenate([unlisted, *tables]), np.uint32))
-        self.starts, self.strides = (mi.UInt32(in_packets(each, np.uint32)) for each in (starts, strides))
+        self.starts, self.strides = (mi.UInt32(in_packets(table, np.uint32)) for table in (starts, strides))
         self.last = dr.opaque(mi.UInt32, len(starts) - 1)
 
     def _add(self, shape: mi.Shape, name: str) -> np.ndarray:
@@ -269,7 +269,7 @@ class _Surfaces:
         return first + inverse
 
     def read_reflectances(self) -> None:
-        """Read the present reflectance of rough mirrors, which reflect less; 0 for all others."""
+        """Read the present reflectance of rough mirrors, of which they lose a part; 0 for all other surfaces."""
         values = [reflectance_of(bsdf) if scatters(bsdf, "rough_mirror") else 0.0 for bsdf in self.bsdfs]
         self.reflectance = mi.Float(in_packets(np.array(values)))
 
@@ -280,14 +280,16 @@ class _Surfaces:
         stride = dr.gather(mi.UInt32, self.strides, number, step.hit)
         return dr.gather(mi.UInt32, self.table, start + stride * step.si.prim_index, step.hit)
 
-    def unseen_share(self, surface: mi.UInt32, step: PathStep) -> mi.Float:
-        """Share of the light lost here that would meet a second facet."""
+    def unseen_fraction(self, surface: mi.UInt32, step: PathStep) -> mi.Float:
+        """Fraction of the light that ends here which would meet a second facet."""
         reflectance = dr.gather(mi.Float, self.reflectance, surface, step.hit)
         return dr.select(step.weight < reflectance, (reflectance - step.weight) / (1 - step.weight), 0)
 
     def sort(self, shares: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
-        """Places and shares (R, P) for output; light that rounding puts beside a phototransistor's rim counts as
-        detected."""
+        """Places and fractions (R, P) for output.
+
+        Light that rounding puts just outside the rim of a phototransistor counts as detected.
+        """
         listed = len(self.places) - 1
         shares[:, listed + 1] += shares[:, self.sensitive].sum(axis=1)
         hidden = self.sensitive if shares[:, listed].any() else [*self.sensitive, listed]
@@ -307,7 +309,7 @@ def _names(shapes: list[mi.Shape]) -> list[str]:
 
 
 def audit_text(audit: EnergyAudit, width: int | None = None) -> str:
-    """Shares of the emitted light by the place where it ends, with their standard errors.
+    """Fractions of the emitted light by the place where it ends, with their standard errors.
 
     Parameters
     ----------
@@ -325,6 +327,6 @@ def audit_text(audit: EnergyAudit, width: int | None = None) -> str:
         *zip(audit.places, audit.share, audit.standard_error, strict=True),
         ("total", audit.total, audit.total_error),
     ]
-    cells = ((place, f"{share:.6f}", f"{error:.1e}") for place, share, error in rows)
+    cells = ((name, f"{fraction:.6f}", f"{error:.1e}") for name, fraction, error in rows)
     table = text_table(("place", "share", "standard error"), cells, width)
     return f"Energy audit: share of the power that all LEDs emit\n{table}"

@@ -1,4 +1,4 @@
-"""Work omitted for a scene, with reasons: what it does not need is not imported, meshed, solved or traced.
+"""Work that a scene does not need, with reasons: what is not imported, meshed, solved or traced.
 
 Every line is derived from the loaded scene, not from its file.
 """
@@ -95,7 +95,7 @@ def _of_pad(pad: PadShape) -> Iterator[str]:
 
 
 def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]]]:
-    """End of each segment of the path to a state, and the mirrors under which pad and segment are invariant."""
+    """End (K,) of each segment of the path to a state, and the mirrors that leave pad and segment unchanged."""
     from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
 
     if not state.value.any():
@@ -112,7 +112,7 @@ def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]
 
 
 def _all_kept_before(began: float) -> bool:
-    """Whether the cache of meshes and solutions is writable, and has no new ones since ``began``."""
+    """Whether the cache of meshes and solutions is writable, and has no entries newer than ``began`` in s."""
     from mitsuba_taxel.mechanics import cache
 
     folder = cache.folder()
@@ -136,7 +136,7 @@ def _of_cells(pads: Sequence[PadShape], pairs: list[TaxelPair]) -> Iterator[str]
 
 
 def _middle(pad: PadShape, cell: int) -> np.ndarray:
-    """(3,) centre of a cell of the deformed pad in the world, in mm."""
+    """(3,) centre of a cell of the deformed pad in world coordinates, in mm."""
     mesh = pad.state.mesh
     nodes = np.unique(mesh.faces[mesh.face_cell == cell])
     middle = (mesh.points + pad.state.displacement)[nodes].mean(axis=0)
@@ -144,7 +144,7 @@ def _middle(pad: PadShape, cell: int) -> np.ndarray:
 
 
 def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
-    """Where paths of light end, and which are not sampled."""
+    """Lines on where light paths end, and which paths are not sampled."""
     scene, integrator = ready.scene, ready.integrator
     surfaces = [surface for shape in scene.shapes() for surface in _surfaces(shape)]
     absorbing = dict.fromkeys(name for name, wall, _ in surfaces if absorbs(wall))
@@ -153,9 +153,9 @@ def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
     if not traces_taxels(integrator):
         return
     if _in_one_plane([corners for _, wall, corners in surfaces if not absorbs(wall)]):
-        yield "all that reflects lies in one plane: paths end after one reflection"
+        yield "all surfaces that reflect lie in one plane: paths end after one reflection"
     if all(pair.coplanar for pair in pairs):
-        yield "LED and phototransistor in one plane: no light looked for that goes straight across"
+        yield "LED and phototransistor in one plane: no search for light straight from one to the other"
     if guides_emission(integrator) and not has_mirrors(scene):
         yield "no mirror: no pilot run for emission guiding"
 
@@ -181,10 +181,9 @@ def _surfaces(shape: mi.Shape) -> Iterator[tuple[str, mi.BSDF | None, np.ndarray
 
 
 def _in_one_plane(reflecting: list[np.ndarray | None]) -> bool:
-    """Whether points of all reflecting surfaces lie in one plane, so that none sees another."""
-    known = [points for points in reflecting if points is not None]
-    if not known or len(known) < len(reflecting):
+    """Whether all reflecting surfaces, by their points (N, 3), lie in one plane, so that none sees another."""
+    if not reflecting or any(points is None for points in reflecting):
         return False
-    points = np.concatenate(known)
+    points = np.concatenate([points for points in reflecting if points is not None])
     normal = np.linalg.svd(np.cov((points - points.mean(axis=0)).T))[0][:, 2]
     return float(np.ptp(points @ normal)) <= _FLAT * float(np.abs(points).max())

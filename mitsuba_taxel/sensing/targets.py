@@ -308,8 +308,8 @@ def prepare_for(
         return alternative
     shape = errors.known_share
     light = math.sqrt(max(target_error**2 - shape**2, (LIGHT_SHARE * target_error) ** 2))
-    known = math.inf if alternative is None else math.sqrt(max(alternative.errors.known_share**2 - shape**2, 0))
-    points = points_for(ready, light, clock, errors.geometry.pilot, known)
+    without_noise = math.inf if alternative is None else math.sqrt(max(alternative.errors.known_share**2 - shape**2, 0))
+    points = points_for(ready, light, clock, errors.geometry.pilot, without_noise)
     if alternative is not None and not points:
         return alternative
     return PreparedFor(ready, errors, Settings(points, mesh_size_of(scene)), light, alternative)

@@ -14,7 +14,7 @@ from mitsuba_taxel.sensing.reading.runs import prepare
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 
-ONE_PLANE = "all that reflects lies in one plane"
+ONE_PLANE = "all surfaces that reflect lie in one plane"
 NO_PILOT = "no mirror: no pilot run"
 CELL = Pad(rows=1, columns=1)
 COARSE = 2.5

@@ -1,7 +1,7 @@
-"""Error of readings by that of the mechanics: light is traced once more through pads displaced by each of its parts.
+"""Error of readings by the mechanics: light is traced again through pads displaced by each component of this error.
 
-All traces share their random numbers, so that few points resolve a small change. A reading may rise with one part of
-the error and fall with another; as their sizes are known but not their signs, a sum could cancel by chance.
+All traces have the same random numbers, so that few points resolve a small change. A reading may rise with one
+component and fall with the other. Their sizes are known but not their signs, so that a sum could cancel by chance.
 """
 
 from __future__ import annotations
@@ -23,75 +23,118 @@ if TYPE_CHECKING:
 
 
 def roof_errors(scene: mi.Scene) -> list[RoofError | None]:
-    """Error of the mechanics of each loaded pad; None if unknown.
+    """Error of the mechanics of each loaded pad.
 
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
 
     Returns
     -------
     list[RoofError or None]
-        In the order of the scene.
+        In the order of the scene; None if unknown.
     """
     with stages.stage("mechanics"):
         return [pad.state.error for pad in loaded_pads(scene)]
 
 
 def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray | None]:
-    """(R, T) W, powers, and (2, R, T) W, their changes by the two parts of the deviation of coarser finite elements.
+    """Powers, and their changes by the two components of the deviation of coarser finite elements.
 
     Parameters
     ----------
+    scene : mi.Scene
+        With a loaded pad; its pads are restored on return.
     powers : Callable[[], ndarray]
-        Traces the present scene, always with the same random numbers; (R, T) W.
+        Traces the present scene, always with the same random numbers, and returns powers (R, T) in W.
 
     Returns
     -------
-    None instead of the changes if the error of a pad is unknown. Pads are restored on return.
+    before : (R, T) ndarray
+        Powers in W.
+    changes : (2, R, T) ndarray or None
+        In W; None if the error of a pad is unknown.
     """
     pads = loaded_pads(scene)
     with stages.stage("mechanics"):
-        share = min(pad.state.probed_share for pad in pads)
-        places = [pad.deviating_places(share) for pad in pads]
+        fraction = min(pad.state.probed_share for pad in pads)
+        surfaces = [pad.deviating_places(fraction) for pad in pads]
     before = powers()
-    if any(there is None for there in places):
+    if any(surface is None for surface in surfaces):
         return before, None
     changes = []
     with restored(scene, pads):
-        for part in zip(*places, strict=True):
-            move(scene, pads, list(part))
-            changes.append((powers() - before) / share)
+        for component in zip(*surfaces, strict=True):
+            move(scene, pads, list(component))
+            changes.append((powers() - before) / fraction)
     return before, np.array(changes)
 
 
 def combined(changes: np.ndarray) -> np.ndarray:
-    """Changes (2, ...) combined: the root of the sum of their squares, with the sign of the first."""
+    """The root of the sum of the squares of changes (2, ...), with the sign of the first."""
     return np.copysign(np.hypot(*changes), changes[0])
 
 
 @contextmanager
-def moved(scene: mi.Scene, pads: Sequence[PadShape], places: list[Places]) -> Iterator[None]:
-    """Temporarily move the vertices of pads."""
+def moved(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> Iterator[None]:
+    """Move the vertices of pads within a block.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        That holds the pads.
+    pads : Sequence[PadShape]
+        Which move.
+    surfaces : list[Places]
+        Vertices of each pad within the block.
+
+    Yields
+    ------
+    None
+        With the vertices moved; they are restored afterwards.
+    """
     with restored(scene, pads):
-        move(scene, pads, places)
+        move(scene, pads, surfaces)
         yield
 
 
 @contextmanager
 def restored(scene: mi.Scene, pads: Sequence[PadShape]) -> Iterator[None]:
-    """Restore the vertices of pads on exit."""
-    homes = [places_of(pad)._replace(region=pad.changing_region()) for pad in pads]
+    """Restore the vertices of pads after a block.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        That holds the pads.
+    pads : Sequence[PadShape]
+        Which the block may move.
+
+    Yields
+    ------
+    None
+        With the vertices as they are.
+    """
+    before = [places_of(pad)._replace(region=pad.changing_region()) for pad in pads]
     try:
         yield
     finally:
-        move(scene, pads, homes)
+        move(scene, pads, before)
 
 
-def move(scene: mi.Scene, pads: Sequence[PadShape], places: list[Places]) -> None:
-    """Move the vertices of pads."""
+def move(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> None:
+    """Move the vertices of pads.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        That holds the pads.
+    pads : Sequence[PadShape]
+        Which move.
+    surfaces : list[Places]
+        New vertices of each pad.
+    """
     with stages.stage("load"):
-        for pad, there in zip(pads, places, strict=True):
-            move_vertices(pad, there)
+        for pad, surface in zip(pads, surfaces, strict=True):
+            move_vertices(pad, surface)
         scene.parameters_changed([])

@@ -1,4 +1,4 @@
-"""What is known of a scene before light is traced: the errors of its shape, the mesh and the points that it needs."""
+"""Scenes prepared for a reading, before light is traced: errors of the shape, and the mesh and the points needed."""
 
 from __future__ import annotations
 
@@ -13,29 +13,37 @@ from mitsuba_taxel.sensing.reading.runs import AnyScene, Prepared, Run
 from mitsuba_taxel.sensing.scene.description import Scene
 
 LIGHT_SHARE = 0.5
-"""Share of the light in a target error that the mechanics does not reach."""
+"""Fraction of a target error for the light, where the mechanics does not reach the target."""
 EXACT_SHARE = 0.75
-"""Largest share of light without random numbers, which no points make smaller, in a target: finer elements, which leave
-two thirds of it to the mechanics, take less time than paths."""
+"""Largest error of light without random numbers, relative to a target, with which elements are refined rather than
+paths traced. No points reduce this error, but finer elements, with two thirds of the target for the mechanics, take
+less time than paths."""
 
 
 class Settings(NamedTuple):
-    """Settings of a reading: points per taxel and replicate, 0 if it needs no random numbers; mesh size of pads in mm,
-    None for the scene's own."""
+    """Settings of a reading.
+
+    Attributes
+    ----------
+    points : int
+        Per taxel and replicate; 0 without random numbers.
+    mesh_size : float or None
+        Of pads, in mm; None for the mesh size of the scene.
+    """
 
     points: int
     mesh_size: float | None
 
 
 class MechanicsEstimate(NamedTuple):
-    """Error of readings by that of the mechanics.
+    """Error of readings by the mechanics.
 
     Attributes
     ----------
     deviation : (T,) ndarray or None
         In W, as in `Readings`; None if no pad is loaded.
     share : float
-        Corresponding relative error; NaN if unknown.
+        The relative error; NaN if unknown.
     """
 
     deviation: np.ndarray | None
@@ -50,9 +58,9 @@ class FacetsEstimate(NamedTuple):
     facets : (T,) ndarray or None
         In W, as in `Readings`; None if no wall is curved.
     share : float
-        Corresponding relative error.
+        The relative error.
     pilot : Run or None
-        The first run of :func:`points_for`, if it exists already.
+        A run that :func:`points_for` continues, if any.
     """
 
     facets: np.ndarray | None
@@ -64,7 +72,17 @@ FLAT = FacetsEstimate(None, 0.0, None)
 
 
 class ShapeErrors(NamedTuple):
-    """The errors of a scene's shape, and the power of each taxel in W where it is known without random numbers."""
+    """Errors by the shape of a scene.
+
+    Attributes
+    ----------
+    mechanics : MechanicsEstimate
+        By finite elements.
+    geometry : FacetsEstimate
+        By the triangles of curved walls; without random numbers, by the discretisation of the light.
+    power : (T,) ndarray or None
+        Readings in W, if computed without random numbers.
+    """
 
     mechanics: MechanicsEstimate
     geometry: FacetsEstimate
@@ -72,23 +90,23 @@ class ShapeErrors(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Relative error of all readings together, or of the worst one where light has no noise: then it is all."""
+        """Relative error of all readings together; without random numbers, the total error of the worst reading."""
         return math.hypot(self.mechanics.share, self.light_share)
 
     @property
     def known_share(self) -> float:
-        """The same without that of the mechanics where that is unknown."""
+        """Relative error, without the mechanics if that is unknown."""
         return self.light_share if math.isnan(self.mechanics.share) else self.share
 
     @property
     def light_share(self) -> float:
-        """Relative error by the geometry, with all errors of the light of the worst reading where it has no noise."""
+        """Relative error by the geometry; without random numbers, the error of the light of the worst reading."""
         if self.power is None or self.geometry.facets is None:
             return self.geometry.share
         return FACETS_SHARE * largest_share(np.abs(self.geometry.facets), self.power)
 
     def suffices(self, target_error: float) -> bool:
-        """Whether light without random numbers reaches a target, with these elements or with finer ones."""
+        """Whether light without random numbers reaches a relative target, with these elements or with finer ones."""
         return self.share <= target_error or self.light_share <= EXACT_SHARE * target_error
 
 
@@ -98,13 +116,15 @@ class PreparedFor(NamedTuple):
     Attributes
     ----------
     ready : Prepared
+        The scene.
     errors : ShapeErrors
-        Those of its shape, and its power if it needs no random paths.
+        By its shape, with the readings if it needs no random paths.
     settings : Settings
+        Of the reading.
     light_error : float
         Relative standard error that random paths should reach.
     alternative : PreparedFor or None
-        The same without random numbers, whose error is above the target, but may be less than that of paths.
+        The scene without random paths, with an error above the target that may still be less than that of paths.
     """
 
     ready: Prepared
@@ -115,10 +135,25 @@ class PreparedFor(NamedTuple):
 
 
 def mesh_size_of(scene: AnyScene) -> float | None:
-    """Size in mm of the elements that were chosen for a scene; None for its own."""
+    """Size in mm of the elements that were chosen for a scene; None for the default."""
     return scene.mesh_size if isinstance(scene, Scene) else None
 
 
 def prepared_without_random_numbers(ready: Prepared, scene: AnyScene, errors: ShapeErrors) -> PreparedFor:
-    """A scene whose light is known."""
+    """A scene whose readings were computed without random numbers.
+
+    Parameters
+    ----------
+    ready : Prepared
+        The scene, loaded.
+    scene : AnyScene
+        The scene as described.
+    errors : ShapeErrors
+        With the readings.
+
+    Returns
+    -------
+    PreparedFor
+        Without points.
+    """
     return PreparedFor(ready, errors, Settings(0, mesh_size_of(scene)))

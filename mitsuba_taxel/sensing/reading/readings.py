@@ -287,8 +287,8 @@ class Crosstalk:
     def mechanics_error(self) -> np.ndarray:
         """(T, T) W, one standard deviation of :attr:`power` due to the finite elements; NaN if unknown.
 
-        It is the same share of the power of all taxels with their own LED, and another one of that of all others: in
-        one pair two meshes may agree by chance.
+        The relative error is the same for all taxels with their own LED, and the same for all other pairs, as two
+        meshes may agree by chance in a single pair.
         """
         power, error = self.power, np.zeros_like(self.power)
         if self.deviation is None:
@@ -296,13 +296,13 @@ class Crosstalk:
         own = np.eye(len(power), dtype=bool)
         for which in (own, ~own):
             total = np.linalg.norm(power[which])
-            share = np.linalg.norm(self.deviation[which]) / total if total > 0 else 0.0
-            error[which] = ERROR_SHARE * share * power[which]
+            relative = np.linalg.norm(self.deviation[which]) / total if total > 0 else 0.0
+            error[which] = ERROR_SHARE * relative * power[which]
         return error
 
     @property
     def total_error(self) -> np.ndarray:
-        """(T, T) W, root of the sum of squares of both; that of the facets of curved walls is not in it."""
+        """(T, T) W, root of the sum of squares of both errors, without that by the facets of curved walls."""
         return np.hypot(self.standard_error, self.mechanics_error)
 
 
@@ -321,13 +321,13 @@ def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
     """
     if not errors:
         return []
-    known = [error for error in errors if error is not None]
-    if len(known) < len(errors):
+    estimates = [error for error in errors if error is not None]
+    if len(estimates) < len(errors):
         return [
             "mechanics error unknown, as no second mesh can be loaded so far, or memory does not suffice for it: the "
             "stated error is that of the light alone; a smaller mesh_size or a smaller load may tell it"
         ]
-    worst = max(known, key=lambda error: error.displacement)
+    worst = max(estimates, key=lambda error: error.displacement)
     return [
         f"mechanics: roofs right to {worst.displacement:.2g} mm (at worst {worst.largest:.2g} mm, {worst.relative:.1%} "
         f"of the largest displacement) and {worst.slope:.2g} degrees"
@@ -379,8 +379,8 @@ def readings_answer(readings: Readings) -> str:
     """
     power, error = readings.power, readings.total_error
     if len(power) == 1:
-        share = f" ({error[0] / power[0]:.2%})" if power[0] > 0 else ""
-        return f"Power on the phototransistor: {power[0]:.4e} ± {error[0]:.1e} W{share}."
+        relative = f" ({error[0] / power[0]:.2%})" if power[0] > 0 else ""
+        return f"Power on the phototransistor: {power[0]:.4e} ± {error[0]:.1e} W{relative}."
     values = f"Power on {len(power)} phototransistors: {power.min():.3e} to {power.max():.3e} W"
     if (power <= 0).any():
         return f"{values}, each ± {error.max():.1e} W or less."

@@ -108,15 +108,15 @@ RESULTS: tuple[Result, ...] = (
     Result("slope_error", "degrees", "the same of the roofs' slope", (), _worst_roof("slope")),
     *(
         entry
-        for each in PAD_RESULTS
+        for result in PAD_RESULTS
         for entry in (
-            Result(each.name, each.unit, each.meaning, (), _of_pads(each.name, "value")),
+            Result(result.name, result.unit, result.meaning, (), _of_pads(result.name, "value")),
             Result(
-                f"{each.name}_error",
-                each.unit,
-                f"1 sigma of {each.name} (finite elements)",
+                f"{result.name}_error",
+                result.unit,
+                f"1 sigma of {result.name} (finite elements)",
                 (),
-                _of_pads(each.name, "error"),
+                _of_pads(result.name, "error"),
                 along_curve=True,
             ),
         )

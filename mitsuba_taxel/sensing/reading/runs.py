@@ -1,4 +1,4 @@
-"""Incremental readings: prepared scenes, traced with more and more points, within a time budget."""
+"""Incremental readings: prepared scenes, traced with an increasing number of points, within a time budget."""
 
 from __future__ import annotations
 
@@ -27,8 +27,11 @@ from mitsuba_taxel.sensing.validity.dark_backs import dark_backs
 REPLICATES = 32
 """Independent randomisations of each reading; the standard error comes from their scatter."""
 MOST_POINTS = 1 << 20
+"""Largest number of points per taxel and replicate."""
 FIRST_POINTS = 256
+"""Points per taxel and replicate of the first step of a run."""
 CHOSEN_INTEGRATOR = "integrator taxel_tracer: it joins paths from both ends, and is right for every wall"
+"""Note on an integrator that the scene does not name."""
 
 
 class Prepared(NamedTuple):
@@ -41,7 +44,7 @@ class Prepared(NamedTuple):
 
 
 AnyScene: TypeAlias = "Scene | Prepared | mi.Scene | str | Path | dict[str, Any]"
-"""A :class:`Scene`, what :func:`prepare` returned, a loaded scene, a path or name of an XML scene, or a dictionary."""
+"""A :class:`Scene`, the result of :func:`prepare`, a loaded scene, a path or name of an XML scene, or a dictionary."""
 
 
 @in_turn
@@ -56,7 +59,7 @@ def prepare(scene: AnyScene) -> Prepared:
     Returns
     -------
     Prepared
-        Which :func:`measure` takes in place of the scene.
+        For :func:`measure` in place of the scene.
 
     Raises
     ------
@@ -94,7 +97,7 @@ def _lights(scene: mi.Scene) -> int:
 
 
 def described(scene: AnyScene) -> Scene | Prepared | mi.Scene:
-    """A scene given by name, path or dictionary as a `Scene`; a loaded one is returned unchanged."""
+    """The `Scene` of a name, a path or a dictionary; any other scene is returned unchanged."""
     if isinstance(scene, (str, Path, dict)):
         return Scene(scene)
     activate_variant()
@@ -110,7 +113,7 @@ class Clock:
 
     @property
     def left(self) -> float:
-        """Seconds."""
+        """Remaining time in s, negative after the end."""
         return self.end - time.perf_counter()
 
     def allows(self, seconds: float) -> bool:
@@ -119,7 +122,19 @@ class Clock:
 
 
 class Run:
-    """Incremental readings: each step doubles the points, continuing the same sequences."""
+    """Incremental readings: each step doubles the number of points, and continues the same random sequences.
+
+    Parameters
+    ----------
+    ready : Prepared
+        The scene.
+    seed : int
+        Of the random numbers.
+    image : bool
+        Whether to accumulate the irradiance map.
+    continued : Readings, optional
+        From which the run continues.
+    """
 
     def __init__(self, ready: Prepared, seed: int, image: bool = False, continued: Readings | None = None) -> None:
         self.ready, self.seed, self.with_image = ready, seed, image
@@ -128,32 +143,48 @@ class Run:
         self.image: np.ndarray | None = None
         self.seconds = 0.0  # of the last step
 
-    def extend_to(self, wanted: int, clock: Clock | None = None) -> None:
-        """Trace until there are ``wanted`` points, or until the next step would not end in time."""
+    def extend_to(self, points: int, clock: Clock | None = None) -> None:
+        """Trace until there are enough points, or until the next step would not end in time.
+
+        Parameters
+        ----------
+        points : int
+            Per taxel and replicate.
+        clock : Clock, optional
+            Time budget.
+        """
         if not self.points and (clock is None or clock.end == math.inf):
-            self._step(wanted)
+            self._step(points)
             return
         if not self.points:
             _trace(self.ready, 1, self.seed, 0, self.with_image)  # compiles before steps are timed
-        while self.points < wanted and (not self.points or clock is None or clock.allows(2 * self.seconds)):
-            self._step(self.points or min(FIRST_POINTS, wanted))
+        while self.points < points and (not self.points or clock is None or clock.allows(2 * self.seconds)):
+            self._step(self.points or min(FIRST_POINTS, points))
 
-    def extend_to_error(self, wanted: float, clock: Clock) -> None:
-        """Double the points while the relative standard error is above the ``wanted`` one, for which pilot runs with
-        other random numbers found too few."""
+    def extend_to_error(self, target: float, clock: Clock) -> None:
+        """Double the points while the error is above a target, as a pilot run may have found too few.
+
+        Parameters
+        ----------
+        target : float
+            Relative standard error of the worst taxel.
+        clock : Clock
+            Time budget.
+        """
         while self.points < MOST_POINTS and clock.allows(2 * self.seconds):
-            if Readings(self.powers, self.points, self.seed).relative_error <= wanted:
+            if Readings(self.powers, self.points, self.seed).relative_error <= target:
                 return
             self._step(self.points)
 
     def _step(self, points: int) -> None:
+        """Trace more points, and average with the earlier ones."""
         start = time.perf_counter()
         powers, image, points = _trace(self.ready, points, self.seed, self.points, self.with_image)
         total = self.points + points
-        share = points / total
-        self.powers = powers if not self.points else (1 - share) * self.powers + share * powers
+        weight = points / total
+        self.powers = powers if not self.points else (1 - weight) * self.powers + weight * powers
         if self.with_image:
-            self.image = image if self.image is None else (1 - share) * self.image + share * image
+            self.image = image if self.image is None else (1 - weight) * self.image + weight * image
         self.points = total
         self.seconds = time.perf_counter() - start
 
@@ -190,7 +221,7 @@ def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
 
 
 def _render(scene: mi.Scene, points: int, seed: int, first: int):
-    """As :func:`_trace`, by one of Mitsuba's own integrators, under which all LEDs are lit.
+    """As :func:`_trace`, by one of Mitsuba's own integrators, with the light of all LEDs at once.
 
     A continuation from ``first`` points uses other random numbers.
     """

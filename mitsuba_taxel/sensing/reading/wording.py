@@ -1,4 +1,4 @@
-"""Words on errors, light and time, common to terminal, notebook and web page."""
+"""Sentences on errors, light and time, the same in terminal, notebook and web page."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ def budget_line(budget: Mapping[str, float]) -> str:
     str
         One line.
     """
-    return f"Error of the worst reading: {', '.join(f'{source} {share}' for source, share in budget_rows(budget))}"
+    return f"Error of the worst reading: {', '.join(f'{source} {error}' for source, error in budget_rows(budget))}"
 
 
 def budget_rows(budget: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Each source of error with its share of a reading.
+    """Each source of error with its error relative to the reading.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def budget_rows(budget: Mapping[str, float]) -> list[tuple[str, str]]:
     list[tuple[str, str]]
         In the same order.
     """
-    return [(source, in_percent(share)) for source, share in budget.items()]
+    return [(source, in_percent(error)) for source, error in budget.items()]
 
 
 def stage_line(seconds: Mapping[str, float]) -> str:

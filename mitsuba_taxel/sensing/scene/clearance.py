@@ -1,4 +1,4 @@
-"""Packages in the way of pads: they hold those whose load goes on where they touch, and others are refused."""
+"""Packages below pads: pads with `self_contact` rest on them, and other pads that touch them are refused."""
 
 from __future__ import annotations
 
@@ -11,15 +11,20 @@ from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 
 def heed_packages(scene: mi.Scene) -> None:
-    """Deform each `deformable_pad` with `self_contact` as the bodies of the `photo_reflector`s let it, and raise if
-    another one touches them.
+    """Let the bodies of `photo_reflector`s hold the pads with `self_contact`, and refuse other pads that touch them.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded scene, whose pads may change.
 
     Raises
     ------
     InputError
-        if a pad touches a body already undeformed.
+        if an undeformed pad touches a body.
     ComputationError
-        naming the load at which a pad first touches a body, or at which its load path ends.
+        if a loaded pad does; the message names the load at which a pad first touches a body, or at which its load path
+        ends.
     """
     pads, bodies = deformed_pads(scene), _bodies(scene)
     if not (pads and bodies):
@@ -32,7 +37,8 @@ def heed_packages(scene: mi.Scene) -> None:
 
 
 def packages(scene: mi.Scene) -> list[np.ndarray]:
-    """(K, 3, 3) triangles of the packages of each `photo_reflector`, in the frame of the scene's pad, in mm."""
+    """(K, 3, 3) triangles of the package of each `photo_reflector`, in the frame of the only pad of the scene, in
+    mm."""
     (pad,) = deformed_pads(scene)
     return [_in_its_frame(pad, body) for body in _bodies(scene)]
 
@@ -42,12 +48,12 @@ def _bodies(scene: mi.Scene) -> list[np.ndarray]:
 
 
 def _triangles(body: mi.Mesh) -> np.ndarray:
-    """(K, 3, 3) corners in the world, in mm."""
+    """(K, 3, 3) corners of the triangles in world coordinates, in mm."""
     parameters = mi.traverse(body)
     faces = np.array(parameters["faces"]).reshape(-1, 3)
     return np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)[faces]
 
 
 def _in_its_frame(pad: PadShape, triangles: np.ndarray) -> np.ndarray:
-    turn, shift = pad.to_world[:3, :3], pad.to_world[:3, 3]
-    return np.linalg.solve(turn, (triangles - shift).reshape(-1, 3).T).T.reshape(-1, 3, 3)
+    linear, shift = pad.to_world[:3, :3], pad.to_world[:3, 3]
+    return np.linalg.solve(linear, (triangles - shift).reshape(-1, 3).T).T.reshape(-1, 3, 3)

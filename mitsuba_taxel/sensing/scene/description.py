@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 MOST_PARAMETERS = 1000
-"""Parameters of a scene: Mitsuba's parser takes a few more."""
+"""Largest number of parameters of a scene: Mitsuba's parser takes a few more."""
 MOST_NAMED = 10
-"""Unused defaults that are named individually."""
+"""Largest number of unused defaults that are named individually."""
 END_OF_PATH = "the load path ends at"
 """Phrase in the error for a pad that cannot bear its load."""
 MESHED_AS = "meshed_as"
@@ -56,7 +56,7 @@ that scene are moved onto those of this one."""
 _EMITTERS: WeakSet[mi.Emitter] = WeakSet()
 """Emitters of the scenes that have been loaded and not been freed."""
 
-NESTED_SCENE = "a scene stands in another object, where it means nothing: take it out."
+NESTED_SCENE = "a scene is nested in another object, where it has no effect: take it out."
 
 
 class Scene(Displayed):
@@ -97,14 +97,14 @@ class Scene(Displayed):
             raise refusal("mesh_size", mesh_size, "a finite size in mm above 0 is needed")
         self.mesh_size = plain_number(mesh_size)
         self.defaults: dict[str, str] = {}
-        given = {name: word_of(value) for name, value in table_of("parameters", parameters, "values").items()}
+        values = {name: word_of(value) for name, value in table_of("parameters", parameters, "values").items()}
         self.unused: tuple[str, ...] = ()
         allowed: set[str] = set()
         if isinstance(self.source, Path):
             self.defaults, used = _declared_parameters(self.source)
             allowed = used | set(self.defaults)
             self.unused = tuple(name for name in self.defaults if name not in used)
-        for name, value in given.items():
+        for name, value in values.items():
             if name not in allowed | ({MESHED_AS} if self.defaults else set()):
                 names = ", ".join(sorted(allowed)) or "none"
                 raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
@@ -112,7 +112,7 @@ class Scene(Displayed):
             if re.fullmatch(r"\s*[+-]?\d*,\d+\s*", value) and as_numbers([self.defaults.get(name, "")]):
                 point = value.strip().replace(",", ".")
                 raise refusal(name, value, f"a decimal point is needed, as in {point}")
-        self.parameters = {**self.defaults, **given}
+        self.parameters = {**self.defaults, **values}
         if len(self.parameters) > MOST_PARAMETERS:
             count = len(self.parameters)
             raise InputError(f"{self.name} has {count} parameters: at most {MOST_PARAMETERS} are allowed.")
@@ -148,7 +148,7 @@ class Scene(Displayed):
         return cls(source, parameters)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Scene:
-        """A scene of its own; Mitsuba's objects in a dictionary, which never change, are in both."""
+        """An independent scene, which shares Mitsuba's objects in a dictionary, as they never change."""
         copied = copy.copy(self)
         copied.source = _copied(self.source) if isinstance(self.source, dict) else self.source
         copied.defaults, copied.parameters = dict(self.defaults), dict(self.parameters)
@@ -160,7 +160,7 @@ class Scene(Displayed):
         return self.source.name if isinstance(self.source, Path) else "scene"
 
     def with_mesh_size(self, mesh_size: float | None) -> Scene:
-        """The same scene with another size of elements, unless it fixes that.
+        """The same scene with another size of elements, unless its description fixes the size.
 
         Parameters
         ----------
@@ -170,10 +170,10 @@ class Scene(Displayed):
         Returns
         -------
         Scene
-            This one stays as it is.
+            A new scene.
         """
-        given = {} if isinstance(self.source, dict) else self.parameters
-        return Scene(self.source, given, mesh_size)
+        parameters = {} if isinstance(self.source, dict) else self.parameters
+        return Scene(self.source, parameters, mesh_size)
 
     @in_turn
     def load(self) -> mi.Scene:
@@ -216,7 +216,7 @@ class Scene(Displayed):
             return live
 
     def _refuse_contact(self, config: mi.parser.ParserConfig) -> None:
-        """Raise if a pad touches a package before the end of its load path, as pads do not know the packages."""
+        """Raise if a pad touches a package before the end of its load path, which pads alone do not notice."""
         import mitsuba as mi
 
         from mitsuba_taxel.sensing.scene.clearance import heed_packages
@@ -257,8 +257,8 @@ class Scene(Displayed):
     def as_xml(self, folder: Path) -> str:
         """The scene as the text of an XML file in a folder, with its values as ``<default>`` elements.
 
-        They are those of the file that it is from, and of a scene made in Python the numbers and words of its parts;
-        see `scene_text` for their names.
+        A scene from a file keeps the parameters of the file. In a scene made in Python, the numbers and words of its
+        plugins become parameters; see `scene_text` for their names.
 
         Parameters
         ----------
@@ -289,12 +289,13 @@ class Scene(Displayed):
 
     @contextmanager
     def files_beside_it(self) -> Iterator[None]:
-        """Resolve files named in a scene relative to its folder; libraries of plugins come from those trusted alone.
+        """Resolve files named in a scene relative to its folder; libraries of plugins are loaded from trusted ones
+        only.
 
         Yields
         ------
         None
-            While the block runs, files are resolved so; afterwards as before.
+            Within the block; afterwards, files are resolved as before.
         """
         import mitsuba as mi
 
@@ -332,7 +333,7 @@ class Scene(Displayed):
         Raises
         ------
         InputError
-            if the description is refused: scenes within the scene, parts that nothing uses, missing files.
+            if the description is refused: nested scenes, objects that nothing uses, missing files.
         """
         import mitsuba as mi
 
@@ -352,51 +353,53 @@ class Scene(Displayed):
         for message in (said for node in state.nodes for said in unused_parts(state.nodes, node).values()):
             raise InputError(message)
         with self.files_beside_it():
-            for node in (each for each in state.nodes if each.props.plugin_name() == "photo_reflector"):
-                find_file(node.props, "part", SUFFIX)
+            for node in state.nodes:
+                if node.props.plugin_name() == "photo_reflector":
+                    find_file(node.props, "part", SUFFIX)
         pads = _pads(state)
         self._move_meshes(pads, config)
-        open_ones = [pad for pad in pads if not ("mesh_size" in pad or "mesh_tolerance" in pad)]
-        self.leaves_mesh_open = bool(open_ones)
-        for pad in open_ones if self.mesh_size is not None else []:
+        without_mesh_size = [pad for pad in pads if not ("mesh_size" in pad or "mesh_tolerance" in pad)]
+        self.leaves_mesh_open = bool(without_mesh_size)
+        for pad in without_mesh_size if self.mesh_size is not None else []:
             pad["mesh_size"] = self.mesh_size
         return state
 
     @property
     def _own_parameters(self) -> dict[str, str]:
-        """Those of the file."""
+        """Parameters of the file, by name."""
         return {name: value for name, value in self.parameters.items() if name != MESHED_AS or name in self.defaults}
 
     def _move_meshes(self, pads: list[mi.Properties], config: mi.parser.ParserConfig) -> None:
-        """State for pads that their meshes are those of the scene with the values of `MESHED_AS`, moved, if given."""
+        """If the scene has a value of `MESHED_AS`, let pads move the meshes of the scene with the values that it
+        names."""
         own = self._own_parameters
-        stated = NONE if MESHED_AS in own else self.parameters.get(MESHED_AS, NONE)
-        if stated == NONE:
+        origin = NONE if MESHED_AS in own else self.parameters.get(MESHED_AS, NONE)
+        if origin == NONE:
             return
-        pairs = [[word.strip() for word in part.split("=")] for part in stated.split(",")]
+        pairs = [[word.strip() for word in pair.split("=")] for pair in origin.split(",")]
         if not all(len(pair) == 2 for pair in pairs):
-            raise InputError(f"{MESHED_AS} = {stated!r} is not allowed: 'name=value', separated by commas, is needed.")
+            raise InputError(f"{MESHED_AS} = {origin!r} is not allowed: 'name=value', separated by commas, is needed.")
         try:
             _move_meshes(pads, _pads(Scene(self.source, own | dict(pairs)).parsed(config)))
         except (InputError, RuntimeError) as error:
             refused = error if isinstance(error, InputError) else as_own_error(error, self)
-            raise InputError(f"{MESHED_AS} = {stated!r} is not allowed: {refused}") from error
+            raise InputError(f"{MESHED_AS} = {origin!r} is not allowed: {refused}") from error
 
 
 def _build_pads_last(state: mi.parser.ParserState) -> None:
-    """Have the parts of a scene built in this order, so that what is wrong is refused before a pad is solved."""
+    """Build pads after all other objects of a scene, so that errors in those are reported before a pad is solved."""
     import mitsuba as mi
 
     root = state.nodes[0].props
     for name in [name for name in root.keys() if root.type(name) == mi.Properties.Type.ResolvedReference]:  # noqa: SIM118
-        part = root[name]
-        if state.nodes[part.index()].props.plugin_name() == "deformable_pad":
+        reference = root[name]
+        if state.nodes[reference.index()].props.plugin_name() == "deformable_pad":
             del root[name]
-            root[name] = part
+            root[name] = reference
 
 
 def _announce_packages(state: mi.parser.ParserState) -> None:
-    """Tell the pads of a scene with packages that `heed_packages` will follow."""
+    """Announce to the pads of a scene with packages that `heed_packages` will follow."""
     import mitsuba as mi
 
     from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE
@@ -411,31 +414,31 @@ def _pads(state: mi.parser.ParserState) -> list[mi.Properties]:
 
 
 def _move_meshes(pads: list[mi.Properties], origins: list[mi.Properties]) -> None:
-    """State for pads of built-in shapes that their meshes are those of others, moved."""
+    """Let pads of built-in shapes move the meshes of other pads, their origins."""
     from mitsuba_taxel.pads import Pad
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
     built = [pair for pair in zip(pads, origins, strict=True) if "filename" not in pair[0]]
     if not built:
         raise InputError("the scene holds no pad of one of this package's own shapes.")
-    for props, other in built:
-        pad, origin = (DeformablePad.read(each).build_pad() for each in (props, other))
+    for props, origin_props in built:
+        pad, origin = (DeformablePad.read(read).build_pad() for read in (props, origin_props))
         assert isinstance(pad, Pad) and isinstance(origin, Pad)
         props["meshed_as"] = pad.moved_from(origin).meshed_as
 
 
-def _refuse_none(part: dict[str, Any], within: str = "scene") -> None:
+def _refuse_none(description: dict[str, Any], within: str = "scene") -> None:
     """Raise if a dictionary contains None, for which Mitsuba's parser aborts the process."""
-    for name, value in part.items():
+    for name, value in description.items():
         if value is None:
             raise InputError(f"{within}: {name} = None is not allowed: leave it out.")
         if isinstance(value, dict):
             _refuse_none(value, name)
 
 
-def _types(part: Mapping[str, Any]) -> Iterator[str]:
+def _types(description: Mapping[str, Any]) -> Iterator[str]:
     """Types of the plugins in a dictionary."""
-    for name, value in part.items():
+    for name, value in description.items():
         if name == "type" and isinstance(value, str):
             yield value
         elif isinstance(value, Mapping):
@@ -443,10 +446,10 @@ def _types(part: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _copied(value: Any) -> Any:
-    """Dictionaries and lists copied, with the same objects in them."""
+    """Dictionaries and lists are copied, other objects are not."""
     if isinstance(value, dict):
-        return {name: _copied(part) for name, part in value.items()}
-    return [_copied(part) for part in value] if isinstance(value, list) else value
+        return {name: _copied(item) for name, item in value.items()}
+    return [_copied(item) for item in value] if isinstance(value, list) else value
 
 
 def _take_load(props: mi.Properties) -> tuple[tuple[float, ...], tuple[list[float], list[tuple[float, ...]]]]:
@@ -454,12 +457,12 @@ def _take_load(props: mi.Properties) -> tuple[tuple[float, ...], tuple[list[floa
     from mitsuba_taxel.mechanics.elements.loads import Load
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
-    stated = DeformablePad.read(props)
-    quantity = Load.named(stated.load).quantity
+    specification = DeformablePad.read(props)
+    quantity = Load.named(specification.load).quantity
     for name in (quantity, "history"):
         if name in props:
             del props[name]
-    return stated.load_value, stated.build_history()
+    return specification.load_value, specification.build_history()
 
 
 def write_xml(scene: Scene, path: str | Path) -> None:
@@ -497,9 +500,9 @@ def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
 
 
 def _free_unused_scenes() -> None:
-    """Free scenes that only cycles refer to, as from the traceback of an error.
+    """Free scenes that only reference cycles keep alive, such as from the traceback of an error.
 
-    Kernels contain the plugins of all scenes that are alive: with those of an unused one, they are compiled again.
+    Kernels contain the plugins of all scenes that are alive: an unused scene would make Dr.Jit compile them again.
     """
     if _EMITTERS:
         gc.collect()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 NONE = "none"
-"""Value of a parameter that leaves out what uses it."""
+"""Value of a parameter that leaves out the elements that use it."""
 
 
 def left_out(parameters: Mapping[str, str]) -> set[str]:
@@ -29,7 +29,7 @@ def left_out(parameters: Mapping[str, str]) -> set[str]:
     Returns
     -------
     set[str]
-        Those of the value `NONE`.
+        With the value `NONE`.
     """
     return {name for name, value in parameters.items() if value == NONE}
 

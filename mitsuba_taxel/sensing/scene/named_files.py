@@ -1,4 +1,4 @@
-"""Files that a scene names and Mitsuba opens: a pipe would be waited for, and a device has no end."""
+"""Checks of files that a scene names and Mitsuba opens, as a pipe would block it, and a device has no end."""
 
 from __future__ import annotations
 
@@ -18,7 +18,20 @@ LARGEST_FILE = 1 << 30
 
 
 def check_spectra(scene: Path, parameters: Mapping[str, str]) -> None:
-    """Raise an `InputError` for a file of a spectrum, which the parser opens, that is no file or too large."""
+    """Refuse a file of a spectrum, which the parser opens, if it is no regular file or too large.
+
+    Parameters
+    ----------
+    scene : Path
+        The XML file.
+    parameters : Mapping[str, str]
+        Values by name.
+
+    Raises
+    ------
+    InputError
+        if there is such a file; the message names it.
+    """
     for file, root in read_scene_file(scene):
         for element in root.iter("spectrum"):
             name = re.sub(r"\$(\w+)", lambda match: parameters.get(match[1], match[0]), element.get("filename", ""))
@@ -27,9 +40,20 @@ def check_spectra(scene: Path, parameters: Mapping[str, str]) -> None:
                 _check("filename", name, resolved_path(name))
 
 
-def check_named_files(parts: Iterable[mi.Properties]) -> None:
-    """Raise an `InputError` if a word of some parts, as Mitsuba resolves it, names what is no file, or too large."""
-    for props in parts:
+def check_named_files(plugins: Iterable[mi.Properties]) -> None:
+    """Refuse plugins with a word that names, as Mitsuba resolves it, something other than a file, or too large a file.
+
+    Parameters
+    ----------
+    plugins : Iterable[mi.Properties]
+        Properties of each plugin.
+
+    Raises
+    ------
+    InputError
+        if there is such a word; the message names it.
+    """
+    for props in plugins:
         for name in props.keys():  # noqa: SIM118
             if props.type(name) == mi.Properties.Type.String:
                 word = str(props[name])
@@ -41,7 +65,7 @@ def _check(name: str, word: str, file: Path) -> None:
     try:
         if not file.exists() or file.is_dir():
             return
-    except (OSError, ValueError):  # it is no name of a file
+    except (OSError, ValueError):  # it cannot be the name of a file
         return
     try:
         check_regular(file, LARGEST_FILE)

@@ -1,35 +1,35 @@
-"""Objects in places where Mitsuba takes them without a word and does not use them."""
+"""Objects that Mitsuba silently ignores because of where they are nested."""
 
 from __future__ import annotations
 
 import mitsuba as mi
 
 _FOLLOWED = ("BSDF", "Emitter", "Sensor", "Medium", "Texture", "Unknown")
-"""Objects that the base class of shapes follows; it ignores all others. Unknown are plugins that a user registered for
-one variant alone."""
+"""Objects that the base class of shapes uses; it ignores all others. Plugins that a user registered for one variant
+only are "Unknown"."""
 _LEAVES = ("rectangle", "disk", "cube", "sphere", "cylinder", "obj", "ply", "serialized")
-"""Mitsuba's shapes that hold no other objects than those."""
+"""Mitsuba's shapes that use no other nested objects."""
 _SIDES = ("interior", "exterior")
 _ON_SURFACES = {"annular_led": "rectangle or a photo_reflector", "area": "shape", "directionalarea": "shape"}
-"""Emitters that shine only from a surface, and what they must be nested in."""
+"""Emitters that shine only from a surface, and the objects in which they must be nested."""
 
 
 def unused_parts(nodes: list[mi.parser.SceneNode], node: mi.parser.SceneNode) -> dict[str, str]:
-    """Error messages for objects in a parsed scene or shape that would have no effect, by their name in it.
+    """Error messages for objects in a parsed scene or shape that would have no effect.
 
-    Our own plugins refuse what they do not know themselves, see `Specification.unknown`, except for media.
+    The plugins of this package refuse unknown objects themselves, except media; see `Specification.unknown`.
 
     Parameters
     ----------
     nodes : list[mi.parser.SceneNode]
         Of the parsed scene.
     node : mi.parser.SceneNode
-        That of the scene or of a shape.
+        Of the scene or of a shape.
 
     Returns
     -------
     dict[str, str]
-        Empty if all have an effect.
+        By the name of the nested object; empty if all have an effect.
     """
     props = node.props
     names = [name for name in props.keys() if props.type(name) == mi.Properties.Type.ResolvedReference]  # noqa: SIM118
@@ -38,7 +38,7 @@ def unused_parts(nodes: list[mi.parser.SceneNode], node: mi.parser.SceneNode) ->
 
 
 def _unused(node: mi.parser.SceneNode, name: str, child: mi.parser.SceneNode) -> str:
-    """The error message for an object named so in another; empty if it has an effect, or may have."""
+    """The error message for an object nested in another by this name; empty if it may have an effect."""
     plugin, nested = node.props.plugin_name(), child.props.plugin_name()
     if node.type == mi.ObjectType.Scene and nested in _ON_SURFACES:
         return f"{nested}: it must be nested in a {_ON_SURFACES[nested]}."

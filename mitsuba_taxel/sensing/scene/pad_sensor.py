@@ -132,7 +132,7 @@ def _rows(history: object) -> str:
     """Times and values of a load in the format of a scene; raises `InputError`."""
 
     def is_row_of_load(row: Any) -> bool:
-        return is_row(row, lambda part: is_number(part) or is_row(part, is_number)) and len(row) == 2
+        return is_row(row, lambda entry: is_number(entry) or is_row(entry, is_number)) and len(row) == 2
 
     if not is_row(history, is_row_of_load):
         raise refusal("history", history, "pairs of a time and a value of the load are needed")

@@ -1,4 +1,4 @@
-"""What the parameters of a scene are, found where they are used: components of loads, times, places of indenters."""
+"""Roles of the parameters of a scene, from where they are used: components of loads, times, positions of indenters."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _COMPONENTS = {
 
 
 def roles_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
-    """What each parameter of an XML scene is, by the parameter of a plugin that uses it.
+    """The role of each parameter of an XML scene: the parameter of a plugin that uses it.
 
     Parameters
     ----------
@@ -38,13 +38,13 @@ def roles_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
         ``translate_x``; and one of ``fx``, ``fy``, ``fz``, ``ux``, ``uy``, ``uz`` of the load of a `deformable_pad`.
         Parameters with several uses that differ, and roles that several parameters have, are left out.
     """
-    found: dict[str, set[tuple[str, int] | None]] = {}
+    uses_of: dict[str, set[tuple[str, int] | None]] = {}
     for role, word in _uses(scene):
         match = _ALONE.fullmatch(word)
         for name in used_by({"value": word}):
             sign = -1 if match and match["sign"] == "-" else 1
-            found.setdefault(name, set()).add((role, sign) if match and role else None)
-    roles = {name: use for name, uses in found.items() if len(uses) == 1 and (use := next(iter(uses)))}
+            uses_of.setdefault(name, set()).add((role, sign) if match and role else None)
+    roles = {name: use for name, uses in uses_of.items() if len(uses) == 1 and (use := next(iter(uses)))}
     count = Counter(role for role, _ in roles.values())
     return {name: use for name, use in roles.items() if count[use[0]] == 1}
 
@@ -60,9 +60,9 @@ def forces_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
     Returns
     -------
     dict[str, tuple[str, int]]
-        By name, the component, one of `FORCES`, and 1, or -1 of a parameter that is used as ``-$name``. A parameter
-        that is called as a component, used nowhere in a force and in no unit but N, counts as that component, as in
-        scenes of other plugins.
+        By name, the component, one of `FORCES`, and 1, or -1 of a parameter that is used as ``-$name``. In scenes of
+        other plugins, a parameter with the name of a component counts as that component, if nothing uses it in a force
+        or in a unit other than N.
     """
     in_force = {name: role for name, role in roles_of_parameters(scene).items() if role[0] in FORCES}
     uses: dict[str, set[str]] = {}
@@ -70,12 +70,12 @@ def forces_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
         for name in used_by({"value": word}):
             uses.setdefault(name, set()).add(role)
     components, units = {component for component, _ in in_force.values()}, units_of_parameters(scene)
-    called = {
+    by_name = {
         name: (name, 1)
         for name in FORCES
         if name not in components and units.get(name, "N") == "N" and not uses.get(name, set()) & {*FORCES, "force"}
     }
-    return {**called, **in_force}
+    return {**by_name, **in_force}
 
 
 def load_constants(scene: Path) -> dict[str, str]:
@@ -96,7 +96,7 @@ def load_constants(scene: Path) -> dict[str, str]:
 
 
 def _uses(scene: Path) -> Iterator[tuple[str, str]]:
-    """Each role in a scene, blank if it is none, with the word for its value."""
+    """Each role in a scene, with the word for its value; the role is blank for other attributes."""
     for root in (root for _, root in read_scene_file(scene)):
         for parent in root.iter():
             for element in parent:
@@ -110,12 +110,12 @@ def _words(element: ElementTree.Element, of_pad: bool) -> Iterator[tuple[str, st
     value = attributes.pop("value", "")
     quantity = attributes.pop("name", "") if element.tag != "translate" else "translate"
     if quantity and (element.tag in ("vector", "point", "translate") or any(axis in attributes for axis in "xyz")):
-        parts = value.split(",") if "," in value else value.split()
-        parts = parts if len(parts) == 3 else [attributes.pop(axis, "") for axis in "xyz"]
-        for axis, part in zip("xyz", parts, strict=True):
+        words = value.split(",") if "," in value else value.split()
+        words = words if len(words) == 3 else [attributes.pop(axis, "") for axis in "xyz"]
+        for axis, word in zip("xyz", words, strict=True):
             role = f"{quantity}_{axis}"
-            yield _COMPONENTS.get(role, role) if of_pad else "" if role in _COMPONENTS else role, part
-        if value and not any(parts):  # a vector in one parameter
+            yield _COMPONENTS.get(role, role) if of_pad else "" if role in _COMPONENTS else role, word
+        if value and not any(words):  # a vector in one parameter
             yield quantity, value
     elif value:
         yield quantity, value

@@ -17,8 +17,8 @@ _NAME = re.compile(r"(?:^|[\s,])-?\$(\w+)(?=$|[\s,])")
 def units_of_parameters(scene: Path) -> dict[str, str]:
     """The unit of each ``<default>`` of an XML scene whose unit is known, ``1`` if dimensionless.
 
-    It is that of the plugins' parameters, translations and rotations that use it; a parameter used in different units
-    is left out.
+    The unit is that of the parameters of plugins, the translations and the rotations that use the ``<default>``. It is
+    left out if its uses have different units.
 
     Parameters
     ----------
@@ -31,17 +31,17 @@ def units_of_parameters(scene: Path) -> dict[str, str]:
         By name, in alphabetical order.
     """
     units: dict[str, set[str]] = {}
-    for unit, text in _places(scene):
+    for unit, text in _uses(scene):
         for name in _NAME.findall(text):
             units.setdefault(name, set()).add(unit)
-    return {name: found.pop() for name, found in sorted(units.items()) if len(found) == 1}
+    return {name: of_uses.pop() for name, of_uses in sorted(units.items()) if len(of_uses) == 1}
 
 
-def _places(scene: Path) -> Iterator[tuple[str, str]]:
+def _uses(scene: Path) -> Iterator[tuple[str, str]]:
     """Pairs of a unit and the value of an attribute in that unit."""
-    for element in (each for _, root in read_scene_file(scene) for each in root.iter()):
-        stated = specifications().get(element.get("type", ""))
-        parameters = {} if stated is None else stated.values()
+    for element in (element for _, root in read_scene_file(scene) for element in root.iter()):
+        specification = specifications().get(element.get("type", ""))
+        parameters = {} if specification is None else specification.values()
         for child in element:
             unit = _unit(parameters.get(child.get("name", "")))
             for text in child.attrib.values() if unit else ():

@@ -1,4 +1,4 @@
-"""Checks of the parts of a scene that is parsed but not built, in milliseconds."""
+"""Checks of a scene that is parsed but not built, in milliseconds."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def refusal_of(scene: Scene) -> InputError | None:
     with scene.files_beside_it():
         try:
             nodes = scene.parsed(parser_config(activate_variant())).nodes
-            for part in (_part(node, nodes) for node in nodes):
-                if isinstance(part, DeformablePad) and not part.filename:
-                    part.build_pad()
+            for specification in (_specification(node, nodes) for node in nodes):
+                if isinstance(specification, DeformablePad) and not specification.filename:
+                    specification.build_pad()
         except InputError as error:
             return InputError(with_own_parameters(str(error), scene), error.part)
         except RuntimeError as error:  # Mitsuba's own
@@ -43,7 +43,7 @@ def refusal_of(scene: Scene) -> InputError | None:
 
 
 class _Props:
-    """Properties of a parsed part, with nested objects in the form that they have when built."""
+    """Properties of a parsed object, with nested objects in the form that they have when built."""
 
     def __init__(self, props: mi.Properties, nodes: Sequence[mi.parser.SceneNode]) -> None:
         self._props, self._nodes = props, nodes
@@ -62,14 +62,14 @@ class _Props:
 
     def objects(self) -> list[tuple[str, SimpleNamespace]]:
         names = [name for name in self._props.keys() if self._props.type(name) == _REFERENCE]  # noqa: SIM118
-        parts = ((name, _part(self._nodes[self._props[name].index()], self._nodes)) for name in names)
-        return [(name, SimpleNamespace(specification=part)) for name, part in parts]
+        nested = ((name, _specification(self._nodes[self._props[name].index()], self._nodes)) for name in names)
+        return [(name, SimpleNamespace(specification=specification)) for name, specification in nested]
 
 
 _REFERENCE = mi.Properties.Type.ResolvedReference
 
 
-def _part(node: mi.parser.SceneNode, nodes: Sequence[mi.parser.SceneNode]) -> Specification | None:
+def _specification(node: mi.parser.SceneNode, nodes: Sequence[mi.parser.SceneNode]) -> Specification | None:
     """The Python object of a node; None if it is not a plugin of this package."""
-    stated = specifications().get(node.props.plugin_name())
-    return None if stated is None else stated.read(_Props(node.props, nodes))
+    kind = specifications().get(node.props.plugin_name())
+    return None if kind is None else kind.read(_Props(node.props, nodes))

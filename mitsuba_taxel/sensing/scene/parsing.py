@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 FURTHEST = 1e8
-"""mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
+"""Largest number in a transformation: beyond it, squares of lengths overflow in single precision."""
 
 
 class Described(Protocol):
-    """What messages name of a scene, as `Scene` has it."""
+    """Attributes of a `Scene` that messages name."""
 
     source: Path | dict[str, Any]
     parameters: dict[str, str]
@@ -30,12 +30,12 @@ class Described(Protocol):
 
 
 def far_transforms(props: mi.Properties) -> dict[str, str]:
-    """Error messages for transformations of a part with invalid numbers, by name.
+    """Error messages for transformations of an object with numbers that are not allowed.
 
     Parameters
     ----------
     props : mi.Properties
-        Of the part.
+        Of the object.
 
     Returns
     -------
@@ -56,20 +56,20 @@ def far_transforms(props: mi.Properties) -> dict[str, str]:
 
 
 def guilty_parameters(parameters: Mapping[str, str]) -> str:
-    """The parameters that are not numbers of at most :data:`FURTHEST`, in brackets; empty if there are none.
+    """The parameters whose numbers are not finite or exceed :data:`FURTHEST`, for a message.
 
     Parameters
     ----------
     parameters : Mapping[str, str]
-        Of a scene.
+        Of a scene, by name.
 
     Returns
     -------
     str
-        With a blank before.
+        In brackets, after a blank; empty if there are none.
     """
-    found = [f"{name} = {value}" for name, value in parameters.items() if not _is_near(value)]
-    return f" (parameter {', '.join(found)})" if found else ""
+    guilty = [f"{name} = {value}" for name, value in parameters.items() if not _is_near(value)]
+    return f" (parameter {', '.join(guilty)})" if guilty else ""
 
 
 def _is_near(value: str) -> bool:
@@ -90,7 +90,7 @@ def parser_config(variant: str) -> mi.parser.ParserConfig:
     Returns
     -------
     mi.parser.ParserConfig
-        By which no parts are merged.
+        With which no objects are merged.
     """
     import mitsuba as mi
 
@@ -103,7 +103,7 @@ def parser_config(variant: str) -> mi.parser.ParserConfig:
 
 
 def as_own_error(error: RuntimeError, scene: Described) -> InputError | ComputationError:
-    """Mitsuba's message for a scene that it cannot build, as one line without traceback or source location.
+    """The error for a scene that Mitsuba cannot build: its message as one line, without traceback or source location.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def as_own_error(error: RuntimeError, scene: Described) -> InputError | Computat
     Raises
     ------
     KeyboardInterrupt
-        if that stopped a plugin: Mitsuba reports it like any other error.
+        if an interrupt stopped a plugin, which Mitsuba reports like any other error.
     """
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     if lines[-1].startswith("KeyboardInterrupt"):

@@ -34,7 +34,7 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
         if not is_led(emitter):
             raise InputError(f"every emitter must be an annular_led, not a {kind_of(emitter)}.", emitter)
     refuse_foreign_sensors(scene)
-    counts = [sum(part.faces.count for part in parts) for parts in (leds, sensors)]
+    counts = [sum(end.faces.count for end in ends) for ends in (leds, sensors)]
     if counts[0] != counts[1] or len(leds) != len(sensors):
         raise InputError(
             f"the scene holds {counts[0]} LEDs and {counts[1]} phototransistors: one of each for every taxel is needed."

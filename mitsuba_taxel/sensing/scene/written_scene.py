@@ -1,4 +1,4 @@
-"""The text of a scene as XML, with its parameters as `<default>`s: those of its file, or those of its parts."""
+"""The text of a scene as XML, with its parameters as `<default>`s: those of its file, or those of its plugins."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ COMPONENTS = {
     for quantity, names in (("force", ("fx", "fy", "fz")), ("displacement", ("ux", "uy", "uz")))
     for index, name in enumerate(names)
 }
-"""Names of load components for which a scene has no parameters of these names."""
+"""Quantity and index of the components of loads, by the names of their parameters."""
 _AXES = ("x", "y", "z")
 _NUMBERS = ("float", "integer")
 _VECTORS = ("vector", "point")
 _WORDS = ("string", "boolean")
 _SHARED = ("rows", "columns", "pitch")
-"""Of a pad and of its photo-reflectors: one parameter, as long as they are equal."""
+"""A pad and its photo-reflectors share one parameter for each of these, as long as their values are equal."""
 _NOT_NAMED = ("meshed_as",)
-"""A parameter that every scene has."""
+"""Words that do not become a parameter, as every scene has a parameter of this name."""
 
 
 def scene_text(
@@ -50,21 +50,23 @@ def scene_text(
     config : mi.parser.ParserConfig
         Settings of the parser.
     folder : Path
-        Where the text shall lie: files that are not found from there are named by their full paths.
+        Of the file that will hold the text: files that are not found from there are named by their full paths.
     file : Path or None
-        The XML file that the scene is from; None for one made in Python. Its uses of parameters are kept. Of a scene
-        made in Python, each number of a part, and each word of one of this package's, is a parameter: named as such,
-        components of forces fx, fy, fz and of displacements ux, uy, uz, of other vectors as `body_x`; preceded by the
-        names of the dictionary, as `roof_reflectance`, where several parts have it, and always of a `wall`.
+        The XML file that the scene is from, whose uses of parameters are kept; None for a scene made in Python. There,
+        each number of a plugin, and each word of a plugin of this package, becomes a parameter of the same name.
+        Components of forces are fx, fy, fz, those of displacements ux, uy, uz, and those of other vectors such as
+        `body_x`. The names in the dictionary precede the name, as in `roof_reflectance`, if several plugins have the
+        parameter, and always for a `wall`.
     parameters : Mapping[str, str]
-        Their values, for a scene from a file.
+        Values for a scene from a file, by name.
     most : int
         Largest number of parameters.
 
     Returns
     -------
-    The text. Where Mitsuba would read other values with parameters than without, as where parts are shared in a way
-    that cannot be followed, it has none.
+    str
+        The document. It has no parameters if Mitsuba would read other values with them, as where objects are shared in
+        a way that cannot be followed.
     """
     import mitsuba as mi
 
@@ -87,7 +89,7 @@ def scene_text(
 
 
 def _without_defaults(root: ElementTree.Element) -> ElementTree.Element:
-    """Mitsuba's text with the values of the parameters that it makes up, such as `resx` for any width."""
+    """Mitsuba's text without the parameters that it invents, such as `resx` for any width, but with their values."""
     values = {element.get("name", ""): element.get("value", "") for element in root.findall("default")}
     for element in root.findall("default"):
         root.remove(element)
@@ -102,8 +104,8 @@ def _without_defaults(root: ElementTree.Element) -> ElementTree.Element:
 
 
 def _name_values(root: ElementTree.Element, most: int) -> dict[str, str]:
-    """Replace values of parts by parameters; returns their values."""
-    values = [value for part in root for value in _values_of(part, ()) if part.tag != "scene"]
+    """Replace values of plugins by parameters, and return the values by name."""
+    values = [value for plugin in root for value in _values_of(plugin, ()) if plugin.tag != "scene"]
     shared = {(path[-1], element.get(key, "")) for element, key, path, kind in values if kind == "deformable_pad"}
     shared &= {(path[-1], element.get(key, "")) for element, key, path, kind in values if kind == "photo_reflector"}
     kinds = Counter(path[-1] for _, _, path, kind in values if kind in ("deformable_pad", "photo_reflector"))
@@ -111,12 +113,13 @@ def _name_values(root: ElementTree.Element, most: int) -> dict[str, str]:
     defaults: dict[str, str] = {}
     for element, key, path, kind in values:
         word = element.get(key, "")
-        one = kind in ("deformable_pad", "photo_reflector") and path[-1] in _SHARED and (path[-1], word) in shared
+        is_shared = kind in ("deformable_pad", "photo_reflector") and path[-1] in _SHARED and (path[-1], word) in shared
+        # The shortest name that no other value has, from the parameter's own to that with all names around it.
         names = ["_".join(path[i:]) for i in reversed(range(len(path) - (kind == "wall")))]
-        if one and kinds[path[-1]] == endings[path[-1]] == 2:
+        if is_shared and kinds[path[-1]] == endings[path[-1]] == 2:
             name: str | None = path[-1]
         else:
-            name = next((each for each in names if endings[each] == 1), None)
+            name = next((candidate for candidate in names if endings[candidate] == 1), None)
         if name is not None and (name in defaults or len(defaults) < most):
             defaults[name] = word
             element.set(key, f"${name}")
@@ -124,22 +127,22 @@ def _name_values(root: ElementTree.Element, most: int) -> dict[str, str]:
 
 
 def _values_of(
-    part: ElementTree.Element, around: tuple[str, ...]
+    plugin: ElementTree.Element, outer_names: tuple[str, ...]
 ) -> Iterator[tuple[ElementTree.Element, str, tuple[str, ...], str]]:
-    """Each value of a part that can be a parameter: element, attribute, names from the outside, kind of the part."""
-    kind = part.get("type", "")
-    stated = specifications().get(kind)
-    path = (*around, _word(part.get("name") or part.get("id") or kind))
-    for child in part:
+    """Each value of a plugin that can be a parameter: element, attribute, names from the outside in, kind of plugin."""
+    kind = plugin.get("type", "")
+    is_own = specifications().get(kind) is not None
+    path = (*outer_names, _word(plugin.get("name") or plugin.get("id") or kind))
+    for child in plugin:
         name = child.get("name", "")
         if child.get("type"):
             yield from _values_of(child, path)
         elif child.tag in _VECTORS:
-            of_load = [each for each, (quantity, _) in COMPONENTS.items() if quantity == name]
+            of_load = [component for component, (quantity, _) in COMPONENTS.items() if quantity == name]
             for number, axis in enumerate(_AXES):
                 if axis in child.attrib:
                     yield child, axis, (*path, of_load[number] if of_load else f"{_word(name)}_{axis}"), kind
-        elif child.tag in _NUMBERS or (child.tag in _WORDS and stated is not None and name not in _NOT_NAMED):
+        elif child.tag in _NUMBERS or (child.tag in _WORDS and is_own and name not in _NOT_NAMED):
             if child.get("value", NONE) != NONE:
                 yield child, "value", (*path, _word(name)), kind
 
@@ -149,43 +152,44 @@ def _word(name: str) -> str:
 
 
 def _put_back(root: ElementTree.Element, file: Path, parameters: Mapping[str, str]) -> None:
-    """Replace values by the parameters of the file that the scene is from, part by part."""
-    parts: dict[tuple[str, str], list[ElementTree.Element]] = {}
-    for part in (element for element in root.iter() if element.get("type")):
-        parts.setdefault((part.tag, part.get("type", "")), []).append(part)
+    """Replace values by the parameters of the file that the scene is from, plugin by plugin."""
+    # Plugins of one kind are in the same order in both texts.
+    plugins: dict[tuple[str, str], list[ElementTree.Element]] = {}
+    for plugin in (element for element in root.iter() if element.get("type")):
+        plugins.setdefault((plugin.tag, plugin.get("type", "")), []).append(plugin)
     originals: dict[tuple[str, str], list[ElementTree.Element]] = {}
-    for part in _parts_of(ElementTree.fromstring(file.read_bytes()), file, left_out(parameters)):
-        kind = re.sub(r"\$(\w+)", lambda match: parameters.get(match[1], match[0]), part.get("type", ""))
-        originals.setdefault((part.tag, kind), []).append(part)
-    for key, written in parts.items():
+    for plugin in _plugins_of(ElementTree.fromstring(file.read_bytes()), file, left_out(parameters)):
+        kind = re.sub(r"\$(\w+)", lambda match: parameters.get(match[1], match[0]), plugin.get("type", ""))
+        originals.setdefault((plugin.tag, kind), []).append(plugin)
+    for key, written in plugins.items():
         if len(written) != len(originals.get(key, [])):
             continue
-        for part, original in zip(written, originals[key], strict=True):
-            part.set("type", original.get("type", ""))
+        for plugin, original in zip(written, originals[key], strict=True):
+            plugin.set("type", original.get("type", ""))
             for child in original:
                 if child.get("type") or not any(used_by(element.attrib) for element in child.iter()):
                     continue
-                for number, value in enumerate(part):
+                for number, value in enumerate(plugin):
                     if value.get("name", "") == child.get("name", "") and not value.get("type"):
-                        part[number] = _without_space(child)
+                        plugin[number] = _without_space(child)
 
 
-def _parts_of(element: ElementTree.Element, file: Path, absent: set[str]) -> Iterator[ElementTree.Element]:
+def _plugins_of(element: ElementTree.Element, file: Path, absent: set[str]) -> Iterator[ElementTree.Element]:
     """The objects of a scene in the order of the text, with those of included files where they are included."""
     for child in element:
         if child.tag == "include":
             inner = file.parent / child.get("filename", "")
-            yield from _parts_of(ElementTree.fromstring(inner.read_bytes()), inner, absent)
+            yield from _plugins_of(ElementTree.fromstring(inner.read_bytes()), inner, absent)
         elif not used_by(child.attrib) & absent:
             if child.get("type"):
                 yield child
-            yield from _parts_of(child, file, absent)
+            yield from _plugins_of(child, file, absent)
 
 
 def _without_space(element: ElementTree.Element) -> ElementTree.Element:
     copied = copy.deepcopy(element)
-    for each in copied.iter():
-        each.text = each.tail = None
+    for inner in copied.iter():
+        inner.text = inner.tail = None
     return copied
 
 
