@@ -53,7 +53,7 @@ class ContactState(NamedTuple):
         Normals integrated in the same way, mm²: the negative derivative of the gap by the displacement of the indenter.
     pressure : (m,) ndarray
         At each node, MPa.
-    dragged : (N, 3) ndarray or float
+    friction_forces : (N, 3) ndarray or float
         Nodal forces of friction, N.
     """
 

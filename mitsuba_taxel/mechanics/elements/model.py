@@ -37,7 +37,7 @@ class Configuration:
         Of the derivative of the residual, for `Assembly.matrix`; None if not requested, or an element is inverted.
     min_jacobian : float
         Smallest volume ratio J at any quadrature point.
-    pressing : ContactState or None
+    contact_state : ContactState or None
         State of contact with an indenter, if that is the load.
     """
 

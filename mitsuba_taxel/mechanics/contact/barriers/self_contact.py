@@ -175,7 +175,7 @@ class _Neighbours:
     ----------
     faces : (F, 6) ndarray
         Nodes of the faces.
-    is_chosen : (F,) ndarray of bool
+    chosen : (F,) ndarray of bool
         Pairs without a chosen face are left out of ``pairs``.
 
     Attributes
