@@ -18,7 +18,7 @@ READING = re.compile(r"(?P<kind>[vVpP])_?(?P<taxel>[1-9]\d*)(?P<error>_error)?")
 
 
 @dataclass(frozen=True, eq=False)
-class Data:
+class MeasuredData:
     """A table of measurements.
 
     Attributes
@@ -47,7 +47,7 @@ class Data:
         return len(self.readings)
 
 
-def read_data(file: Path, parameters: Collection[str] = ()) -> Data:
+def read_data(file: Path, parameters: Collection[str] = ()) -> MeasuredData:
     """Read a table of measurements.
 
     Headings are settings such as ``fz`` or ``fz_mN``, readings such as ``v1_V`` or ``p1_W`` of taxel 1, and standard
@@ -104,4 +104,4 @@ def read_data(file: Path, parameters: Collection[str] = ()) -> Data:
     def stacked(of: dict[int, np.ndarray]) -> np.ndarray:
         return np.stack([of[taxel] for taxel in taxels], axis=1)
 
-    return Data(settings, units.pop(), np.array(taxels), stacked(readings), stacked(errors) if errors else None)
+    return MeasuredData(settings, units.pop(), np.array(taxels), stacked(readings), stacked(errors) if errors else None)

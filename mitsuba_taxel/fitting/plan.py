@@ -13,7 +13,7 @@ from mitsuba_taxel.base.arguments import is_number
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES, TIME
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
-from mitsuba_taxel.fitting.data import Data, read_data
+from mitsuba_taxel.fitting.data import MeasuredData, read_data
 from mitsuba_taxel.parameters import Number, parameters_of
 from mitsuba_taxel.sensing import find_scene
 from mitsuba_taxel.sensing.scene.finding import is_file
@@ -60,7 +60,7 @@ class FitPlan:
         Read-out circuit.
     unknowns : list[Unknown]
         Numbers to be estimated.
-    data : Data
+    data : MeasuredData
         Measurements.
     """
 
@@ -70,7 +70,7 @@ class FitPlan:
     reading: dict[str, Any]
     circuit: Circuit | None
     unknowns: list[Unknown]
-    data: Data
+    data: MeasuredData
 
 
 def read_plan(file: Path) -> FitPlan:
@@ -110,7 +110,7 @@ def read_plan(file: Path) -> FitPlan:
     return plan
 
 
-def _named_by_scene(data: Data, parameters: Collection[str], scene: Path) -> Data:
+def _named_by_scene(data: MeasuredData, parameters: Collection[str], scene: Path) -> MeasuredData:
     """Data whose times and components of the force have the names and signs of the scene's parameters.
 
     A setting that already has the name of a parameter is unchanged.
