@@ -21,7 +21,7 @@ from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.tolerances.control import LITTLE, corrected, spreads
 from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel, shown_readings
 from mitsuba_taxel.tolerances.plan import FEWEST, TolerancePlan
-from mitsuba_taxel.tolerances.shares import ENOUGH, Indices, fewest_of, fitted, indices, more_samples
+from mitsuba_taxel.tolerances.shares import ENOUGH, SobolIndices, fewest_of, fitted, indices, more_samples
 
 if TYPE_CHECKING:
     import pandas
@@ -340,13 +340,13 @@ def _of_figure(
         few = _corrected(plan, at_mean, of_samples, slopes, z, z_linear)
 
     # Sobol' indices: of a polynomial, or of the linear answer as far as it explains the samples.
-    sobol = Indices(*np.full((4, *slopes.shape), math.nan))
+    sobol = SobolIndices(*np.full((4, *slopes.shape), math.nan))
     if polynomial is not None:
         sobol = indices(polynomial, plan.laws)
     elif len(z_linear):
         missed = 1 - few["linear_explained"][:, None]
         linear_share = np.where(missed <= 1 - ENOUGH, linear_share, math.nan)
-        sobol = Indices(linear_share, linear_share, *2 * [linear_share * 0 + np.maximum(missed, 0.0) / 2])
+        sobol = SobolIndices(linear_share, linear_share, *2 * [linear_share * 0 + np.maximum(missed, 0.0) / 2])
 
     # Rows of both tables.
     spread, shares = [], []
@@ -364,7 +364,7 @@ def _of_figure(
         for number, law in enumerate(plan.laws):
             arrays = (slopes, linear_share, *sobol)
             values = (float(array[taxel, number]) for array in arrays)
-            named = zip(("rate", "linear", *Indices._fields), values, strict=True)
+            named = zip(("rate", "linear", *SobolIndices._fields), values, strict=True)
             shares.append({**where, "parameter": law.name, **dict(named)})
     return spread, shares
 

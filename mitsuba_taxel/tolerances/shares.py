@@ -101,7 +101,7 @@ def more_samples(parameters: int, count: int) -> tuple[int, int] | None:
     return (math.ceil(SPARE * len(larger[0])), int(larger[0].sum(axis=1).max())) if larger else None
 
 
-class Indices(NamedTuple):
+class SobolIndices(NamedTuple):
     """First and total Sobol' indices (outputs, parameters), and their standard errors; NaN if nothing varies, or the
     polynomial explains less than ENOUGH of the variance.
 
@@ -115,7 +115,7 @@ class Indices(NamedTuple):
     total_error: np.ndarray
 
 
-def indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> Indices:
+def indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> SobolIndices:
     """Sobol' indices of the outputs to which a polynomial was fitted, for parameters with these laws.
 
     Parameters
@@ -127,7 +127,7 @@ def indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> Indices:
 
     Returns
     -------
-    Indices
+    SobolIndices
         First and total ones and their errors; NaN where too little is explained.
     """
     # Indices of the fit, and of the fits to resampled residuals.
@@ -139,7 +139,7 @@ def indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> Indices:
     missed = np.clip(1 - polynomial.explained, 0.0, 1.0)[:, None] / 2
     error = np.where(np.isfinite(estimates[:, 0]), np.hypot(np.nan_to_num(spread), missed), math.nan)
     mask = np.where((polynomial.explained >= ENOUGH)[:, None], 1.0, math.nan)
-    return Indices(*(values * mask for values in (*estimates[:, 0], *error)))
+    return SobolIndices(*(values * mask for values in (*estimates[:, 0], *error)))
 
 
 def _indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> tuple[np.ndarray, np.ndarray]:
