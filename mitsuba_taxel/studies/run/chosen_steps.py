@@ -57,7 +57,7 @@ def with_chosen_steps(batch: Batch) -> Batch:
     other_axes = [dimension for dimension in batch.axes if dimension is not axis]
     curves = [values for _, values in combinations(other_axes)]
     chosen = np.unique(np.linspace(0, len(curves) - 1, MOST_CURVES).round().astype(int))
-    steps = sorted({step for number in chosen for step in _Curve(batch, axis, curves[number]).steps()})
+    steps = sorted({step for number in chosen for step in _StepCurve(batch, axis, curves[number]).steps()})
 
     # The range is replaced by the values at these fractions.
     start, stop = (float(word) for word in axis.values[axis.dim])
@@ -67,7 +67,7 @@ def with_chosen_steps(batch: Batch) -> Batch:
     return replace(batch, axes=axes, derivatives=tuple(dict.fromkeys((*batch.derivatives, axis.dim))))
 
 
-class _Curve:
+class _StepCurve:
     """Readings of all taxels along one force.
 
     Parameters

@@ -80,16 +80,16 @@ def open_pool(workers: int | None = None, scheduler: str | None = None) -> Itera
         with _cluster(scheduler) as cluster:
             yield cluster
     elif workers is not None:
-        pool = _Processes(workers)
+        pool = _ProcessPool(workers)
         try:
             yield pool
         finally:
             pool.stop()
     else:
-        yield _Here()
+        yield _SerialPool()
 
 
-class _Here:
+class _SerialPool:
     """This process, which computes jobs in their order."""
 
     name = "this process"
@@ -101,7 +101,7 @@ class _Here:
             yield job, run(job)
 
 
-class _Processes:
+class _ProcessPool:
     """Local processes.
 
     Each process works on a curve that no other process works on, as long as there are enough curves: jobs of a curve
@@ -204,13 +204,13 @@ def _cluster(address: str) -> Iterator[Pool]:
     before = log.level
     log.setLevel(logging.CRITICAL)  # it writes pages when a scheduler is lost
     try:
-        yield _Cluster(client, address)
+        yield _ClusterPool(client, address)
     finally:
         client.close()
         log.setLevel(before)
 
 
-class _Cluster:
+class _ClusterPool:
     """The workers of a Dask cluster; Dask reassigns the jobs of a worker that dies."""
 
     def __init__(self, client, address: str) -> None:

@@ -29,7 +29,7 @@ from mitsuba_taxel.studies.run.pool import Pool, open_pool
 from mitsuba_taxel.studies.run.scene_source import file_of
 from mitsuba_taxel.studies.run.slope_meshes import mesh_size_for_slopes
 from mitsuba_taxel.studies.store.dataset import assemble
-from mitsuba_taxel.studies.store.folder import Kept, Store, StoreError, begin_tree, keepable
+from mitsuba_taxel.studies.store.folder import Store, StoredResult, StoreError, begin_tree, keepable
 from mitsuba_taxel.studies.store.opening import open_study, stored_study
 from mitsuba_taxel.studies.store.provenance import provenance
 
@@ -272,7 +272,7 @@ def run_batch(
     return study
 
 
-def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr.Dataset:
+def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _BatchOutcome) -> xr.Dataset:
     """The results, as :func:`sweep` returns them; raises the first failure if there are none."""
     failures = computed.failures
     if not computed.results:
@@ -286,11 +286,11 @@ def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr
     return with_volts(study, batch.circuit)
 
 
-class _Computed(NamedTuple):
+class _BatchOutcome(NamedTuple):
     """Outcomes of the jobs of a batch by their indices along its dimensions, the settings, and the seconds of the pilot
     runs by stage."""
 
-    results: dict[tuple[int, ...], Kept]
+    results: dict[tuple[int, ...], StoredResult]
     failures: dict[tuple[int, ...], Failure]
     settings: Settings
     pilot_seconds: dict[str, float]
@@ -298,7 +298,7 @@ class _Computed(NamedTuple):
 
 def _compute(
     batch: Batch, pool: Pool, store: Store | None, progress: Callable[[Progress], None] | None, clock: Clock
-) -> _Computed:
+) -> _BatchOutcome:
     """Results of the jobs of a batch, from the store where it holds them, else from the pool."""
     # All jobs, by curve.
     settings, pilot_seconds = _settings(batch, store, pool.machines)
@@ -335,7 +335,7 @@ def _compute(
         if not clock.allows(float(np.median(spent)) if spent else 0.0):
             outcomes.close()
             break
-    return _Computed(
+    return _BatchOutcome(
         {indices[number]: kept for number, kept in sorted(results.items())},
         {indices[number]: failure for number, failure in sorted(failures.items())},
         settings,
@@ -349,7 +349,7 @@ def _is_enough(readings: Readings, settings: Settings) -> bool:
     return enough and readings.mesh_size == settings.mesh_size
 
 
-def _continued(job: Job, kept: Kept | None, settings: Settings) -> Job:
+def _continued(job: Job, kept: StoredResult | None, settings: Settings) -> Job:
     """The job, which extends earlier readings of the same mesh with fewer points if there are any."""
     if kept is None or job.maps or not settings.points or kept.readings.mesh_size != settings.mesh_size:
         return job

@@ -31,7 +31,7 @@ from mitsuba_taxel.electronics import Circuit
 from mitsuba_taxel.electronics.samples import sampled
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.studies.plan.files import make_empty_folder
-from mitsuba_taxel.studies.store.datasheet import Making, datasheet
+from mitsuba_taxel.studies.store.datasheet import TrainingRecord, datasheet
 from mitsuba_taxel.studies.store.tables import check_parquet
 
 PARTS = ("train", "validation", "test")
@@ -40,7 +40,7 @@ LEAST_FORCES = 10
 """Smallest number of distinct forces that can be split into three useful parts."""
 
 
-class _Rows(NamedTuple):
+class _TrainingRows(NamedTuple):
     """Readings of jobs, one row each: parameters, power and its standard error (rows, taxels) in W, units by name."""
 
     parameters: pd.DataFrame
@@ -132,7 +132,7 @@ def training_set(
     if folder is not None:
         left_out = rows.parameters[~done]
         words = f"{100 * sigma:g}% of each reading" if relative else f"{sigma:g} W"
-        making = Making(words if sigma > 0 else "", circuit is not None, copies, seed)
+        making = TrainingRecord(words if sigma > 0 else "", circuit is not None, copies, seed)
         _write(folder, tables, datasheet(studies, tables, making, left_out), parquet)
     return tables
 
@@ -178,7 +178,7 @@ def _scenes(study: xr.Dataset | xr.DataTree) -> dict[str, xr.Dataset]:
     return scenes
 
 
-def _rows(studies: Mapping[str, xr.Dataset]) -> _Rows:
+def _rows(studies: Mapping[str, xr.Dataset]) -> _TrainingRows:
     """The jobs of all scenes, concatenated.
 
     Raises
@@ -197,7 +197,7 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _Rows:
         for name, rows in zip(studies, per_scene, strict=True):
             rows.parameters.insert(0, "scene", name)
     parameters = pd.concat([rows.parameters for rows in per_scene], ignore_index=True)
-    return _Rows(
+    return _TrainingRows(
         parameters.apply(_as_numbers),
         np.concatenate([rows.power for rows in per_scene]),
         np.concatenate([rows.standard_error for rows in per_scene]),
@@ -205,7 +205,7 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _Rows:
     )
 
 
-def _rows_of(study: xr.Dataset) -> _Rows:
+def _rows_of(study: xr.Dataset) -> _TrainingRows:
     """The jobs of one scene, with the values of all parameters, varied and fixed."""
     power = study.power.transpose(..., "taxel")
     dims = power.dims[:-1]
@@ -215,7 +215,7 @@ def _rows_of(study: xr.Dataset) -> _Rows:
         if name != "step":  # an index without meaning of its own
             values[name] = coordinate.broadcast_like(one_each).transpose(*dims).values.ravel()
     count = power.shape[-1]
-    return _Rows(
+    return _TrainingRows(
         pd.DataFrame(values, index=range(one_each.size)),
         power.values.reshape(-1, count),
         study.standard_error.transpose(*power.dims).values.reshape(-1, count),
@@ -255,7 +255,7 @@ def _part_of(forces: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndar
 
 
 def _columns(
-    rows: _Rows, power: np.ndarray, circuit: Circuit | None, random: np.random.Generator
+    rows: _TrainingRows, power: np.ndarray, circuit: Circuit | None, random: np.random.Generator
 ) -> dict[str, np.ndarray]:
     """Columns of all taxels for noisy power (rows, taxels) in W, by the pattern of their names.
 
@@ -267,12 +267,12 @@ def _columns(
     return {**columns, "standard_error_{}_W": rows.standard_error}
 
 
-def _table(rows: _Rows, columns: Mapping[str, np.ndarray], taxels: np.ndarray) -> pd.DataFrame:
+def _table(rows: _TrainingRows, columns: Mapping[str, np.ndarray], taxels: np.ndarray) -> pd.DataFrame:
     """The table of a training set: forces, parameters that differ between rows, and the columns of each taxel.
 
     Parameters
     ----------
-    rows : _Rows
+    rows : _TrainingRows
         Parameters of the rows, and their units, which become part of the columns' names.
     columns : Mapping[str, np.ndarray]
         (rows, taxels) by the pattern of the columns' names, from :func:`_columns`.

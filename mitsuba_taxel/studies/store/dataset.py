@@ -25,7 +25,7 @@ from mitsuba_taxel.sensing.reading.readings import (
 from mitsuba_taxel.sensing.reading.results import RESULTS
 from mitsuba_taxel.studies.plan.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, curve_dimension
-from mitsuba_taxel.studies.store.folder import Kept
+from mitsuba_taxel.studies.store.folder import StoredResult
 
 Index = tuple[int, ...]
 
@@ -34,7 +34,10 @@ NOT_COMPUTED = "errors of the pads' shape were not computed: the stated error is
 
 
 def assemble(
-    axes: Sequence[Axis], results: Mapping[Index, Kept], failures: Mapping[Index, Failure], about: Mapping[str, Any]
+    axes: Sequence[Axis],
+    results: Mapping[Index, StoredResult],
+    failures: Mapping[Index, Failure],
+    about: Mapping[str, Any],
 ) -> xr.Dataset:
     """The labelled array of a study, over the axes' dimensions, ``taxel``, ``replicate`` and ``stage``.
 
@@ -42,7 +45,7 @@ def assemble(
     ----------
     axes : Sequence[Axis]
         Dimensions of the study.
-    results, failures : Mapping[Index, Kept] and Mapping[Index, Failure]
+    results, failures : Mapping[Index, StoredResult] and Mapping[Index, Failure]
         Outcomes of the jobs by index along the axes; readings without a result are NaN.
     about : Mapping[str, Any]
         ``scene``, ``seed``, ``target_error``, ``target_slope``, ``points``, ``mesh_size``, ``parameters``, ``units``,
@@ -135,7 +138,7 @@ def _provenance(about: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _files(
-    name: str, folder: str, about: str, dims: list[str], shape: tuple[int, ...], results: Mapping[Index, Kept]
+    name: str, folder: str, about: str, dims: list[str], shape: tuple[int, ...], results: Mapping[Index, StoredResult]
 ) -> dict[str, tuple]:
     """The variable ``name``, the files of each result in a subfolder, joined by blanks; no variable without files."""
     names = np.full(shape, "", dtype=object)
@@ -161,7 +164,7 @@ def _coordinates(
     return coordinates
 
 
-def _notes(results: Mapping[Index, Kept]) -> list[str]:
+def _notes(results: Mapping[Index, StoredResult]) -> list[str]:
     """Distinct remarks of all readings, a note on unequal points, and a summary of the mechanics' errors."""
     remarks = [remark for result in results.values() for remark in result.readings.remarks]
     errors = [error for result in results.values() for error in result.readings.roof_errors]
@@ -201,7 +204,9 @@ def _abscissa(axis: Axis) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(np.maximum(steps, 1e-9))])
 
 
-def _deviation(results: Mapping[Index, Kept], power: np.ndarray, curve: int, abscissa: np.ndarray) -> np.ndarray:
+def _deviation(
+    results: Mapping[Index, StoredResult], power: np.ndarray, curve: int, abscissa: np.ndarray
+) -> np.ndarray:
     """Effect of the mechanics' error on each reading, (..., T) W; 0 for pads without load."""
 
     def deviation_of(readings: Readings) -> np.ndarray | None:
@@ -212,7 +217,7 @@ def _deviation(results: Mapping[Index, Kept], power: np.ndarray, curve: int, abs
     return _along_curves(deviations, power, curve, abscissa)
 
 
-def _facets(results: Mapping[Index, Kept], power: np.ndarray, curve: int, abscissa: np.ndarray) -> np.ndarray:
+def _facets(results: Mapping[Index, StoredResult], power: np.ndarray, curve: int, abscissa: np.ndarray) -> np.ndarray:
     """Effect of the facets of curved walls on each reading, (..., T) W; 0 where it was not estimated."""
     estimated = {index: result.readings.facets for index, result in results.items()}
     facets = _along_curves(estimated, power, curve, abscissa)
@@ -271,7 +276,7 @@ def _shares(change: np.ndarray, power: np.ndarray, error_of: Callable[[np.ndarra
 def _variables(
     dims: list[str],
     shape: tuple[int, ...],
-    results: Mapping[Index, Kept],
+    results: Mapping[Index, StoredResult],
     along: Mapping[str, np.ndarray],
     curve: str,
     abscissa: np.ndarray,
@@ -282,7 +287,7 @@ def _variables(
     ----------
     dims, shape : list[str] and tuple[int, ...]
         Dimensions of the study, and their lengths.
-    results : Mapping[Index, Kept]
+    results : Mapping[Index, StoredResult]
         Results by index.
     along : Mapping[str, np.ndarray]
         Power and its errors, (..., T) by name, interpolated along curves. Of `_ALONG`, only these become variables.
@@ -334,7 +339,7 @@ def _collected(values: Mapping[Index, Any], shape: tuple[int, ...]) -> np.ndarra
     return array.astype(str) if is_text else array
 
 
-def _parameters(results: Mapping[Index, Kept]) -> dict[str, tuple]:
+def _parameters(results: Mapping[Index, StoredResult]) -> dict[str, tuple]:
     """Coordinates of the dimension ``parameter`` of derivatives: names and units; empty without derivatives."""
     for derivatives in _derivatives(results).values():
         return {
@@ -344,7 +349,7 @@ def _parameters(results: Mapping[Index, Kept]) -> dict[str, tuple]:
     return {}
 
 
-def _derivatives(results: Mapping[Index, Kept]) -> dict[Index, Derivatives]:
+def _derivatives(results: Mapping[Index, StoredResult]) -> dict[Index, Derivatives]:
     """The derivatives of all readings that have them."""
     derivatives = {index: result.readings.derivatives for index, result in results.items()}
     return {index: values for index, values in derivatives.items() if values is not None}
@@ -370,7 +375,7 @@ def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> 
 
 
 def missed_slope(
-    target: float, rates: Mapping[str, Any], results: Mapping[Index, Kept], forces: Collection[str] = FORCES
+    target: float, rates: Mapping[str, Any], results: Mapping[Index, StoredResult], forces: Collection[str] = FORCES
 ) -> str:
     """Note on slopes whose relative error exceeds the target or is unknown; empty if there are none.
 
@@ -380,7 +385,7 @@ def missed_slope(
         Largest error of a slope by a force, relative to the steepest taxel.
     rates : Mapping[str, Any]
         Variables ``derivative`` and ``derivative_error``, each (..., T, parameters).
-    results : Mapping[Index, Kept]
+    results : Mapping[Index, StoredResult]
         Results by index, whose slopes are compared.
     forces : Collection[str]
         Names of the parameters that are forces.

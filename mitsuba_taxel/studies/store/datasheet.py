@@ -18,7 +18,7 @@ MOST_NAMED = 20
 """Largest number of omitted jobs that are listed by their values."""
 
 
-class Making(NamedTuple):
+class TrainingRecord(NamedTuple):
     """How a training set was made.
 
     Attributes
@@ -40,7 +40,10 @@ class Making(NamedTuple):
 
 
 def datasheet(
-    studies: Mapping[str, xr.Dataset], tables: Mapping[str, pd.DataFrame], making: Making, left_out: pd.DataFrame
+    studies: Mapping[str, xr.Dataset],
+    tables: Mapping[str, pd.DataFrame],
+    making: TrainingRecord,
+    left_out: pd.DataFrame,
 ) -> str:
     """The datasheet of a training set, a page in Markdown.
 
@@ -50,7 +53,7 @@ def datasheet(
         Studies of the readings, by the scene's name.
     tables : Mapping[str, DataFrame]
         Training set by part.
-    making : Making
+    making : TrainingRecord
         How it was made.
     left_out : DataFrame
         Parameters of the jobs without readings, one row each.
@@ -149,7 +152,7 @@ def _meaning(column: str) -> tuple[str, str]:
     return (unit if unit in ("mm", "MPa", "W", "nm") else ""), "parameter of the scene"
 
 
-def _noise(making: Making) -> str:
+def _noise(making: TrainingRecord) -> str:
     """Description of the noise in power and voltages, and of the copies."""
     copies = "One noisy copy" if making.copies == 1 else f"{making.copies} noisy copies"
     of_light = (
@@ -163,7 +166,7 @@ def _noise(making: Making) -> str:
     return " ".join([*lines, *([f"{copies} of each job."] if making.noise or making.in_volts else [])])
 
 
-def _parts(tables: Mapping[str, pd.DataFrame], making: Making) -> str:
+def _parts(tables: Mapping[str, pd.DataFrame], making: TrainingRecord) -> str:
     """The split of the rows, and their numbers."""
     counts = []
     for name, table in tables.items():

@@ -53,7 +53,7 @@ class StoreError(ComputationError):
     """Results cannot be written, so that further jobs are useless."""
 
 
-class Kept(NamedTuple):
+class StoredResult(NamedTuple):
     """The result of a job as stored: readings, seconds by stage, and the names of its files in the folder."""
 
     readings: Readings
@@ -286,7 +286,7 @@ class Store:
                 with replacing(target) as file:
                     file.write_bytes(content)
 
-    def load(self, number: int, parameters: Mapping[str, str]) -> Kept | None:
+    def load(self, number: int, parameters: Mapping[str, str]) -> StoredResult | None:
         """Stored result of job ``number``; None if it is missing, damaged or has other parameters."""
         try:
             arrays = archive.unpack(self._job(number).read_bytes())
@@ -302,9 +302,9 @@ class Store:
         return self.folder / FAILED / f"{number:06d}.json"
 
 
-def keepable(result: JobResult) -> Kept:
+def keepable(result: JobResult) -> StoredResult:
     """A result with the names of its files instead of their contents."""
-    return Kept(result.readings, result.seconds, list(result.files))
+    return StoredResult(result.readings, result.seconds, list(result.files))
 
 
 BY, CONTACT = "derivatives_", "contact_"
@@ -312,7 +312,7 @@ BY, CONTACT = "derivatives_", "contact_"
 _OPTIONAL = ("responsivity", "deviation", "dark_error", "facets")
 
 
-def _arrays(kept: Kept) -> dict[str, np.ndarray]:
+def _arrays(kept: StoredResult) -> dict[str, np.ndarray]:
     """The arrays of a result's file; numbers, texts and lists are JSON in the array ``words``."""
     readings = kept.readings
     words = {
@@ -366,7 +366,7 @@ def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives |
     return kept
 
 
-def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
+def _kept(arrays: Mapping[str, np.ndarray]) -> StoredResult:
     """The result in the arrays of its file; raises if they are damaged."""
     words = json.loads(str(arrays["words"]))
     seconds, files = words.pop("seconds"), words.pop("files")
@@ -390,7 +390,7 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
         pads=pads,
         **words,
     )
-    return Kept(readings, seconds, files)
+    return StoredResult(readings, seconds, files)
 
 
 def _require(condition: bool) -> None:

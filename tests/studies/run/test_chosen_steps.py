@@ -24,7 +24,7 @@ def pad(tmp_path):
 def steps_of(pad, monkeypatch, curve, rate, text="0:-8"):
     """The steps for readings along a known curve of the share of the way."""
     slopes = lambda x: np.broadcast_to(np.array(rate(x)), 2)[:, None]  # noqa: E731
-    monkeypatch.setattr(chosen_steps._Curve, "_read", lambda self, x: (np.array([curve(x)]), slopes(x)))
+    monkeypatch.setattr(chosen_steps._StepCurve, "_read", lambda self, x: (np.array([curve(x)]), slopes(x)))
     batch = with_chosen_steps(make_batch(pad, {"fz": text}, {"fx": "0.1"}))
     assert batch.derivatives == ("fz",) and not batch.axes[0].is_open
     return [float(word) for word in batch.axes[0].values["fz"]]

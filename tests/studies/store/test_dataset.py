@@ -8,7 +8,7 @@ import pytest
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.studies.plan.vary import Axis
 from mitsuba_taxel.studies.store.dataset import assemble
-from mitsuba_taxel.studies.store.folder import Kept
+from mitsuba_taxel.studies.store.folder import StoredResult
 
 ABOUT = {
     "scene": "made up", "seed": 0, "target_error": None, "target_slope": None, "points": 0, "mesh_size": None,
@@ -25,7 +25,7 @@ def study_of(axis, loads, known):
         deviation = np.array([SHARE * load]) if place in known else None
         facets = np.array([0.1 * SHARE * load]) if place in known else None
         read = Readings(np.ones((2, 1)), 0, 0, deviation=deviation, facets=facets, roof_errors=[None])
-        results[place,] = Kept(read, {}, [])
+        results[place,] = StoredResult(read, {}, [])
     return assemble((axis,), results, {}, ABOUT)
 
 
