@@ -27,7 +27,7 @@ def draw_pad(pad: Pad) -> str:
     scale = WIDTH / max(length, depth)
     words = f"Section and plan of a pad of {length:g} by {depth:g} by {height:g} mm with {pad.cell} cells"
     centres = sorted({x for x, _ in pad.cell_centres})
-    section = _View((-0.5 * length, 0.0), height, scale, TOP)
+    section = _PlaneView((-0.5 * length, 0.0), height, scale, TOP)
     elements = [f'<path d="{_section_path(pad, centres, section)}" {SILICONE}/>']
     radius, first = 0.5 * pad.cell_size, centres[0]
     edges = [-0.5 * length, first - radius, first + radius]
@@ -37,7 +37,7 @@ def draw_pad(pad: Pad) -> str:
     elements.append(section.below(-0.5 * length, 0.5 * length, 0.0, _SECOND))
     elements.append(section.beside(0.0, height, 0.5 * length, _FIRST))
     elements.append(section.beside(0.0, pad.top_of_cell, -0.5 * length, -_FIRST))
-    plan = _View((-0.5 * length, -0.5 * depth), depth, scale, TOP + scale * height + 2 * _SECOND)
+    plan = _PlaneView((-0.5 * length, -0.5 * depth), depth, scale, TOP + scale * height + 2 * _SECOND)
     elements.append(f'<path d="{_plan_path(pad, plan)}" {SILICONE}/>')
     if len(pad.cell_centres) <= MOST_NUMBERS:
         elements += [plan.label(centre, str(number)) for number, centre in enumerate(pad.cell_centres, start=1)]
@@ -56,8 +56,8 @@ def draw_surface(vertices: np.ndarray, triangles: np.ndarray) -> str:
     words = f"Section and plan of a pad of {size[0]:.4g} by {size[1]:.4g} by {size[2]:.4g} mm"
     upright = _segments(vertices, triangles, 1, low[1] + 0.5001 * size[1])
     flat = _segments(vertices, triangles, 2, low[2] + 0.01 * size[2])
-    section = _View((low[0], low[2]), size[2], scale, TOP)
-    plan = _View((low[0], low[1]), size[1], scale, TOP + scale * size[2] + 2 * _SECOND)
+    section = _PlaneView((low[0], low[2]), size[2], scale, TOP)
+    plan = _PlaneView((low[0], low[1]), size[1], scale, TOP + scale * size[2] + 2 * _SECOND)
     elements = [section.lines(upright[:, :, [0, 2]]), plan.lines(flat[:, :, [0, 1]])]
     elements.append(section.below(low[0], high[0], low[2], _FIRST))
     elements.append(section.beside(low[2], high[2], high[0], _FIRST))
@@ -65,7 +65,7 @@ def draw_surface(vertices: np.ndarray, triangles: np.ndarray) -> str:
     return _svg(words, scale * size[0] + 2 * GAP, plan.bottom + TOP, elements)
 
 
-class _View:
+class _PlaneView:
     """Map of a plane of the pad to the drawing, from mm to pixels, with the second coordinate upwards.
 
     Parameters
@@ -113,7 +113,7 @@ class _View:
         return f'<path d="{path}" stroke="currentColor" stroke-width="1.2" fill="none"/>'
 
 
-def _section_path(pad: Pad, centres: Iterable[float], view: _View) -> str:
+def _section_path(pad: Pad, centres: Iterable[float], view: _PlaneView) -> str:
     """The outline of a section, along the bottom into each cell, and back over the top."""
     half, radius, sphere = 0.5 * pad.extent[0], 0.5 * pad.cell_size, pad.shape.roof_radius
     path = f"M{_pair(view.at(-half, 0))}"
@@ -129,7 +129,7 @@ def _section_path(pad: Pad, centres: Iterable[float], view: _View) -> str:
     return path + "".join(f"L{_pair(view.at(*corner))}" for corner in corners) + "Z"
 
 
-def _plan_path(pad: Pad, view: _View) -> str:
+def _plan_path(pad: Pad, view: _PlaneView) -> str:
     """Outline of the pad and of each cell."""
     length, depth, _ = (view.scale * extent for extent in pad.extent)
     path = f"M{_pair(view.at(-0.5 * pad.extent[0], 0.5 * pad.extent[1]))}h{length:.2f}v{depth:.2f}h{-length:.2f}Z"

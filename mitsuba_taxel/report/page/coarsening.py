@@ -15,7 +15,7 @@ Any browser draws it in a few hundredths of a second, and a page with 21 load st
 _FINEST, _STEP = 1 / 150, 1.15
 
 
-class Coarse(NamedTuple):
+class CoarseSurface(NamedTuple):
     """Kept vertices of a surface, (V,) int, and the triangles (T, 3) and regions (T,) between them."""
 
     kept: np.ndarray
@@ -25,7 +25,7 @@ class Coarse(NamedTuple):
 
 def coarsened(
     vertices: np.ndarray, triangles: np.ndarray, regions: np.ndarray, most_vertices: int = MOST_VERTICES
-) -> Coarse:
+) -> CoarseSurface:
     """A surface simplified to at most ``most_vertices`` of its own vertices.
 
     Vertices in the same cube of a grid are merged if they belong to the same regions, so that vertices on a rim are not
@@ -60,7 +60,7 @@ def coarsened(
     # A thin triangle may be inverted, and would show its wrong side.
     before, now = _normals_about(vertices, triangles, regions)[proper], area_normals(vertices[kept], merged)
     folded = np.einsum("ij,ij->i", before, now) < 0
-    return Coarse(kept, np.where(folded[:, None], merged[:, ::-1], merged), regions[proper])
+    return CoarseSurface(kept, np.where(folded[:, None], merged[:, ::-1], merged), regions[proper])
 
 
 def _normals_about(vertices: np.ndarray, triangles: np.ndarray, regions: np.ndarray) -> np.ndarray:

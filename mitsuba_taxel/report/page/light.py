@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.kernels.protocols import is_pad
 from mitsuba_taxel.report.page.coarsening import coarsened
-from mitsuba_taxel.report.page.solids import Packing
+from mitsuba_taxel.report.page.solids import ArrayEncoding
 from mitsuba_taxel.report.picture.indenters import indenter_surface
 from mitsuba_taxel.report.picture.rays import face_corners, shape_mesh
 from mitsuba_taxel.sensing import sample_paths
@@ -30,7 +30,7 @@ class LitScene:
         self.taxel = 1 + int(np.argmin(np.linalg.norm(centres - box.mean(axis=0), axis=1)))
         self.y = float(centres[self.taxel - 1, 1])
 
-    def paths(self, packing: Packing) -> dict[str, list[str]]:
+    def paths(self, packing: ArrayEncoding) -> dict[str, list[str]]:
         """Packed light paths: those that reach the phototransistor, then others."""
         paths = sample_paths(self._live, self.taxel, count=SAMPLED)
         kinds: dict[str, list[np.ndarray]] = {"reached": [], "others": []}
@@ -38,7 +38,7 @@ class LitScene:
             kinds["reached" if reached else "others"].append(vertices)
         return {kind: [packing.lengths(path) for path in sorted(some, key=len)[:DRAWN]] for kind, some in kinds.items()}
 
-    def fixed(self, packing: Packing) -> list[dict[str, Any]]:
+    def fixed(self, packing: ArrayEncoding) -> list[dict[str, Any]]:
         """Packed solids other than pads, each with its kind and its largest y; boards are cut off near the pad."""
         margin = 0.04 * np.ptp(self._box, axis=0).max()
         solids = []

@@ -44,13 +44,13 @@ def folded(title: str, *blocks: str) -> str:
     return f"<details><summary>{escape(title)}</summary>{''.join(blocks)}</details>"
 
 
-class Plot(Protocol):
+class PlotFunction(Protocol):
     """Draws a figure, a narrow one for a phone."""
 
     def __call__(self, *, narrow: bool = False) -> Figure: ...
 
 
-def plot(draw: Plot, words: str, caption: str) -> str:
+def plot(draw: PlotFunction, words: str, caption: str) -> str:
     """A plot as an SVG picture, with a narrow version for narrow screens; ``words`` are the alternative text."""
     wide, narrow = (_svg(draw(narrow=narrow)) for narrow in (False, True))
     return (

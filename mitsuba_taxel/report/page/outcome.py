@@ -32,7 +32,7 @@ MOST_ROWS, MOST_COLUMNS = 50, 12
 MODEL = "Readings against each input, with the others in the middle of their ranges."
 
 
-class Outcome(NamedTuple):
+class CommandOutput(NamedTuple):
     """Output files of a command.
 
     Attributes
@@ -55,7 +55,7 @@ class Outcome(NamedTuple):
 
 
 OUTCOMES = (
-    Outcome(
+    CommandOutput(
         "spread.csv",
         "Tolerances",
         "notes.txt",
@@ -67,28 +67,28 @@ OUTCOMES = (
             "samples": "Samples",
         },
     ),
-    Outcome(
+    CommandOutput(
         "fit.csv",
         "Fit",
         "notes.txt",
         {"fit": "Residuals of the fit."},
         {"fit": "Unknowns, with one standard deviation", "correlation": "Correlation", "residuals": "Residuals"},
     ),
-    Outcome(
+    CommandOutput(
         "comparison.csv",
         "Comparison",
         "notes.txt",
         {"comparison": "Figures of merit of the variants, with their errors."},
         {"comparison": "Variants by rank", "volts": "Behind the circuit"},
     ),
-    Outcome(
+    CommandOutput(
         "train.csv",
         "Training set",
         "README.md",
         {},
         {"train": "Training", "validation": "Validation", "test": "Test"},
     ),
-    Outcome(
+    CommandOutput(
         "optimum.md",
         "Optimum",
         "optimum.md",
@@ -142,7 +142,7 @@ def _printed(printed: Printed) -> list[str]:
     return html
 
 
-def _section(kind: Outcome, folder: Path) -> str:
+def _section(kind: CommandOutput, folder: Path) -> str:
     printed = read_printed(folder)
     blocks = [bullets(_lines(folder / kind.verdict))] if printed is None else _printed(printed)
     if kind.file == "train.csv":

@@ -12,7 +12,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.report.page.light import LitScene
-from mitsuba_taxel.report.page.solids import Packing, ShownSurface, Topologies, read_surfaces
+from mitsuba_taxel.report.page.solids import ArrayEncoding, ShownSurface, Topologies, read_surfaces
 from mitsuba_taxel.studies.plan.batch import Batch
 
 MOST_PANELS = 6
@@ -98,7 +98,7 @@ def _panel(
     most_pressure = max(float(surface.pressure.max()) for surface in surfaces)
     above = float(np.ptp(box, axis=0).max()) if most_pressure else 0.0  # what is shown of an indenter
     furthest = max(float(np.abs(surface.vertices).max()) for surface in surfaces)
-    packing = Packing(1.1 * furthest + above)  # boards extend further
+    packing = ArrayEncoding(1.1 * furthest + above)  # boards extend further
     panel: dict[str, Any] = {
         "unit": packing.unit,
         "name": ", ".join(f"{name} = {value}" for name, value in where.items()),
@@ -135,7 +135,7 @@ def _light(
     batch: Batch,
     values: dict[str, str],
     box: np.ndarray,
-    packing: Packing,
+    packing: ArrayEncoding,
     left_out: list[str],
 ) -> None:
     """Add light and packages of a step's scene to a panel, or the reason why there are none to ``left_out``."""

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.report.page.coarsening import Coarse, coarsened
+from mitsuba_taxel.report.page.coarsening import CoarseSurface, coarsened
 
 SPAN = 32000
 """Integer by which the largest length is encoded."""
@@ -54,7 +54,7 @@ class Topologies:
 
     def __init__(self) -> None:
         self._places: dict[bytes, int] = {}
-        self.coarse: list[Coarse] = []
+        self.coarse: list[CoarseSurface] = []
 
     def place(self, surface: ShownSurface) -> int:
         """Index in ``coarse`` of the simplification of a surface, which is added if its triangles are new."""
@@ -65,7 +65,7 @@ class Topologies:
         return self._places[key]
 
 
-class Packing:
+class ArrayEncoding:
     """Encoding of arrays as text: lengths as 16-bit multiples of ``unit`` mm, little-endian, in base 64."""
 
     def __init__(self, largest: float) -> None:
@@ -85,7 +85,7 @@ class Packing:
         """(T, 3) int, below 65536."""
         return _text(triangles.astype("<u2"))
 
-    def topology(self, coarse: Coarse) -> Mapping[str, Any]:
+    def topology(self, coarse: CoarseSurface) -> Mapping[str, Any]:
         """Triangles and their regions."""
         return {"triangles": self.indices(coarse.triangles), "regions": _text(coarse.regions.astype(np.uint8))}
 

@@ -23,7 +23,7 @@ from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.report.page import light, panels, sections, study_page, write_report
 from mitsuba_taxel.report.page.coarsening import coarsened
 from mitsuba_taxel.report.page.markup import paragraph, table
-from mitsuba_taxel.report.page.solids import Packing
+from mitsuba_taxel.report.page.solids import ArrayEncoding
 from mitsuba_taxel.studies import study_error_budget
 
 
@@ -313,7 +313,7 @@ def test_meshes_beside_the_pad_fit_into_16_bits(tmp_path, llvm_mono):
     parts = {"reflector": PhotoReflector().to_dict(), "ball": {"type": "ply", "filename": str(tmp_path / "ball.ply")}}
     live = Scene({"type": "scene", "integrator": {"type": "taxel_tracer"}, **parts}).load()
     box = np.array([[-3.0, -3, 0], [3, 3, 7]])
-    packing = Packing(8.0)
+    packing = ArrayEncoding(8.0)
     fixed = light.LitScene(live, box).fixed(packing)
     assert [solid["kind"] for solid in fixed] == ["other", "other", "led", "phototransistor"]
     shown = trimesh.Trimesh(
