@@ -64,13 +64,13 @@ def cut_towards(mesh: VolumeMesh, singular: np.ndarray, fraction: float) -> Volu
     tets, faces, is_singular = number[mesh.tets[:, :4]], number[mesh.faces[:, :3]], singular[corners]
     edges = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)
     edges = edges[unique_rows(edges)[0]]
-    cut = _Cut(is_singular, edges[is_singular[edges].sum(axis=1) == 1], fraction)
+    cut = _CutEdges(is_singular, edges[is_singular[edges].sum(axis=1) == 1], fraction)
     tets, tet_coordinates, parent = cut.pieces(tets, _TET_CUTS, _TET_PIECES)
     faces, _, face_parent = cut.pieces(faces, _FACE_CUTS, _FACE_PIECES)
     return of_pieces(mesh, tets, tet_coordinates, parent, faces, face_parent)
 
 
-class _Cut:
+class _CutEdges:
     """Simplices cut on the edges (E, 2) that have one of the ``singular`` corners at one end."""
 
     def __init__(self, singular: np.ndarray, edges: np.ndarray, fraction: float) -> None:
