@@ -6,17 +6,21 @@ from pathlib import Path
 
 import click
 
-from .options import Share, debug_option, json_option, output_option
+from .options import Fraction, debug_option, json_option, output_option
 
 
 @click.command(short_help="Forces from readings, with prediction intervals (ONNX).")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DIR|FILE.csv")
 @output_option("calibration.onnx", "The calibration.")
 @click.option(
-    "--coverage", type=Share(), default="90%", show_default=True, help="Share of forces that intervals should contain."
+    "--coverage",
+    type=Fraction(),
+    default="90%",
+    show_default=True,
+    help="Share of forces that intervals should contain.",
 )
 @click.option(
-    "--noise", type=Share(), show_default="0.5%, or that of the study's circuit alone",
+    "--noise", type=Fraction(), show_default="0.5%, or that of the study's circuit alone",
     help="Relative noise added to the light of each reading of a study; a measurement has its own.",
 )  # fmt: skip
 @json_option

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 
-class Share(click.ParamType):
+class Fraction(click.ParamType):
     """A share strictly between 0 and 1, as a fraction (0.002) or in percent (0.2%)."""
 
     name = "share"
@@ -86,7 +86,7 @@ defines_option = click.option(
 )  # fmt: skip
 target_error_option = click.option(
     "--target-error",
-    type=Share(),
+    type=Fraction(),
     help="Relative error of the worst taxel, such as 0.2% or 0.002: light and mechanics together; chooses the mesh. "
     "If it is not reached, the exit code is 3.",
     show_default="0.5% of the light alone",
@@ -96,7 +96,7 @@ seed_option = click.option(
 )
 target_slope_option = click.option(
     "--target-slope",
-    type=Share(),
+    type=Fraction(),
     help="Error of slopes against the varied forces, such as 1% or 0.01, relative to the steepest taxel's: uses "
     "derivatives, and chooses the mesh. If it is not reached, the exit code is 3.",
 )

@@ -11,7 +11,7 @@ import click
 from .options import debug_option, defines_option, json_option
 
 
-class _Cut(click.ParamType):
+class _CutPosition(click.ParamType):
     """Position of the cut: ``middle``, ``none``, or y in mm, also written as y=0.5."""
 
     name = "cut"
@@ -45,7 +45,7 @@ class _Cut(click.ParamType):
     help="Samples per pixel, rounded up to a multiple of 16; four times as many halve the noise.",
 )  # fmt: skip
 @click.option(
-    "--cut", type=_Cut(), default="middle", show_default=True, metavar="Y",
+    "--cut", type=_CutPosition(), default="middle", show_default=True, metavar="Y",
     help="Position of the cut in mm along y; middle is that of the middle row of cells.",
 )  # fmt: skip
 @click.option(
