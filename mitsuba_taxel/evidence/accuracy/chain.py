@@ -10,7 +10,7 @@ import numpy as np
 from mitsuba_taxel.base.caches import clear_caches
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.evidence.accuracy.mechanics import POINTS, SEED, FineMeshLimit, from_nothing
-from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point, Truth, now, relative_rms
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, TruthEstimate, WorkPoint, now, relative_rms
 from mitsuba_taxel.sensing.diffuse.diffuse_cells import kept_cell
 from mitsuba_taxel.sensing.measurement import measure
 from mitsuba_taxel.sensing.reading.readings import ERROR_SHARE, Readings
@@ -22,7 +22,7 @@ NEAR = 0.95
 FORCES = ("fz", "fx", "fy")
 
 
-class Near(NamedTuple):
+class SmallerLoad(NamedTuple):
     """The scene under a slightly smaller load.
 
     Attributes
@@ -40,7 +40,7 @@ class Near(NamedTuple):
     step: float
 
 
-def near_load(scene: Scene) -> Near | None:
+def near_load(scene: Scene) -> SmallerLoad | None:
     """The scene under a slightly smaller force, if it declares one that is not 0."""
     for name in FORCES:
         try:
@@ -49,7 +49,7 @@ def near_load(scene: Scene) -> Near | None:
             continue
         if force:
             nearby = Scene(scene.source, {**scene.parameters, name: NEAR * force}, scene.mesh_size)
-            return Near(nearby, name, (1 - NEAR) * force)
+            return SmallerLoad(nearby, name, (1 - NEAR) * force)
     return None
 
 
@@ -67,14 +67,14 @@ def slope_limit(limit: FineMeshLimit, near_limit: FineMeshLimit, step: float) ->
     return FineMeshLimit(replicates, (limit.change - near_limit.change) / step, limit.size)
 
 
-def reading_curve(scene: Scene, truth: Truth, seconds: float, starting: Callable[[str], None]) -> ErrorCurve:
+def reading_curve(scene: Scene, truth: TruthEstimate, seconds: float, starting: Callable[[str], None]) -> ErrorCurve:
     """Error of readings by target error, for a scene whose pads are not loaded.
 
     Parameters
     ----------
     scene : Scene
         The scene.
-    truth : Truth
+    truth : TruthEstimate
         Reference of the readings.
     seconds : float
         Time budget of each reading.
@@ -92,9 +92,9 @@ def reading_curve(scene: Scene, truth: Truth, seconds: float, starting: Callable
 
 def chain_curves(
     scene: Scene,
-    truth: Truth,
-    nearby: Near | None,
-    slope: Truth | None,
+    truth: TruthEstimate,
+    nearby: SmallerLoad | None,
+    slope: TruthEstimate | None,
     seconds: float,
     starting: Callable[[str], None],
 ) -> list[ErrorCurve]:
@@ -106,11 +106,11 @@ def chain_curves(
     ----------
     scene : Scene
         The scene.
-    truth : Truth
+    truth : TruthEstimate
         Reference of the readings.
-    near : Near or None
+    near : SmallerLoad or None
         The scene under a load nearby.
-    slope : Truth or None
+    slope : TruthEstimate or None
         Reference of the slopes, in W/N.
     seconds : float
         Time budget of each reading.
@@ -144,7 +144,9 @@ def _timed(scene: Scene, target: float, seconds: float) -> tuple[Readings, float
     return readings, now() - start
 
 
-def reading_point(readings: Readings, exact: np.ndarray, seconds: float, target: float, truth: Truth) -> Point:
+def reading_point(
+    readings: Readings, exact: np.ndarray, seconds: float, target: float, truth: TruthEstimate
+) -> WorkPoint:
     """Errors of a reading, separated into those of light and of mechanics.
 
     Parameters
@@ -157,7 +159,7 @@ def reading_point(readings: Readings, exact: np.ndarray, seconds: float, target:
         CPU seconds of the reading.
     target : float
         Target error of the reading.
-    truth : Truth
+    truth : TruthEstimate
         Reference.
     """
     shares = {
@@ -167,7 +169,7 @@ def reading_point(readings: Readings, exact: np.ndarray, seconds: float, target:
         "stated_mechanics": relative_rms(readings.mechanics_error, readings.power),
         "stated_geometry": relative_rms(readings.geometry_error, readings.power),
     }
-    return Point(
+    return WorkPoint(
         setting=f"{target:.1%}",
         seconds=seconds,
         error=relative_rms(readings.power - truth.power, truth.power),
@@ -182,8 +184,8 @@ def reading_point(readings: Readings, exact: np.ndarray, seconds: float, target:
 
 
 def _slope_point(
-    readings: Readings, nearby: Readings, step: float, seconds: float, target: float, slope: Truth
-) -> Point:
+    readings: Readings, nearby: Readings, step: float, seconds: float, target: float, slope: TruthEstimate
+) -> WorkPoint:
     """Errors of slopes, relative to the root mean square over all taxels, as single slopes may be nearly 0."""
     value = (readings.power - nearby.power) / step
     light = standard_error((readings.replicates - nearby.replicates) / step)
@@ -193,7 +195,7 @@ def _slope_point(
         mechanics = ERROR_SHARE * (readings.deviation - nearby.deviation) / step
     size = np.linalg.norm(slope.power)
     stages = {stage: readings.seconds.get(stage, 0.0) + nearby.seconds.get(stage, 0.0) for stage in readings.seconds}
-    return Point(
+    return WorkPoint(
         setting=f"{target:.1%}",
         seconds=seconds,
         error=float(np.linalg.norm(value - slope.power) / size),

@@ -16,7 +16,7 @@ import numpy as np
 from mitsuba_taxel.base.caches import clear_caches
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
-from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point, Truth, now, relative_rms
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, TruthEstimate, WorkPoint, now, relative_rms
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.mechanics import State, load_path
 from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE
@@ -49,7 +49,7 @@ ELEMENTS = "Elements are of second order (ten nodes) in all rows: there is no ot
 
 
 @dataclass(frozen=True)
-class Solved:
+class UncachedReadings:
     """Readings of a scene whose pads were solved without caches.
 
     Attributes
@@ -86,10 +86,10 @@ class FineMeshLimit:
     size: float
 
     @property
-    def truth(self) -> Truth:
+    def truth(self) -> TruthEstimate:
         """Reference for other readings of the scene."""
         error = np.hypot(standard_error(self.replicates), self.change)
-        return Truth(self.replicates.mean(axis=0), error, f"elements of {self.size:.2g} mm, extrapolated")
+        return TruthEstimate(self.replicates.mean(axis=0), error, f"elements of {self.size:.2g} mm, extrapolated")
 
 
 class PadRequest(NamedTuple):
@@ -118,7 +118,7 @@ def _open(live: Any, mesh_size: float | None) -> list[PadShape]:
 class SizeRuns(NamedTuple):
     """Runs by mesh size in mm, mesh size of their reference in mm, and reason why there are no smaller elements."""
 
-    solved: dict[float, Solved]
+    solved: dict[float, UncachedReadings]
     judge: float
     ended: str
 
@@ -145,7 +145,7 @@ def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting
     ComputationError
         if the pads cannot be loaded on the coarsest mesh.
     """
-    solved: dict[float, Solved] = {}
+    solved: dict[float, UncachedReadings] = {}
     size, reference_size = COARSEST, 0.5 * COARSEST
     starting("mechanics: warm-up")
     previous_seconds = solve(scene, pads, size).seconds
@@ -206,7 +206,7 @@ def limits(scenes: Sequence[Scene], size: float) -> list[FineMeshLimit]:
 
 def tolerance_runs(
     scene: Scene, pads: Sequence[PadRequest], size: float, starting: Callable[[str], None]
-) -> tuple[dict[float, Solved], FineMeshLimit]:
+) -> tuple[dict[float, UncachedReadings], FineMeshLimit]:
     """Solve the scene on one mesh with load steps of different tolerances, and with a very strict one.
 
     Parameters
@@ -222,7 +222,7 @@ def tolerance_runs(
 
     Returns
     -------
-    solved : dict[float, Solved]
+    solved : dict[float, UncachedReadings]
         Runs by tolerance.
     strict : FineMeshLimit
         Readings with the strict tolerance.
@@ -235,12 +235,12 @@ def tolerance_runs(
     return solved, FineMeshLimit(strict.replicates, np.zeros(len(strict.taxel)), size)
 
 
-def size_errors(solved: Mapping[float, Solved], limit: FineMeshLimit, remark: str) -> ErrorCurve:
+def size_errors(solved: Mapping[float, UncachedReadings], limit: FineMeshLimit, remark: str) -> ErrorCurve:
     """Errors by element size.
 
     Parameters
     ----------
-    solved : Mapping[float, Solved]
+    solved : Mapping[float, UncachedReadings]
         Runs by mesh size in mm.
     limit : FineMeshLimit
         Reference.
@@ -255,12 +255,12 @@ def size_errors(solved: Mapping[float, Solved], limit: FineMeshLimit, remark: st
     return ErrorCurve("mechanics", "element size", points, remark=remark)
 
 
-def tolerance_errors(solved: Mapping[float, Solved], strict: FineMeshLimit) -> ErrorCurve:
+def tolerance_errors(solved: Mapping[float, UncachedReadings], strict: FineMeshLimit) -> ErrorCurve:
     """Errors by step tolerance on one mesh; readings state no error due to steps.
 
     Parameters
     ----------
-    solved : Mapping[float, Solved]
+    solved : Mapping[float, UncachedReadings]
         Runs by tolerance.
     strict : FineMeshLimit
         Reference, on the same mesh.
@@ -270,11 +270,11 @@ def tolerance_errors(solved: Mapping[float, Solved], strict: FineMeshLimit) -> E
     return ErrorCurve("mechanics", "step tolerance", points)
 
 
-def _point(setting: str, run: Solved, limit: FineMeshLimit, stated_error: float, reference: str) -> Point:
+def _point(setting: str, run: UncachedReadings, limit: FineMeshLimit, stated_error: float, reference: str) -> WorkPoint:
     """The error of a reading that shares its random numbers with the limit, so that the noise of the light cancels."""
     power = limit.truth.power
     difference = run.readings.replicates - limit.replicates
-    return Point(
+    return WorkPoint(
         setting=setting,
         seconds=run.seconds,
         error=relative_rms(difference.mean(axis=0), power),
@@ -288,7 +288,7 @@ def _point(setting: str, run: Solved, limit: FineMeshLimit, stated_error: float,
 
 def solve(
     scene: Scene, pads: Sequence[PadRequest], size: float, step_tolerance: float = INTERPOLATION_TOLERANCE
-) -> Solved:
+) -> UncachedReadings:
     """Solve the pads of a scene without caches, and read the scene; the error estimate is part of the mechanics.
 
     Parameters
@@ -311,7 +311,7 @@ def solve(
             pad.take(state)
         ready.scene.parameters_changed([])
         readings = measure(ready, points=POINTS, seed=SEED)
-    return Solved(readings, seconds, max(len(state.mesh.tets) for state in states))
+    return UncachedReadings(readings, seconds, max(len(state.mesh.tets) for state in states))
 
 
 @contextmanager

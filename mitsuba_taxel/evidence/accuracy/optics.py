@@ -23,7 +23,7 @@ from mitsuba_taxel.evidence.accuracy.methods import (
     offset_share,
     stray_light,
 )
-from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point, Truth, now, relative_rms
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, TruthEstimate, WorkPoint, now, relative_rms
 from mitsuba_taxel.sensing.reading.runs import derived_seed
 from mitsuba_taxel.sensing.scene.description import Scene
 
@@ -42,7 +42,7 @@ SIGNIFICANT = 5.0
 
 
 @dataclass(frozen=True)
-class Rung:
+class SampleRuns:
     """Runs of one method with one number of samples: (K, T) powers and stated errors in W, seconds of one run."""
 
     samples: int
@@ -56,7 +56,7 @@ class _Trial:
     """Runs of one method, before there is a reference; without runs, the reason why it does not support the scene."""
 
     method: Method
-    rungs: Sequence[Rung]
+    rungs: Sequence[SampleRuns]
     reason: str = ""
 
     @property
@@ -71,7 +71,9 @@ class _Trial:
         return relative_rms(last.power.std(axis=0, ddof=1), last.power.mean(axis=0)) * math.sqrt(last.seconds)
 
 
-def optics_curves(scene: Scene, seconds: float, starting: Callable[[str], None]) -> tuple[list[ErrorCurve], Truth]:
+def optics_curves(
+    scene: Scene, seconds: float, starting: Callable[[str], None]
+) -> tuple[list[ErrorCurve], TruthEstimate]:
     """A curve for each method, and the reference for `taxel_tracer`.
 
     Parameters
@@ -120,7 +122,9 @@ def _trial(method: Method, scene: Scene, folder: Path, stray: float, seconds: fl
         return _Trial(method, [], str(reason).strip().splitlines()[-1])
 
 
-def rungs(estimate: Estimator, seconds: float, most_samples: int, first_samples: int = FIRST_SAMPLES) -> Iterator[Rung]:
+def rungs(
+    estimate: Estimator, seconds: float, most_samples: int, first_samples: int = FIRST_SAMPLES
+) -> Iterator[SampleRuns]:
     """Run an estimator with successively doubled samples; compilation is excluded.
 
     Parameters
@@ -136,7 +140,7 @@ def rungs(estimate: Estimator, seconds: float, most_samples: int, first_samples:
 
     Yields
     ------
-    Rung
+    SampleRuns
         Runs with one number of samples; their time is the median.
     """
     estimate(FIRST_SAMPLES, 0)
@@ -150,11 +154,13 @@ def rungs(estimate: Estimator, seconds: float, most_samples: int, first_samples:
             times.append(now() - start)
         run_seconds = float(np.median(times))
         total_seconds += run_seconds * len(runs)
-        yield Rung(samples, np.array([run.power for run in runs]), np.array([run.stated for run in runs]), run_seconds)
+        yield SampleRuns(
+            samples, np.array([run.power for run in runs]), np.array([run.stated for run in runs]), run_seconds
+        )
         samples *= 2
 
 
-def reference(name: str, estimate: Estimator, samples: int, seconds: float) -> Truth:
+def reference(name: str, estimate: Estimator, samples: int, seconds: float) -> TruthEstimate:
     """Mean of long runs with different seeds, as a reference.
 
     Parameters
@@ -172,7 +178,7 @@ def reference(name: str, estimate: Estimator, samples: int, seconds: float) -> T
     start = now()
     while len(powers) < FEWEST_SEEDS or now() - start < seconds:
         powers.append(estimate(samples, derived_seed(samples, MOST_SEEDS + len(powers))).power)
-    return Truth(np.mean(powers, axis=0), standard_error(np.array(powers)), name)
+    return TruthEstimate(np.mean(powers, axis=0), standard_error(np.array(powers)), name)
 
 
 def _referees(trials: Sequence[_Trial]) -> list[_Trial]:
@@ -190,11 +196,11 @@ def _preference(trial: _Trial) -> tuple[bool, float]:
     return trial.method.integrator not in UNBIASED, trial.scatter
 
 
-def _independent_reference(references: Mapping[Method, Truth], method: Method) -> Truth:
+def _independent_reference(references: Mapping[Method, TruthEstimate], method: Method) -> TruthEstimate:
     return next(truth for candidate, truth in references.items() if candidate.integrator != method.integrator)
 
 
-def _curve(trial: _Trial, truth: Truth, unbounded: bool) -> ErrorCurve:
+def _curve(trial: _Trial, truth: TruthEstimate, unbounded: bool) -> ErrorCurve:
     method = trial.method
     points = [rung_point(rung, truth) for rung in trial.rungs]
     remarks = [trial.reason] if trial.reason else []
@@ -208,17 +214,17 @@ def _curve(trial: _Trial, truth: Truth, unbounded: bool) -> ErrorCurve:
     return ErrorCurve("optics", method.name, points, launched=True, remark="; ".join(remarks))
 
 
-def rung_point(rung: Rung, truth: Truth) -> Point:
+def rung_point(rung: SampleRuns, truth: TruthEstimate) -> WorkPoint:
     """The point of runs with one number of samples.
 
     Parameters
     ----------
-    rung : Rung
+    rung : SampleRuns
         The runs.
-    truth : Truth
+    truth : TruthEstimate
         Reference.
     """
-    return Point(
+    return WorkPoint(
         setting=f"{rung.samples} samples",
         seconds=rung.seconds,
         error=relative_rms(rung.power - truth.power, truth.power),
@@ -230,7 +236,7 @@ def rung_point(rung: Rung, truth: Truth) -> Point:
     )
 
 
-def _bias(rungs: Sequence[Rung], truth: Truth) -> tuple[float, float]:
+def _bias(rungs: Sequence[SampleRuns], truth: TruthEstimate) -> tuple[float, float]:
     """Mean relative deviation of all runs from the reference, weighted by samples, and the same in standard errors."""
     lit = truth.power > 0
     runs = np.concatenate([(rung.power[:, lit] / truth.power[lit] - 1).mean(axis=1) for rung in rungs])

@@ -12,7 +12,7 @@ from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point
+    from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, WorkPoint
 
 TITLES = {"optics": "light", "mechanics": "mechanics", "chain": "reading: light and mechanics"}
 MOST_ACROSS = 4
@@ -123,7 +123,7 @@ def _draw(ax: Axes, curve: ErrorCurve, number: int, labelled: bool) -> None:
             ax.annotate(label, (seconds, error), xytext=(6, 5), textcoords="offset points", fontsize=8)
 
 
-def _labels(points: Sequence[Point]) -> dict[tuple[float, float], str]:
+def _labels(points: Sequence[WorkPoint]) -> dict[tuple[float, float], str]:
     """Labels by position; one label for points that nearly coincide."""
     labels: dict[tuple[float, float], str] = {}
     for point in points:

@@ -18,10 +18,10 @@ from mitsuba_taxel.base.caches import clear_caches
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.evidence.accuracy.mechanics import from_nothing
 from mitsuba_taxel.evidence.accuracy.methods import Estimate, Estimator, of_readings
-from mitsuba_taxel.evidence.accuracy.optics import Rung, reference, rung_point, rungs
+from mitsuba_taxel.evidence.accuracy.optics import SampleRuns, reference, rung_point, rungs
 from mitsuba_taxel.evidence.accuracy.plot import plot_accuracy
 from mitsuba_taxel.evidence.accuracy.tables import write_csv
-from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point, Truth, now, relative_rms
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, TruthEstimate, WorkPoint, now, relative_rms
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement
 from mitsuba_taxel.mechanics.surface.finish import LayerSteps
@@ -153,7 +153,7 @@ def _slope(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, startin
     starting("reference")
     reference_runs = [by_paths(LONGER_SLOPES * SLOPE_POINTS[-1], seed) for seed in range(SLOPE_SEEDS)]
     error = np.linalg.norm([run.stated for run in reference_runs], axis=0) / SLOPE_SEEDS
-    truth = Truth(np.mean([run.power for run in reference_runs], axis=0), error, PATHS)
+    truth = TruthEstimate(np.mean([run.power for run in reference_runs], axis=0), error, PATHS)
     points = []
     for count in SLOPE_POINTS:
         starting(f"{PATHS}, {count} points")
@@ -172,7 +172,7 @@ def _slope(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, startin
     return curves
 
 
-def _over_paths(estimate: Estimator, seconds: float, starting: Starting) -> tuple[list[Rung], Truth]:
+def _over_paths(estimate: Estimator, seconds: float, starting: Starting) -> tuple[list[SampleRuns], TruthEstimate]:
     """Runs with increasing numbers of samples, and a reference from a few long runs with other random numbers.
 
     The error of a few long runs is smaller than that of many short ones.
@@ -184,7 +184,7 @@ def _over_paths(estimate: Estimator, seconds: float, starting: Starting) -> tupl
 
 
 def _over_patches(
-    estimate: Callable[[float], Estimate | None], ready: Prepared, truth: Truth, starting: Starting
+    estimate: Callable[[float], Estimate | None], ready: Prepared, truth: TruthEstimate, starting: Starting
 ) -> ErrorCurve:
     """Curve of light without random numbers, by the size of patches; only compiled code is cached between sizes."""
     default_size = deformed_pads(ready.scene)[0].pad.default_mesh_size
@@ -221,13 +221,15 @@ def _touch(seconds: float, starting: Starting) -> list[ErrorCurve]:
             readings = measure(scene)
             elapsed = now() - start
             fine_readings = measure(scene.with_mesh_size(FINE))
-        truth = Truth(fine_readings.power, fine_readings.total_error, f"elements of {FINE:g} mm")
+        truth = TruthEstimate(fine_readings.power, fine_readings.total_error, f"elements of {FINE:g} mm")
         points.append(_point(f"{depth:g} mm", readings.power, readings.total_error, elapsed, truth))
     return [ErrorCurve("", "default elements, by depth", points)]
 
 
-def _point(setting: str, power: np.ndarray, stated_error: np.ndarray, seconds: float, truth: Truth) -> Point:
-    return Point(
+def _point(
+    setting: str, power: np.ndarray, stated_error: np.ndarray, seconds: float, truth: TruthEstimate
+) -> WorkPoint:
+    return WorkPoint(
         setting=setting,
         seconds=seconds,
         error=relative_rms(power - truth.power, truth.power),

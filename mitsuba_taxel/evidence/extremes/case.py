@@ -47,7 +47,7 @@ _MIDPOINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
 
 
 @dataclass(frozen=True)
-class Case(TableCase):
+class ExtremeCase(TableCase):
     """One row of the table.
 
     Attributes
@@ -143,7 +143,7 @@ def failure_of(row: MechanicsRow, refused: bool = False) -> str:
     return ""
 
 
-def _along_path(case: Case) -> _Outcome:
+def _along_path(case: ExtremeCase) -> _Outcome:
     """Solve a case along its load path, up to the load or to the end of the path."""
     path = pad_path(case.pad, case.material, case.load, case.mesh_size)
     if case.load.driven is not None:
@@ -169,7 +169,7 @@ def _along_path(case: Case) -> _Outcome:
         return _Outcome(verdict, _figures(case, path), state)
 
 
-def _in_one_step(case: Case) -> _Outcome:
+def _in_one_step(case: ExtremeCase) -> _Outcome:
     """Solve a case by one Newton solve from rest."""
     value = np.array(case.value)
     path = pad_path(case.pad, case.material, case.load, case.mesh_size)
@@ -204,7 +204,7 @@ def _solve_figures(state: State) -> dict[str, float | str]:
     }
 
 
-def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
+def _figures(case: ExtremeCase, path: PadPath) -> dict[str, float | str]:
     """Figures of the steps of a path, and the first load at which an element is inverted at a node."""
     segments = list(path.segments.known.values())
     branches = path.segments.branches.values()
@@ -223,7 +223,7 @@ def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
     }
 
 
-def _first_inverted(case: Case, path: PadPath, segment: LoadSegment) -> str:
+def _first_inverted(case: ExtremeCase, path: PadPath, segment: LoadSegment) -> str:
     """The load of the first accepted step that inverts an element at a node, up to the load of the case; or empty."""
     pad = path.segments.pad_for(segment.origin, segment.direction)
     driven, linear = case.load.driven is not None, where_linear(path.mesh, path.load)
@@ -318,7 +318,7 @@ def mean_roof(mesh: VolumeMesh, displacement: np.ndarray) -> np.ndarray:
     return np.einsum("fq,fqi->i", area, displacements) / area.sum()
 
 
-def _finer_change(case: Case, state: State | None) -> float:
+def _finer_change(case: ExtremeCase, state: State | None) -> float:
     """Relative change of the roofs' mean displacement on the finer mesh; NaN if its load path fails."""
     assert state is not None
     size = case.mesh_size / FINER

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.evidence.extremes.case import Case, with_flaw
+from mitsuba_taxel.evidence.extremes.case import ExtremeCase, with_flaw
 from mitsuba_taxel.evidence.extremes.cases import CELL
 from mitsuba_taxel.evidence.extremes.table_case import TableCase
 from mitsuba_taxel.evidence.rows.row import MechanicsRow
@@ -57,7 +57,7 @@ class SolidCase(TableCase):
             except InputError as error:
                 message = str(error).replace(str(file), file.name)
                 return with_flaw(MechanicsRow(self.name, f"refused: {message}"), self.refused)
-            return Case(self.name, CELL, load=load, value=(0.0, 0.0, -DEPTH), refused=self.refused).measured()
+            return ExtremeCase(self.name, CELL, load=load, value=(0.0, 0.0, -DEPTH), refused=self.refused).measured()
 
 
 def solid_cases() -> list[SolidCase]:

@@ -20,7 +20,7 @@ QUANTILE = 1.959963984540054
 """Half width of a 95 % interval, in standard deviations."""
 
 
-class _Kind(NamedTuple):
+class _FitSetting(NamedTuple):
     """Setting of a synthetic fit.
 
     Attributes
@@ -46,14 +46,14 @@ class _Kind(NamedTuple):
 
 
 KINDS = {
-    "exact model": _Kind(),
-    "exact model, errors by residuals": _Kind(known_errors=False),
-    "correlated unknowns": _Kind(offset=True),
-    "truth near a bound": _Kind(bound=True),
-    "model with errors of light": _Kind(light=0.05),
-    "model with errors of elements as the displacement": _Kind(elements=0.01),
-    "model with errors of elements that wander": _Kind(elements=0.01, along="walk"),
-    "correlated unknowns, model with both errors": _Kind(offset=True, elements=0.01, light=0.02, along="walk"),
+    "exact model": _FitSetting(),
+    "exact model, errors by residuals": _FitSetting(known_errors=False),
+    "correlated unknowns": _FitSetting(offset=True),
+    "truth near a bound": _FitSetting(bound=True),
+    "model with errors of light": _FitSetting(light=0.05),
+    "model with errors of elements as the displacement": _FitSetting(elements=0.01),
+    "model with errors of elements that wander": _FitSetting(elements=0.01, along="walk"),
+    "correlated unknowns, model with both errors": _FitSetting(offset=True, elements=0.01, light=0.02, along="walk"),
 }
 
 
@@ -62,7 +62,7 @@ def fit_cases() -> dict[str, Callable[[int], dict[str, float]]]:
     return {f"fit: {name}": partial(_deviations, kind) for name, kind in KINDS.items()}
 
 
-def _deviations(kind: _Kind, seed: int) -> dict[str, float]:
+def _deviations(kind: _FitSetting, seed: int) -> dict[str, float]:
     """Error of each unknown in standard deviations of its interval."""
     # Noisy data, and errors of the model.
     random = np.random.default_rng(seed)
@@ -106,7 +106,7 @@ def _exact_readings(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return gain * shape + (unknowns[2] if len(unknowns) > 2 else 0.0), np.stack(columns, axis=1)
 
 
-def _element_errors(kind: _Kind, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _element_errors(kind: _FitSetting, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Relative error of each reading by the finite elements, and its standard deviation as a study states it."""
     deviation = kind.elements * FORCE
     if kind.along == "displacement":

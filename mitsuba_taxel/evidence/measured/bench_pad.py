@@ -46,7 +46,7 @@ _WALLS = """
             </bsdf>"""
 
 
-class Assumed(NamedTuple):
+class PadAssumptions(NamedTuple):
     """What the model takes for granted, as nothing is published of it.
 
     Attributes
@@ -70,10 +70,10 @@ class Assumed(NamedTuple):
     friction: float = 0.0
 
 
-AS_FITTED = Assumed()
+AS_FITTED = PadAssumptions()
 
 
-class Press(NamedTuple):
+class IndenterPress(NamedTuple):
     """A rod with a round end (``sphere``) or a flat one (``punch``), pressed into a pad; all lengths in mm.
 
     Attributes
@@ -93,7 +93,7 @@ class Press(NamedTuple):
     x: float = 0.0
     y: float = 0.0
 
-    def moved(self, x: float, y: float) -> Press:
+    def moved(self, x: float, y: float) -> IndenterPress:
         """The same elsewhere."""
         return self._replace(x=x, y=y)
 
@@ -103,7 +103,7 @@ class Press(NamedTuple):
         return f"{self.indenter}_{self.radius:g}_on_{self.height:g}{position}"
 
 
-class Reading(NamedTuple):
+class PressReading(NamedTuple):
     """Force in N for a long-term modulus of 1 MPa, and changes of the taxels relative to rest, each with its error.
 
     ``step_error`` is that of the stress by time steps, relative to the largest so far.
@@ -118,11 +118,11 @@ class Reading(NamedTuple):
 
 def path(
     store: PaperStudies,
-    press: Press,
+    press: IndenterPress,
     travels: tuple[float, ...] = TRAVELS,
     with_errors: bool = False,
     mesh_size: float | None = None,
-    assumed: Assumed = AS_FITTED,
+    assumed: PadAssumptions = AS_FITTED,
 ) -> xr.Dataset:
     """Force and readings along the travel of an indenter, as far as the pad bears it, by ``travel`` and ``taxel``.
 
@@ -146,12 +146,17 @@ def path(
 
 
 def _computed(
-    file: Path, press: Press, travels: tuple[float, ...], with_errors: bool, mesh_size: float, assumed: Assumed
+    file: Path,
+    press: IndenterPress,
+    travels: tuple[float, ...],
+    with_errors: bool,
+    mesh_size: float,
+    assumed: PadAssumptions,
 ) -> xr.Dataset:
     write_scene(file, assumed)
     defines = defines_of(press, assumed) | {"mesh_size": mesh_size}
     at_rest = measure(Scene(file, defines), points=POINTS, mechanics_error=False)
-    rows: list[Reading] = []
+    rows: list[PressReading] = []
     end = ""
     for travel in travels:
         try:
@@ -165,12 +170,12 @@ def _computed(
     return study.assign_coords(travel=("travel", np.array(travels[: len(rows)]), {"units": "mm"})).assign_attrs(end=end)
 
 
-def defines_of(press: Press, assumed: Assumed = AS_FITTED) -> dict[str, Any]:
+def defines_of(press: IndenterPress, assumed: PadAssumptions = AS_FITTED) -> dict[str, Any]:
     """Values of the scene's parameters."""
     return press._asdict() | {"height": press.height - assumed.collar}
 
 
-def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False) -> Reading:
+def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False) -> PressReading:
     """Force and changes of one state, with ``points`` light paths for each taxel and randomisation."""
     readings = measure(scene, points=points, mechanics_error=with_errors)
     state = deformed_pads(scene.load())[0].state
@@ -180,10 +185,10 @@ def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False
     light = standard_error(changes)
     mesh_error = np.zeros(len(light)) if readings.deviation is None else readings.deviation / at_rest.power
     step_error = state.memory.error if state.memory else 0.0
-    return Reading(force, force_error, changes.mean(axis=0), np.hypot(light, mesh_error), step_error)
+    return PressReading(force, force_error, changes.mean(axis=0), np.hypot(light, mesh_error), step_error)
 
 
-def dataset(dim: str, rows: list[Reading]) -> xr.Dataset:
+def dataset(dim: str, rows: list[PressReading]) -> xr.Dataset:
     """Readings one after the other, by ``dim`` and ``taxel``."""
     forces, force_errors, changes, errors, step_errors = map(np.array, zip(*rows, strict=True))
     return xr.Dataset(
@@ -204,7 +209,7 @@ def centre_of(taxel: int) -> tuple[float, float]:
     return (column - SIDE // 2) * measured.PITCH, (SIDE // 2 - row) * measured.PITCH
 
 
-def write_scene(file: Path, assumed: Assumed = AS_FITTED) -> None:
+def write_scene(file: Path, assumed: PadAssumptions = AS_FITTED) -> None:
     """Write the scene; its folder is made if missing."""
     board = -(assumed.collar + measured.PACKAGE_HEIGHT)
     around = measured.CORE + (SIDE - 1) * measured.PITCH

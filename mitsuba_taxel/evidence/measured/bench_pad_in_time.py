@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.evidence.measured import bench_pad, measured
-from mitsuba_taxel.evidence.measured.bench_pad import Press
+from mitsuba_taxel.evidence.measured.bench_pad import IndenterPress
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 from mitsuba_taxel.sensing import Scene, measure
 
@@ -35,7 +35,7 @@ class TimedTravel(NamedTuple):
 
 def cycle(
     store: PaperStudies,
-    press: Press,
+    press: IndenterPress,
     prony: Prony,
     late: float = 0.0,
     friction: float = 0.0,
@@ -57,7 +57,7 @@ def cycle(
 
 
 def hold_and_release(
-    store: PaperStudies, press: Press, prony: Prony, late: float = 0.0, mesh_size: float | None = None
+    store: PaperStudies, press: IndenterPress, prony: Prony, late: float = 0.0, mesh_size: float | None = None
 ) -> xr.Dataset:
     """The same at the times of the record: pressed within 0.1 s, held, and the indenter withdrawn at once."""
     end = REACHED + HELD
@@ -70,7 +70,7 @@ def hold_and_release(
 def _path(
     store: PaperStudies,
     kind: str,
-    press: Press,
+    press: IndenterPress,
     prony: Prony,
     rows: list[TimedTravel],
     points: int,
@@ -92,7 +92,7 @@ def _path(
 
 def _computed(
     store: PaperStudies,
-    press: Press,
+    press: IndenterPress,
     terms: str,
     rows: list[TimedTravel],
     points: int,

@@ -21,7 +21,7 @@ PER_FORCE = CELLS / measured.CELLS_OF_EXPERIMENTS
 STEPS, POINTS = 5, 1024
 
 
-class Figures(NamedTuple):
+class CycleFigures(NamedTuple):
     """Figures of the taxels of a pad: least and largest V/N; for the most sensitive one, nonlinearity and hysteresis in
     percent, with errors."""
 
@@ -57,7 +57,7 @@ def circuit_at_rest(study: xr.Dataset) -> Circuit:
     )
 
 
-def figures(study: xr.Dataset) -> Figures:
+def figures(study: xr.Dataset) -> CycleFigures:
     """Figures of a cycle behind :func:`circuit_at_rest`."""
     circuit = circuit_at_rest(study)
     experiments = simulated_experiments(study, circuit)
@@ -71,4 +71,4 @@ def figures(study: xr.Dataset) -> Figures:
         row = table[(table.figure == figure) & (table.taxel == best)].iloc[0]
         return float(row.value), float(row.error)
 
-    return Figures(float(per_force.min()), float(per_force.max()), of_best("nonlinearity"), of_best("hysteresis"))
+    return CycleFigures(float(per_force.min()), float(per_force.max()), of_best("nonlinearity"), of_best("hysteresis"))

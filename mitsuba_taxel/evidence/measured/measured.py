@@ -25,7 +25,7 @@ PRESSED = 13
 """The taxel that was held and released, in the middle."""
 
 
-class Pressed(NamedTuple):
+class MeasuredPress(NamedTuple):
     """A taxel pressed slowly: its voltage at rest in V, and force in N, change of the voltage, travel in mm."""
 
     at_rest: float
@@ -35,19 +35,19 @@ class Pressed(NamedTuple):
 
 
 PRESSES = {
-    13: Pressed(
+    13: MeasuredPress(
         1.915,
         (0.10, 0.34, 0.58, 0.83, 1.07, 1.31, 1.55, 1.80, 2.04),
         (0.0145, 0.0550, 0.1019, 0.1444, 0.1878, 0.2411, 0.2902, 0.3401, 0.3882),
         (0.169, 0.452, 0.692, 0.906, 1.097, 1.329, 1.530, 1.736, 1.925),
     ),
-    17: Pressed(
+    17: MeasuredPress(
         1.609,
         (0.10, 0.34, 0.58, 0.83, 1.07, 1.31, 1.55, 1.80),
         (0.0183, 0.0617, 0.0974, 0.1503, 0.1962, 0.2518, 0.3077, 0.3646),
         (0.181, 0.462, 0.650, 0.886, 1.071, 1.271, 1.453, 1.616),
     ),
-    5: Pressed(
+    5: MeasuredPress(
         1.868,
         (0.10, 0.34, 0.58, 0.83, 1.07, 1.31, 1.55, 1.80, 2.04),
         (0.0128, 0.0489, 0.0876, 0.1224, 0.1619, 0.2093, 0.2564, 0.3077, 0.3569),

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 
 from mitsuba_taxel.evidence.measured import measured
-from mitsuba_taxel.evidence.measured.bench_pad import Press
+from mitsuba_taxel.evidence.measured.bench_pad import IndenterPress
 from mitsuba_taxel.evidence.measured.bench_pad_in_time import HOLD_TIMES, Prony, cycle, hold_and_release
 from mitsuba_taxel.evidence.measured.pad_comparison import FINER
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
@@ -28,7 +28,7 @@ SLOW = np.geomspace(1.0, 1e4, 81)
 """Relaxation times in s of a further term that is asked for."""
 
 
-class Loop(NamedTuple):
+class HysteresisLoop(NamedTuple):
     """Widths of a cycle, in percent of the largest force or change, and energy lost, in percent of that of loading.
 
     Attributes
@@ -46,24 +46,24 @@ class Loop(NamedTuple):
     change_at_travel: float
 
 
-class Errors(NamedTuple):
-    """Errors of the computation, as those of `Memory`: of elements, by a finer mesh, of time steps and of the light.
+class MemoryErrors(NamedTuple):
+    """Errors of the computation, as those of `PronyFit`: of elements, by a finer mesh, of time steps and of the light.
 
     Attributes
     ----------
     tail : (8,) ndarray
     hold : (4,) ndarray
     held_change : float
-    loop : Loop
+    loop : HysteresisLoop
     """
 
     tail: np.ndarray
     hold: np.ndarray
     held_change: float
-    loop: Loop
+    loop: HysteresisLoop
 
 
-class Memory(NamedTuple):
+class PronyFit(NamedTuple):
     """Attributes
     ----------
     terms : tuple[tuple[float, float], ...]
@@ -76,11 +76,11 @@ class Memory(NamedTuple):
         Force in the windows of the hold, relative to the last.
     held_change : float
         Largest difference of the change from that at the end of the hold, relative to it, from 0.5 s on.
-    loop, rubbed : Loop
+    loop, rubbed : HysteresisLoop
         Of the slow cycle, and with friction in place of the series.
     stiffer : float
         Largest force of the cycle with friction, relative to that of the slow one.
-    errors : Errors
+    errors : MemoryErrors
     """
 
     terms: Prony
@@ -88,13 +88,13 @@ class Memory(NamedTuple):
     tail: np.ndarray
     hold: np.ndarray
     held_change: float
-    loop: Loop
-    rubbed: Loop
+    loop: HysteresisLoop
+    rubbed: HysteresisLoop
     stiffer: float
-    errors: Errors
+    errors: MemoryErrors
 
 
-def results(store: PaperStudies, press: Press, late: float) -> Memory:
+def results(store: PaperStudies, press: IndenterPress, late: float) -> PronyFit:
     """Fit of the series to the tail, and predictions; missing paths are computed. Records begin at ``late`` mm."""
 
     def computed(terms: Prony) -> np.ndarray:
@@ -104,7 +104,7 @@ def results(store: PaperStudies, press: Press, late: float) -> Memory:
     study, finer = (hold_and_release(store, press, terms, late, size) for size in (None, FINER))
     slow, slow_finer = (cycle(store, press, terms, late, mesh_size=size) for size in (None, FINER))
     rubbed = cycle(store, press, (), late, FRICTION)
-    return Memory(
+    return PronyFit(
         terms,
         paths,
         tail_of(study),
@@ -117,7 +117,7 @@ def results(store: PaperStudies, press: Press, late: float) -> Memory:
     )
 
 
-def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer: xr.Dataset) -> Errors:
+def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer: xr.Dataset) -> MemoryErrors:
     """Errors of a hold with its release and of a cycle, from these on finer elements."""
     pressed = {"taxel": measured.PRESSED}
     light = (study.change_error / study.change[len(HOLD_TIMES)]).sel(pressed).values
@@ -130,11 +130,11 @@ def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer
     step_noise = 200 * float(slow.step_error.max())
     noises = step_noise, step_noise, noise, noise
     widths = zip(loop_of(slow), loop_of(slow_finer), noises, strict=True)
-    return Errors(
+    return MemoryErrors(
         tail,
         hold,
         change_error,
-        Loop(*(float(np.hypot(finer_value - value, noise)) for value, finer_value, noise in widths)),
+        HysteresisLoop(*(float(np.hypot(finer_value - value, noise)) for value, finer_value, noise in widths)),
     )
 
 
@@ -233,7 +233,7 @@ def hold_of(study: xr.Dataset) -> np.ndarray:
     return np.array(means) / means[-1]
 
 
-def loop_of(study: xr.Dataset) -> Loop:
+def loop_of(study: xr.Dataset) -> HysteresisLoop:
     """Figures of a cycle, from rest to rest."""
     change = study.change.sel(taxel=measured.PRESSED).values
     half = len(change) // 2 + 1
@@ -243,7 +243,7 @@ def loop_of(study: xr.Dataset) -> Loop:
         for rows in (slice(None, half), slice(None, -half - 1, -1))
     )
     force, volts = loading - unloading
-    return Loop(
+    return HysteresisLoop(
         100 * np.abs(force).max() / loading[0].max(),
         100 * np.trapezoid(force, travel) / np.trapezoid(loading[0], travel),
         100 * np.abs(_at_equal_force(*loading, *unloading)).max() / loading[1].max(),

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsuba_taxel.evidence.measured import bench_pad, measured
-from mitsuba_taxel.evidence.measured.bench_pad import Assumed
+from mitsuba_taxel.evidence.measured.bench_pad import PadAssumptions
 from mitsuba_taxel.evidence.measured.pad_comparison import (
-    Compared,
-    Results,
+    PadComparison,
+    TaxelComparison,
     compare,
     curve_of,
     held_map,
@@ -26,42 +26,42 @@ from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 PREDICTED = 17
 """The taxel whose change is missed most."""
 OTHERS = {
-    "silicone that hardly changes its volume, nu = 0.4999": Assumed("stiff_volume", poisson_ratio=0.4999),
-    "an indenter with a coefficient of friction of 0.3": Assumed("rubbed", friction=0.3),
-    "walls of the cells that reflect 20 %": Assumed("grey_walls", walls=0.2),
-    "collars that hold nothing: walls are free down to the dies": Assumed("free_walls", collar=0.0),
+    "silicone that hardly changes its volume, nu = 0.4999": PadAssumptions("stiff_volume", poisson_ratio=0.4999),
+    "an indenter with a coefficient of friction of 0.3": PadAssumptions("rubbed", friction=0.3),
+    "walls of the cells that reflect 20 %": PadAssumptions("grey_walls", walls=0.2),
+    "collars that hold nothing: walls are free down to the dies": PadAssumptions("free_walls", collar=0.0),
 }
 """Assumptions by what they are."""
 
 
-class Tried(NamedTuple):
+class AssumptionResult(NamedTuple):
     """What an assumption leads to.
 
     Attributes
     ----------
-    fitted : Compared
+    fitted : TaxelComparison
         The fitted taxel.
     rings : (5,) ndarray
         Of :func:`rings`, at the travel of the hold.
     """
 
-    fitted: Compared
+    fitted: TaxelComparison
     rings: np.ndarray
 
 
-def tried(store: PaperStudies, results: Results) -> dict[str, Tried]:
+def tried(store: PaperStudies, results: PadComparison) -> dict[str, AssumptionResult]:
     """What each of :data:`OTHERS` leads to; missing paths are computed."""
     return {name: _tried(store, results, assumed) for name, assumed in OTHERS.items()}
 
 
-def _tried(store: PaperStudies, results: Results, assumed: Assumed) -> Tried:
+def _tried(store: PaperStudies, results: PadComparison, assumed: PadAssumptions) -> AssumptionResult:
     measured_taxel, study = measured_curve(measured.PRESSED), bench_pad.path(store, results.fitted, assumed=assumed)
     curve = curve_of(study, measured.PRESSED)
     late = lateness(curve, measured_taxel)
     misfit = float(np.sqrt(np.mean(residuals(curve, measured_taxel, late) ** 2)))
     refitted = results.found._replace(modulus=modulus(curve, measured_taxel, late), late=late, misfit=misfit)
     hold_map = held_map(study.sel(travel=[measured.HELD_AT]))
-    return Tried(compare(study, measured.PRESSED, refitted, measured_taxel), rings(hold_map))
+    return AssumptionResult(compare(study, measured.PRESSED, refitted, measured_taxel), rings(hold_map))
 
 
 def rings(values: np.ndarray) -> np.ndarray:
@@ -74,7 +74,7 @@ def rings(values: np.ndarray) -> np.ndarray:
     return np.array([values[distance == radius].mean() for radius in np.unique(distance)[1:]])
 
 
-def expected_at(results: Results) -> tuple[float, float, float]:
+def expected_at(results: PadComparison) -> tuple[float, float, float]:
     """Of :data:`PREDICTED` in the map: measured, computed, and computed if it is as sensitive as when pressed
     itself."""
     position = np.unravel_index(PREDICTED - 1, results.moved.shape)

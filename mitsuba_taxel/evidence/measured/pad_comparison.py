@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.evidence.measured import bench_pad, measured
-from mitsuba_taxel.evidence.measured.bench_pad import Press
+from mitsuba_taxel.evidence.measured.bench_pad import IndenterPress
 from mitsuba_taxel.evidence.measured.pad_fit import FittedPad, PressedTaxel, fit
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 
@@ -22,7 +22,7 @@ FINER = 1.05
 """Size in mm of smaller elements, on which the fitted pad is held once more."""
 
 
-class Compared(NamedTuple):
+class TaxelComparison(NamedTuple):
     """A taxel pressed, measured and computed at its travels; NaN beyond the end of the computed path.
 
     Attributes
@@ -54,7 +54,7 @@ class Compared(NamedTuple):
         return 100 * (self.change_at_force - self.measured.change) / self.measured.change.max()
 
 
-class Wide(NamedTuple):
+class NeighbourChange(NamedTuple):
     """A pad by its height in mm: mean change of the four nearest taxels, in percent of the middle one's, and its own
     change, while that is held."""
 
@@ -63,11 +63,11 @@ class Wide(NamedTuple):
     held: float
 
 
-class Results(NamedTuple):
+class PadComparison(NamedTuple):
     """Attributes
     ----------
     found : FittedPad
-    taxels : dict[int, Compared]
+    taxels : dict[int, TaxelComparison]
         By the taxel that is pressed.
     offset : (2,) ndarray
         Of the indenter from the middle, from the asymmetry of the map, in mm.
@@ -79,32 +79,32 @@ class Results(NamedTuple):
         Force and changes during the hold, with their errors.
     finer : xr.Dataset
         The same on smaller elements.
-    widest : Wide
+    widest : NeighbourChange
         Of the pads tried, that whose map is nearest to the measured one at the four nearest taxels.
     """
 
     found: FittedPad
-    taxels: dict[int, Compared]
+    taxels: dict[int, TaxelComparison]
     offset: np.ndarray
     centred: np.ndarray
     moved: np.ndarray
     held: float
     errors: xr.Dataset
     finer: xr.Dataset
-    widest: Wide
+    widest: NeighbourChange
 
     @property
-    def fitted(self) -> Press:
+    def fitted(self) -> IndenterPress:
         """The pad and the indenter found, in the middle."""
         return _press_of(self.found)
 
 
-def results(store: PaperStudies) -> Results:
+def results(store: PaperStudies) -> PadComparison:
     """Fit to taxel 13, and predictions; missing paths are computed."""
     curves = {taxel: measured_curve(taxel) for taxel in measured.PRESSES}
 
     def pressed(height: float, radius: float) -> PressedTaxel:
-        return curve_of(bench_pad.path(store, Press(height, INDENTER, radius)), measured.PRESSED)
+        return curve_of(bench_pad.path(store, IndenterPress(height, INDENTER, radius)), measured.PRESSED)
 
     fitted_pad = fit(pressed, curves[measured.PRESSED], START)
     fitted = _press_of(fitted_pad)
@@ -122,20 +122,20 @@ def results(store: PaperStudies) -> Results:
     centred = held_map(errors)
     offset = offset_from(centred, np.array(measured.HELD_MAP))
     moved_study = bench_pad.path(store, fitted.moved(*offset.tolist()), (fitted_pad.travel(MAP_TRAVEL),))
-    tried = [_wide(bench_pad.path(store, Press(h, INDENTER, r)), h) for h, r in fitted_pad.tried]
+    tried = [_wide(bench_pad.path(store, IndenterPress(h, INDENTER, r)), h) for h, r in fitted_pad.tried]
     measured_ring = ring(np.array(measured.HELD_MAP), 1)
     widest = min(tried, key=lambda wide: abs(wide.near - measured_ring))
     change = float(errors.change.sel(taxel=measured.PRESSED).item())
-    return Results(fitted_pad, compared, offset, centred, held_map(moved_study), change, errors, finer, widest)
+    return PadComparison(fitted_pad, compared, offset, centred, held_map(moved_study), change, errors, finer, widest)
 
 
-def _press_of(fitted_pad: FittedPad) -> Press:
-    return Press(float(fitted_pad.unknowns[0]), INDENTER, float(fitted_pad.unknowns[1]))
+def _press_of(fitted_pad: FittedPad) -> IndenterPress:
+    return IndenterPress(float(fitted_pad.unknowns[0]), INDENTER, float(fitted_pad.unknowns[1]))
 
 
-def _wide(study: xr.Dataset, height: float) -> Wide:
+def _wide(study: xr.Dataset, height: float) -> NeighbourChange:
     hold = study.sel(travel=[measured.HELD_AT])
-    return Wide(height, ring(held_map(hold), 1), float(hold.change.sel(taxel=measured.PRESSED).item()))
+    return NeighbourChange(height, ring(held_map(hold), 1), float(hold.change.sel(taxel=measured.PRESSED).item()))
 
 
 def measured_curve(taxel: int) -> PressedTaxel:
@@ -148,7 +148,7 @@ def curve_of(study: xr.Dataset, taxel: int) -> PressedTaxel:
     return PressedTaxel(study.travel.values, study.force.values, study.change.sel(taxel=taxel).values)
 
 
-def compare(study: xr.Dataset, taxel: int, fitted_pad: FittedPad, measured_taxel: PressedTaxel) -> Compared:
+def compare(study: xr.Dataset, taxel: int, fitted_pad: FittedPad, measured_taxel: PressedTaxel) -> TaxelComparison:
     """The computed path of a taxel beside its measured curve."""
     computed = curve_of(study, taxel)
     travels = np.linspace(0.0, computed.travel[-1], 200)
@@ -158,7 +158,7 @@ def compare(study: xr.Dataset, taxel: int, fitted_pad: FittedPad, measured_taxel
         for curve in (along, at_measured)
     )
     change = np.interp(measured_taxel.force, along.force, along.change, right=np.nan)
-    return Compared(measured_taxel, at_measured, along, change, study.attrs["end"])
+    return TaxelComparison(measured_taxel, at_measured, along, change, study.attrs["end"])
 
 
 def held_map(study: xr.Dataset) -> np.ndarray:

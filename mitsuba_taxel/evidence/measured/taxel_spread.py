@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsuba_taxel.evidence.measured import measured
-from mitsuba_taxel.evidence.measured.pad_comparison import Compared, Results
+from mitsuba_taxel.evidence.measured.pad_comparison import PadComparison, TaxelComparison
 
 ROUNDING = 1 / math.sqrt(12)
 """In points, that of the measured map, as one standard deviation."""
 
 
-class Band(NamedTuple):
+class TaxelBand(NamedTuple):
     """Attributes
     ----------
     own : dict[int, float]
@@ -65,16 +65,16 @@ class Band(NamedTuple):
         return float(np.prod(within, axis=-1).mean())
 
 
-def band(results: Results) -> Band:
+def band(results: PadComparison) -> TaxelBand:
     """The band of the computed map; each of its numbers is a ratio of two taxels, which both differ."""
     sensitivities = {taxel: own_sensitivity(compared) for taxel, compared in results.taxels.items()}
     spread = float(np.std(np.log(list(sensitivities.values())), ddof=1))
     deviation = np.hypot(math.sqrt(2) * spread * results.moved, ROUNDING)
     deviation[np.unravel_index(measured.PRESSED - 1, deviation.shape)] = 0.0
-    return Band(sensitivities, spread, results.moved, deviation)
+    return TaxelBand(sensitivities, spread, results.moved, deviation)
 
 
-def own_sensitivity(compared: Compared) -> float:
+def own_sensitivity(compared: TaxelComparison) -> float:
     """Changes of a taxel that is pressed itself, relative to those computed at equal force, by least squares."""
     borne = np.isfinite(compared.change_at_force)
     computed, observed = compared.change_at_force[borne], compared.measured.change[borne]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.evidence.measured import measured
-from mitsuba_taxel.evidence.measured.pad_comparison import Compared, Results
+from mitsuba_taxel.evidence.measured.pad_comparison import PadComparison, TaxelComparison
 from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_small
 
 
@@ -45,7 +45,7 @@ def memory(tail: np.ndarray, hold: np.ndarray, file: Path) -> None:
     _finished(during, "time of the hold [s]", "force / that at the end", file)
 
 
-def pressed(taxels: Mapping[int, Compared], file: Path) -> None:
+def pressed(taxels: Mapping[int, TaxelComparison], file: Path) -> None:
     """Force against travel, and change of the reading against force, of the taxels that were pressed."""
     force, change = axes_of((10, 4), 1, 2)[0]
     for number, (taxel, compared) in enumerate(taxels.items()):
@@ -63,7 +63,7 @@ def pressed(taxels: Mapping[int, Compared], file: Path) -> None:
     save_small(change.figure, file)
 
 
-def maps(results: Results, file: Path) -> None:
+def maps(results: PadComparison, file: Path) -> None:
     """Changes of all taxels while the middle one is held: measured, and computed with the offset."""
     axes = axes_of((8, 4), 1, 2)[0]
     for ax, title, values in zip(axes, ("measured", "here"), (np.array(measured.HELD_MAP), results.moved), strict=True):

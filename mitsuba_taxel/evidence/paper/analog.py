@@ -50,7 +50,7 @@ def _repetitions(scene: Path, defines: dict[str, object], number: int) -> np.nda
     return np.concatenate([measure(prepared, points=RAYS, seed=seed).replicates[:, 0] for seed in seeds])
 
 
-class Emulated(NamedTuple):
+class EmulatedSlope(NamedTuple):
     """Result of the procedure: mean and standard deviation of its maximum slope over repetitions, in W/N.
 
     Attributes
@@ -79,10 +79,10 @@ def max_slopes(force: np.ndarray, power: np.ndarray) -> np.ndarray:
     return (steps / np.abs(np.diff(force))[:, None, None]).max(axis=(0, 2))
 
 
-def summary(slopes: np.ndarray) -> Emulated:
+def summary(slopes: np.ndarray) -> EmulatedSlope:
     """Mean and spread of the maximum slopes (repetitions,) of the procedure."""
     spread = float(slopes.std(ddof=1))
-    return Emulated(float(slopes.mean()), spread, spread / np.sqrt(len(slopes)), len(slopes))
+    return EmulatedSlope(float(slopes.mean()), spread, spread / np.sqrt(len(slopes)), len(slopes))
 
 
 def binomial(power: np.ndarray, rays: int, repetitions: int, seed: int = 0) -> np.ndarray:
@@ -124,7 +124,7 @@ def counting_test(samples: np.ndarray, rays: int) -> CountingTest:
     return CountingTest(float(ratios.mean()), float(2 * min(tail, 1 - tail)))
 
 
-def emulated(study: xr.Dataset, force: str) -> Emulated:
+def emulated(study: xr.Dataset, force: str) -> EmulatedSlope:
     """The paper's procedure on a study's curves of all taxels, with 60 000 rays for each reading."""
     curve = curves(study, force)
     forces = np.arange(curve.force[0], curve.force[-1] + paper.FORCE_STEP / 2, paper.FORCE_STEP)

@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.evidence.paper import paper
-from mitsuba_taxel.evidence.paper.analog import Emulated, emulated
-from mitsuba_taxel.evidence.paper.comparison import Fit, common_scale
+from mitsuba_taxel.evidence.paper.analog import EmulatedSlope, emulated
+from mitsuba_taxel.evidence.paper.comparison import CommonFactorFit, common_scale
 from mitsuba_taxel.evidence.paper.slopes import Sensitivity, change, curves, sensitivity
 
 Paths = Mapping[str, xr.Dataset]
@@ -32,7 +32,7 @@ def table_one(studies: Mapping[str, Paths]) -> dict[str, dict[str, Sensitivity]]
     return table
 
 
-def expected_of_counting(nominal: Mapping[str, Paths]) -> dict[str, dict[str, Emulated]]:
+def expected_of_counting(nominal: Mapping[str, Paths]) -> dict[str, dict[str, EmulatedSlope]]:
     """Expected result of the paper's procedure at our readings, by kind of force and shape."""
     return {
         "normal": {cell: emulated(paths["fz"], "fz") for cell, paths in nominal.items()},
@@ -51,9 +51,9 @@ def readings(nominal: Mapping[str, Paths]) -> dict[str, dict[str, float]]:
 def explanations(
     published: Mapping[str, float],
     slopes: Mapping[str, Sensitivity],
-    counts: Mapping[str, Emulated],
+    counts: Mapping[str, EmulatedSlope],
     reading: Mapping[str, float],
-) -> dict[str, Fit]:
+) -> dict[str, CommonFactorFit]:
     """Three explanations of a column of Table 1, by shape, each with one free common factor.
 
     The numbers are true slopes, with the errors of ours; or proportional to the square root of the reading, or to the
@@ -71,7 +71,7 @@ def explanations(
     }
 
 
-def against_slopes(published: np.ndarray, slopes: list[Sensitivity]) -> Fit:
+def against_slopes(published: np.ndarray, slopes: list[Sensitivity]) -> CommonFactorFit:
     """Published numbers as a common factor times our maximum slopes."""
     error = np.array([slope.max_slope_error for slope in slopes])
     value = np.array([least(slope) for slope in slopes])
@@ -83,7 +83,7 @@ def least(slope: Sensitivity) -> float:
     return max(slope.max_slope, slope.max_slope_error)
 
 
-def against_table_one(table: Mapping[str, Mapping[str, Sensitivity]]) -> Fit:
+def against_table_one(table: Mapping[str, Mapping[str, Sensitivity]]) -> CommonFactorFit:
     """All eight numbers of Table 1 as one common factor times ours, of equal weight: they differ by much more than our
     errors."""
     pairs = [(PUBLISHED[kind][cell], least(slope)) for kind in PUBLISHED for cell, slope in table[kind].items()]
@@ -91,14 +91,14 @@ def against_table_one(table: Mapping[str, Mapping[str, Sensitivity]]) -> Fit:
     return common_scale(published, slopes, np.ones(len(slopes)))
 
 
-class Difference(NamedTuple):
+class ReadingDifference(NamedTuple):
     """A difference of readings in W with its error."""
 
     value: float
     error: float
 
 
-def skewness(study: xr.Dataset) -> dict[str, Difference]:
+def skewness(study: xr.Dataset) -> dict[str, ReadingDifference]:
     """Fig. 10: differences of mirror taxels under a force along the secondary diagonal, less those without it.
 
     ``3 - 7`` : the corners on the diagonal; ``(2 + 6 - 4 - 8) / 2`` : the sides; ``1, 5, 9`` : the largest difference
@@ -112,7 +112,9 @@ def skewness(study: xr.Dataset) -> dict[str, Difference]:
         "1, 5, 9": [taxels[taxel] - middle for taxel in (0, 4, 8)],
     }
     differences = {
-        name: [Difference(*change(study, "resultant", paper.SHOWN_TANGENTIAL_FORCE, weight)) for weight in weights]
+        name: [
+            ReadingDifference(*change(study, "resultant", paper.SHOWN_TANGENTIAL_FORCE, weight)) for weight in weights
+        ]
         for name, weights in sums.items()
     }
     return {name: max(weight, key=lambda difference: abs(difference.value)) for name, weight in differences.items()}

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 DRAWS = 100_000
 
 
-class Order(NamedTuple):
+class ShapeOrder(NamedTuple):
     """Shapes from the largest value to the smallest, with the probability of this order.
 
     Attributes
@@ -26,13 +26,13 @@ class Order(NamedTuple):
     certainty: float
 
 
-def order(values: Mapping[str, float], errors: Mapping[str, float]) -> Order:
+def order(values: Mapping[str, float], errors: Mapping[str, float]) -> ShapeOrder:
     """The order of values with standard errors."""
     names = tuple(sorted(values, key=lambda name: -values[name]))
     mean = np.array([values[name] for name in names])
     error = np.array([errors[name] for name in names])
     draws = np.random.default_rng(0).normal(mean, error, (DRAWS, len(names)))
-    return Order(names, float(np.mean(np.all(np.diff(draws, axis=1) < 0, axis=1))))
+    return ShapeOrder(names, float(np.mean(np.all(np.diff(draws, axis=1) < 0, axis=1))))
 
 
 def pairs_in_order(values: Mapping[str, float], references: Mapping[str, float]) -> tuple[int, int]:
@@ -44,7 +44,7 @@ def pairs_in_order(values: Mapping[str, float], references: Mapping[str, float])
     return count, len(pairs)
 
 
-class Fit(NamedTuple):
+class CommonFactorFit(NamedTuple):
     """Numbers explained as one common factor times expected values.
 
     Attributes
@@ -65,7 +65,7 @@ class Fit(NamedTuple):
     misfit: float
 
 
-def common_scale(numbers: np.ndarray, expected: np.ndarray, spread: np.ndarray) -> Fit:
+def common_scale(numbers: np.ndarray, expected: np.ndarray, spread: np.ndarray) -> CommonFactorFit:
     """Fit ``numbers`` = scale x ``expected``, whose relative standard deviations are ``spread``.
 
     In logarithms, to first order in the spread; numbers and expected values must be above 0.
@@ -79,4 +79,4 @@ def common_scale(numbers: np.ndarray, expected: np.ndarray, spread: np.ndarray) 
     error = math.exp(shift) / math.sqrt(weights.sum())
     centred = difference - difference.mean()
     misfit = math.exp(math.sqrt(float(np.mean(centred**2))))
-    return Fit(math.exp(shift), error, chi_square, freedom, float(chi2.sf(chi_square, freedom)), misfit)
+    return CommonFactorFit(math.exp(shift), error, chi_square, freedom, float(chi2.sf(chi_square, freedom)), misfit)

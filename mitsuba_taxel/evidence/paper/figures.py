@@ -11,8 +11,8 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.evidence.paper import paper
-from mitsuba_taxel.evidence.paper.analog import Emulated
-from mitsuba_taxel.evidence.paper.plate import LAWS, Peak, normalised
+from mitsuba_taxel.evidence.paper.analog import EmulatedSlope
+from mitsuba_taxel.evidence.paper.plate import LAWS, CurveMaximum, normalised
 from mitsuba_taxel.evidence.paper.scenes import CENTRE, CORNER
 from mitsuba_taxel.evidence.paper.slopes import Sensitivity, curves
 from mitsuba_taxel.plots.curves import PLACES
@@ -67,7 +67,7 @@ def plate_curves(studies: Mapping[float, xr.Dataset], dim: str, abscissa: str, l
         axes[0, 0].figure.legend(*handles, loc="outside upper center", ncols=len(LAWS), frameon=False)
 
 
-def peak_positions(peaks_by_law: Mapping[str, Mapping[float, Peak]], file: Path) -> None:
+def peak_positions(peaks_by_law: Mapping[str, Mapping[float, CurveMaximum]], file: Path) -> None:
     """Height of the peak against die spacing, by emission law."""
     with _figure(file, 1, 1, (6, 4)) as axes:
         ax = axes[0, 0]
@@ -156,13 +156,13 @@ def diagonal_maps(nominal: Mapping[str, Mapping[str, xr.Dataset]], roofs: Mappin
 
 
 def sensitivities(
-    ours: Mapping[str, Mapping[str, Sensitivity]], expected: Mapping[str, Mapping[str, Emulated]], file: Path
+    ours: Mapping[str, Mapping[str, Sensitivity]], expected: Mapping[str, Mapping[str, EmulatedSlope]], file: Path
 ) -> None:
     """Table 1 as a picture: the paper, ours, and what 60 000 counted rays would have given.
 
     Parameters
     ----------
-    ours, expected : Mapping[str, Mapping[str, Sensitivity]] and Mapping[str, Mapping[str, Emulated]]
+    ours, expected : Mapping[str, Mapping[str, Sensitivity]] and Mapping[str, Mapping[str, EmulatedSlope]]
         By ``normal`` and ``tangential``, then by shape.
     """
     theirs = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}

@@ -27,7 +27,7 @@ NEAR_PEAK = 0.8
 """Share of the largest reading above which the curve is fitted for its peak."""
 
 
-class Peak(NamedTuple):
+class CurveMaximum(NamedTuple):
     """Position of a curve's maximum, with its standard error from the replicates."""
 
     at: float
@@ -81,7 +81,7 @@ def _sweep(store: PaperStudies, name: str, vary: dict, fixed: dict, workers: int
     return store.study(name, request, lambda: sweep("plate.xml", vary, fixed, points=POINTS, workers=workers))
 
 
-def peak(height: np.ndarray, samples: np.ndarray) -> Peak:
+def peak(height: np.ndarray, samples: np.ndarray) -> CurveMaximum:
     """The height at which a smooth curve through readings is largest.
 
     A cubic in ln(height) is fitted to ln(reading) wherever the mean reading is above 80 % of the largest; the error is
@@ -96,14 +96,14 @@ def peak(height: np.ndarray, samples: np.ndarray) -> Peak:
     """
     fitted = samples.mean(axis=1) > NEAR_PEAK * samples.mean(axis=1).max()
     if fitted[0] or fitted[-1] or fitted.sum() < 5:
-        return Peak(np.nan, np.nan)
+        return CurveMaximum(np.nan, np.nan)
     x, count = np.log(height[fitted]), samples.shape[1]
     total = samples[fitted].sum(axis=1, keepdims=True)
     jackknife = (total - samples[fitted]) / (count - 1)
     curves = np.log(np.concatenate([total / count, jackknife], axis=1))
     positions = np.array([_largest(x, curve) for curve in curves.T])
     spread = positions[1:].std() * np.sqrt(count - 1)
-    return Peak(float(positions[0]), float(spread))
+    return CurveMaximum(float(positions[0]), float(spread))
 
 
 def _largest(x: np.ndarray, y: np.ndarray) -> float:
@@ -113,7 +113,7 @@ def _largest(x: np.ndarray, y: np.ndarray) -> float:
     return float(np.exp(min(falling, key=lambda root: abs(root - x[np.argmax(y)]))))
 
 
-def peaks(study: xr.Dataset) -> dict[str, dict[float, Peak]]:
+def peaks(study: xr.Dataset) -> dict[str, dict[float, CurveMaximum]]:
     """Height of the peak for each law and die spacing; NaN if outside the heights."""
     peaks_by_law = {}
     for law in study.law.values:
@@ -125,22 +125,22 @@ def peaks(study: xr.Dataset) -> dict[str, dict[float, Peak]]:
     return peaks_by_law
 
 
-def spacing_for(peaks_by_spacing: dict[float, Peak], height: float) -> Peak:
+def spacing_for(peaks_by_spacing: dict[float, CurveMaximum], height: float) -> CurveMaximum:
     """The die spacing with its peak at ``height``, and its error; NaN if there is none in range.
 
     The root of a monotone cubic through the peaks; its error is that of a nearby peak over the slope there.
     """
     finite = {spacing: position for spacing, position in peaks_by_spacing.items() if np.isfinite(position.at)}
     if len(finite) < 2:
-        return Peak(np.nan, np.nan)
+        return CurveMaximum(np.nan, np.nan)
     spacing = np.array(list(finite))
     curve = PchipInterpolator(spacing, [position.at - height for position in finite.values()])
     roots = curve.roots(extrapolate=False)
     if not len(roots):
-        return Peak(np.nan, np.nan)
+        return CurveMaximum(np.nan, np.nan)
     root = float(roots[0])
     nearest = finite[float(spacing[np.argmin(np.abs(spacing - root))])]
-    return Peak(root, nearest.error / abs(float(curve.derivative()(root))))
+    return CurveMaximum(root, nearest.error / abs(float(curve.derivative()(root))))
 
 
 def normalised(study: xr.Dataset, dim: str) -> tuple[xr.DataArray, xr.DataArray]:

@@ -57,7 +57,7 @@ def slope_share(study: xr.Dataset) -> float:
     return float((study.derivative_error.max("taxel") / np.abs(study.derivative).max("taxel")).max())
 
 
-class Curves(NamedTuple):
+class ForceCurves(NamedTuple):
     """Readings against a force in N, from the least to the largest.
 
     Attributes
@@ -75,7 +75,7 @@ class Curves(NamedTuple):
     slope_error: np.ndarray
 
 
-def curves(study: xr.Dataset, force: str) -> Curves:
+def curves(study: xr.Dataset, force: str) -> ForceCurves:
     """The cubic curves through readings without random numbers and their derivatives.
 
     Raises
@@ -91,7 +91,7 @@ def curves(study: xr.Dataset, force: str) -> Curves:
         why = next(iter(study.attrs["notes"].splitlines()), "none were computed.")
         raise ComputationError(f"a study along {force} lacks derivatives: {why} Remove its file, and compute it again.")
     x, (value, slope, error) = run.force[order], run.tangents.part(order)
-    return Curves(CubicHermiteSpline(x, value, slope), x, error)
+    return ForceCurves(CubicHermiteSpline(x, value, slope), x, error)
 
 
 def _branch(study: xr.Dataset, force: str) -> Branch:

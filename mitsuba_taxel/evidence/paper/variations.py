@@ -30,7 +30,7 @@ ROOFS = {"isotropic": "isotropic", "lambertian": "Lambertian", "mirror": "mirror
 
 
 @dataclass(frozen=True)
-class Variation:
+class PaperVariation:
     """Difference from the nominal sensor, in words and as parameters of the scene; whether it is a single choice."""
 
     words: str
@@ -52,26 +52,28 @@ class Variation:
         return self.values.get("scattering") != "mirror"
 
 
-def choices() -> list[Variation]:
+def choices() -> list[PaperVariation]:
     """The nominal sensor first, then one choice at a time, then pairs: spacing and law, roof and law."""
-    spacings = [Variation(f"spacing {s:g} mm", {"spacing": s}) for s in SPACINGS if s != NOMINAL_SPACING]
-    laws = [Variation(f"LED {law}", {"law": law}) for law in LAWS if law != NOMINAL_LAW]
-    roofs = [Variation(f"{word} roof", {"scattering": value}) for value, word in ROOFS.items() if value != "isotropic"]
+    spacings = [PaperVariation(f"spacing {s:g} mm", {"spacing": s}) for s in SPACINGS if s != NOMINAL_SPACING]
+    laws = [PaperVariation(f"LED {law}", {"law": law}) for law in LAWS if law != NOMINAL_LAW]
+    roofs = [
+        PaperVariation(f"{word} roof", {"scattering": value}) for value, word in ROOFS.items() if value != "isotropic"
+    ]
     further = [
-        Variation("phototransistor along y", {"detector_width": 0.3, "detector_depth": 0.52}),
-        Variation("no dark centre", {"hole": 0}),
-        Variation("dark centre 0.15 mm", {"hole": 0.15}),
-        *(Variation(f"Poisson's ratio {ratio:g}", moduli(ratio)) for ratio in (0.45, 0.499)),
-        Variation("Mooney-Rivlin, c10 = c01", moduli(0.49, share_of_c01=0.5)),
-        Variation("package reflects 50%", {"body_reflectance": 0.5}),
+        PaperVariation("phototransistor along y", {"detector_width": 0.3, "detector_depth": 0.52}),
+        PaperVariation("no dark centre", {"hole": 0}),
+        PaperVariation("dark centre 0.15 mm", {"hole": 0.15}),
+        *(PaperVariation(f"Poisson's ratio {ratio:g}", moduli(ratio)) for ratio in (0.45, 0.499)),
+        PaperVariation("Mooney-Rivlin, c10 = c01", moduli(0.49, share_of_c01=0.5)),
+        PaperVariation("package reflects 50%", {"body_reflectance": 0.5}),
     ]
     pairs = [both(variation, law) for first in (spacings, roofs) for variation in first for law in laws]
-    return [Variation(NOMINAL, {}, single=False), *spacings, *laws, *roofs, *further, *pairs]
+    return [PaperVariation(NOMINAL, {}, single=False), *spacings, *laws, *roofs, *further, *pairs]
 
 
-def both(first: Variation, second: Variation) -> Variation:
+def both(first: PaperVariation, second: PaperVariation) -> PaperVariation:
     """Two choices at once."""
-    return Variation(f"{first.words}, {second.words}", first.values | second.values, single=False)
+    return PaperVariation(f"{first.words}, {second.words}", first.values | second.values, single=False)
 
 
 def vary(store: PaperStudies, workers: int | None) -> dict[str, dict[str, dict[str, xr.Dataset]]]:
@@ -98,13 +100,13 @@ def vary(store: PaperStudies, workers: int | None) -> dict[str, dict[str, dict[s
 
 
 def _loads(
-    store: PaperStudies, scene: Path, choice: Variation, cell: str, workers: int | None
+    store: PaperStudies, scene: Path, choice: PaperVariation, cell: str, workers: int | None
 ) -> dict[str, xr.Dataset]:
     return {force: _load(store, scene, choice, cell, force, workers) for force in ("fz", "fx", "fy")}
 
 
 def _load(
-    store: PaperStudies, scene: Path, choice: Variation, cell: str, force: str, workers: int | None
+    store: PaperStudies, scene: Path, choice: PaperVariation, cell: str, force: str, workers: int | None
 ) -> xr.Dataset:
     steps = NORMAL if force == "fz" else TANGENTIAL
     constant = {} if force == "fz" else {"fz": -paper.CONSTANT_NORMAL_FORCE}

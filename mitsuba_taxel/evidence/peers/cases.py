@@ -20,7 +20,7 @@ Estimator = Callable[[int, int], np.ndarray]
 """(samples per taxel, seed) -> (T,) power on each taxel's phototransistor, in W; all LEDs emit 1 W."""
 
 
-class Unsuitable(Exception):
+class UnsupportedCase(Exception):
     """A system does not support a case, for the reason in the message."""
 
 
@@ -39,7 +39,7 @@ class PeerCase:
     def require_ideal(self) -> None:
         """Raise if a peer without angular responses does not support the case."""
         if self.exponent != 1:
-            raise Unsuitable("the phototransistor's angular response was not modelled for it")
+            raise UnsupportedCase("the phototransistor's angular response was not modelled for it")
 
     @property
     def single_bounce(self) -> bool:
@@ -51,7 +51,7 @@ class PeerCase:
         case."""
         self.require_ideal()
         if not self.single_bounce:
-            raise Unsuitable("the pad's mesh with its region-wise walls was not modelled for it")
+            raise UnsupportedCase("the pad's mesh with its region-wise walls was not modelled for it")
         return float(self.parameters["z"]), float(self.parameters["spacing"])
 
     @property

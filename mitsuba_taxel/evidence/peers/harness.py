@@ -12,7 +12,7 @@ from scipy import stats
 from mitsuba_taxel.evidence.peers import mitsuba_stock
 from mitsuba_taxel.evidence.peers.cases import Estimator, PeerCase
 from mitsuba_taxel.evidence.peers.plate_quadrature import plate_power
-from mitsuba_taxel.evidence.rows.work_precision import Truth
+from mitsuba_taxel.evidence.rows.work_precision import TruthEstimate
 
 FALSE_ALARM_RATE = 1e-4
 """Probability that a correct row is reported to disagree with the truth."""
@@ -74,7 +74,7 @@ def samples_for(estimate: Estimator, seconds: float) -> int:
         samples *= 2 if quickest > seconds / 16 else 8
 
 
-def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> PeerResult:
+def repeat(estimate: Estimator, samples: int, runs: int, truth: TruthEstimate) -> PeerResult:
     """Run an estimator with several seeds, and compare it with the truth.
 
     The variance is computed about the truth if that is exact, so that an error common to all runs shows, else about the
@@ -88,7 +88,7 @@ def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> PeerRe
         Samples per taxel.
     runs : int
         Number of seeds.
-    truth : Truth
+    truth : TruthEstimate
         Reference.
     """
     timed = [_timed(estimate, samples, seed) for seed in range(runs)]
@@ -102,7 +102,7 @@ def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> PeerRe
     return PeerResult(math.sqrt(variance), float(means.mean()), float(z), bool(agrees), seconds)
 
 
-def truth_of(case: PeerCase, seconds: float) -> Truth:
+def truth_of(case: PeerCase, seconds: float) -> TruthEstimate:
     """Reference of a case: a quadrature for the plate; for pads, the mean of many runs of Mitsuba's own `path`.
 
     Under an isotropic roof, paths from the phototransistor have unbounded variance; `ptracer`, from the LED, is used.
@@ -117,13 +117,13 @@ def truth_of(case: PeerCase, seconds: float) -> Truth:
     if case.single_bounce:
         z, spacing = (float(case.parameters[name]) for name in ("z", "spacing"))
         power = plate_power(z, spacing, exponent=case.exponent)
-        return Truth(np.array([power]), np.zeros(1), "quadrature")
+        return TruthEstimate(np.array([power]), np.zeros(1), "quadrature")
     integrator = "ptracer" if case.isotropic else "path"
     estimate = mitsuba_stock.prepare(case, integrator, "multijitter")
     runs = 32
     samples = samples_for(estimate, seconds / runs)
     powers = np.array([estimate(samples, _TRUTH_SEEDS + run) for run in range(runs)])
-    return Truth(powers.mean(axis=0), powers.std(axis=0, ddof=1) / math.sqrt(runs), integrator)
+    return TruthEstimate(powers.mean(axis=0), powers.std(axis=0, ddof=1) / math.sqrt(runs), integrator)
 
 
 def _timed(estimate: Estimator, samples: int, seed: int) -> tuple[float, np.ndarray]:

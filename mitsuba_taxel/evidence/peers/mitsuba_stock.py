@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.evidence.peers.cases import DETECTOR, Estimator, PeerCase, Unsuitable
+from mitsuba_taxel.evidence.peers.cases import DETECTOR, Estimator, PeerCase, UnsupportedCase
 
 
 def prepare(case: PeerCase, integrator: str, sampler: str) -> Estimator:
@@ -12,7 +12,7 @@ def prepare(case: PeerCase, integrator: str, sampler: str) -> Estimator:
     import mitsuba as mi
 
     if integrator == "ptracer" and case.single_bounce:
-        raise Unsuitable("the path tracer is Mitsuba's own choice here")
+        raise UnsupportedCase("the path tracer is Mitsuba's own choice here")
     scene = case.load(integrator, sampler)
     mi.set_log_level(mi.LogLevel.Error)  # else `multijitter` reports each count that it rounds up
     taxels = scene.sensors()[0].faces.count

@@ -11,8 +11,8 @@ from functools import partial
 
 from mitsuba_taxel.base.arguments import refusal
 from mitsuba_taxel.evidence.peers import ours
-from mitsuba_taxel.evidence.peers.cases import CASES, Estimator, PeerCase, Unsuitable
-from mitsuba_taxel.evidence.peers.harness import PeerResult, Truth, repeat, samples_for, truth_of
+from mitsuba_taxel.evidence.peers.cases import CASES, Estimator, PeerCase, UnsupportedCase
+from mitsuba_taxel.evidence.peers.harness import PeerResult, TruthEstimate, repeat, samples_for, truth_of
 
 REFERENCE = "taxel_tracer"
 """The system against which ratios are taken; it always runs first."""
@@ -77,7 +77,7 @@ def rows_of(case: PeerCase, peers: Sequence[str], runs: int, seconds: float) -> 
     for name, prepare in systems.items():
         try:
             result, set_up = _run(partial(prepare, case), truth, runs, seconds)
-        except Unsuitable as reason:
+        except UnsupportedCase as reason:
             yield case.name, name, *[""] * (len(COLUMNS) - 3), f"left out: {reason}"
             continue
         if name == REFERENCE:
@@ -85,7 +85,7 @@ def rows_of(case: PeerCase, peers: Sequence[str], runs: int, seconds: float) -> 
         yield _row(case.name, name, result, set_up, reference)
 
 
-def _run(prepare: Callable[[], Estimator], truth: Truth, runs: int, seconds: float) -> tuple[PeerResult, float]:
+def _run(prepare: Callable[[], Estimator], truth: TruthEstimate, runs: int, seconds: float) -> tuple[PeerResult, float]:
     """Outcome of a system's runs, and the seconds until its first small answer (loading, compilation)."""
     gc.collect()  # a live scene adds its plugins to the kernels of every other
     start = time.perf_counter()
@@ -100,7 +100,7 @@ def _prepare_peer(peer: tuple[str, dict[str, str]], case: PeerCase) -> Estimator
     try:
         return importlib.import_module(f"mitsuba_taxel.evidence.peers.{module}").prepare(case, **arguments)
     except ModuleNotFoundError as error:
-        raise Unsuitable(f"{error.name} is not installed") from error
+        raise UnsupportedCase(f"{error.name} is not installed") from error
 
 
 def _row(case: str, system: str, result: PeerResult, set_up: float, reference: float) -> tuple[str, ...]:

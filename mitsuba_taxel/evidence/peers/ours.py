@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.evidence.peers.cases import Estimator, PeerCase, Unsuitable
+from mitsuba_taxel.evidence.peers.cases import Estimator, PeerCase, UnsupportedCase
 
 INTEGRATORS = ("taxel_tracer", "taxel_path", "analog_tracer")
 
@@ -16,12 +16,12 @@ def prepare(case: PeerCase, integrator: str) -> Estimator:
     from mitsuba_taxel.sensing.reading.runs import REPLICATES
 
     if integrator not in plugin_files():
-        raise Unsuitable("no plugin of this name is registered")
+        raise UnsupportedCase("no plugin of this name is registered")
     scene = case.load(integrator)
     try:
         measure(scene, points=1)
     except InputError as reason:
-        raise Unsuitable(str(reason)) from reason
+        raise UnsupportedCase(str(reason)) from reason
 
     def estimate(samples: int, seed: int) -> np.ndarray:
         return measure(scene, points=max(1, samples // REPLICATES), seed=seed).power

@@ -24,7 +24,7 @@ LEAST_SPAN = 2.0
 
 
 @dataclass(frozen=True)
-class Point:
+class WorkPoint:
     """Result of one method with one setting.
 
     Attributes
@@ -84,7 +84,7 @@ class ErrorCurve:
 
     part: str
     method: str
-    points: Sequence[Point]
+    points: Sequence[WorkPoint]
     launched: bool = False
     remark: str = ""
 
@@ -123,7 +123,7 @@ def slope(curve: ErrorCurve) -> Slope:
 
 
 @dataclass(frozen=True)
-class Truth:
+class TruthEstimate:
     """Reference for readings.
 
     Attributes

@@ -27,7 +27,7 @@ from mitsuba_taxel.evidence.accuracy.mechanics import from_nothing, open_pads, s
 from mitsuba_taxel.evidence.accuracy.methods import METHODS, Method, estimator, is_bounded, offset_share, stray_light
 from mitsuba_taxel.evidence.accuracy.plot import plot_accuracy
 from mitsuba_taxel.evidence.accuracy.tables import COLUMNS, HEADINGS, cells, write_csv
-from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Truth, slope
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, TruthEstimate, slope
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.continuation import load_segment
 from mitsuba_taxel.mechanics.continuation import pad_path as path
@@ -180,7 +180,7 @@ def test_isotropic_walls_leave_paths_from_the_detector_out(clockwork, write):
 
 def test_a_method_that_is_off_is_said_to_be():
     rng = np.random.default_rng(0)
-    truth = Truth(np.ones(3), np.full(3, 1e-5), "other")
+    truth = TruthEstimate(np.ones(3), np.full(3, 1e-5), "other")
     for bias, said in ((0.0, ""), (0.01, "off by +0.01 of the reference")):
         power = 1 + bias + rng.normal(0, 1e-3, (8, 3))
         rungs = [accuracy_optics.Rung(1 << k, power, np.full((8, 3), math.nan), 0.1) for k in (10, 11)]

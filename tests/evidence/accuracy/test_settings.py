@@ -14,7 +14,7 @@ from PIL import Image
 from mitsuba_taxel import InputError, Pad, PadSensor, Wall
 from mitsuba_taxel.evidence.accuracy import settings as accuracy_settings
 from mitsuba_taxel.evidence.accuracy.settings import PATHS, WITHOUT, settings_accuracy
-from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, Point
+from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, WorkPoint
 
 GREY = Wall("lambertian", 0.9)
 SECONDS = 0.1
@@ -78,7 +78,7 @@ def fake(curves):
 
 
 def curves_of_two():
-    points = [Point(f"{n} samples", 0.1 * n, 0.1 / n, 0.2 / n, 0.01, "long", 4, 4) for n in (1, 2, 4)]
+    points = [WorkPoint(f"{n} samples", 0.1 * n, 0.1 / n, 0.2 / n, 0.01, "long", 4, 4) for n in (1, 2, 4)]
     return [ErrorCurve("", PATHS, points), ErrorCurve("", WITHOUT, [], remark="no patches")]
 
 

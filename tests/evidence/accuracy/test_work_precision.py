@@ -9,7 +9,7 @@ import pytest
 from power_law_curve import line
 from scipy import stats
 
-from mitsuba_taxel.evidence.rows.work_precision import Truth, relative_rms, slope
+from mitsuba_taxel.evidence.rows.work_precision import TruthEstimate, relative_rms, slope
 
 
 @pytest.mark.parametrize("exponent", [-0.5, -1.0, -1.5])
@@ -41,7 +41,7 @@ def test_the_slopes_standard_error_is_its_scatter(scatter):
 
 
 def test_errors_are_relative_and_leave_dark_taxels_out():
-    truth = Truth(np.array([2.0, 0.0, 4.0]), np.array([0.02, 0.0, 0.0]), "")
+    truth = TruthEstimate(np.array([2.0, 0.0, 4.0]), np.array([0.02, 0.0, 0.0]), "")
     assert truth.floor == pytest.approx(0.01 / math.sqrt(2))
     assert relative_rms(np.array([[0.2, 9.0, 0.4], [0.0, 9.0, 0.0]]), truth.power) == pytest.approx(0.1 / math.sqrt(2))
     assert math.isnan(relative_rms(np.ones(2), np.zeros(2)))

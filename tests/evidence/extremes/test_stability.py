@@ -19,7 +19,7 @@ from started_process import interrupted, started
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.evidence.extremes import stability
-from mitsuba_taxel.evidence.extremes.case import Case, cutbacks, failure_of, mean_roof, node_jacobian
+from mitsuba_taxel.evidence.extremes.case import ExtremeCase, cutbacks, failure_of, mean_roof, node_jacobian
 from mitsuba_taxel.evidence.extremes.cases import stability_cases
 from mitsuba_taxel.evidence.extremes.slivers import FLATNESS, SliverPad
 from mitsuba_taxel.evidence.extremes.solid_cases import solid_cases
@@ -36,7 +36,7 @@ from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
 from mitsuba_taxel.pads import REGIONS, Pad
 
 ONE_CELL = Pad(rows=1, columns=1)
-SMALL = Case("small", ONE_CELL, value=(0.0, 0.0, -1.0), mesh_size=2.0, with_finer_mesh=True)
+SMALL = ExtremeCase("small", ONE_CELL, value=(0.0, 0.0, -1.0), mesh_size=2.0, with_finer_mesh=True)
 SOFT = replace(SMALL, name="soft", material=NeoHookean(0.05), value=(0.0, 0.0, -20.0))
 RIGHT = MechanicsRow("a", "converged", "", 4, 2, 0, 0.9, 0.8, 1e-12, 1e-8, "stable", 0.1, 0.02, 0.01, 1.0, 200.0)
 

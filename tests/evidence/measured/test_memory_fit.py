@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from mitsuba_taxel.evidence.measured import bench_pad, bench_pad_in_time, measured, memory_fit
-from mitsuba_taxel.evidence.measured.bench_pad import Press
+from mitsuba_taxel.evidence.measured.bench_pad import IndenterPress
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 from mitsuba_taxel.mechanics import NeoHookean, Viscoelastic
 
@@ -118,7 +118,7 @@ def small(monkeypatch):
 def test_force_of_a_hold_relaxes_as_the_series(small, tmp_path):
     """Nearly as that of an incompressible pad: after a quick press, its stress is a fixed field times the series."""
     terms = ((0.2, 0.5), (0.1, 5.0))
-    study = bench_pad_in_time.hold_and_release(PaperStudies(tmp_path, str), Press(4.0, "sphere", 2.0), terms)
+    study = bench_pad_in_time.hold_and_release(PaperStudies(tmp_path, str), IndenterPress(4.0, "sphere", 2.0), terms)
     times = np.array(bench_pad_in_time.HOLD_TIMES)
     expected = Viscoelastic(NeoHookean(), terms).relaxation(times + bench_pad_in_time.REACHED / 2)
     force = study.force.values[1 : 1 + len(times)]
@@ -131,7 +131,7 @@ def test_force_of_a_hold_relaxes_as_the_series(small, tmp_path):
 def test_a_slow_loop_is_as_wide_as_a_linear_solid_makes_it(small, tmp_path):
     """Far from the turns a term lags by tau, which opens 2 g tau of the force's rate."""
     share, time = 0.1, 0.5
-    study = bench_pad_in_time.cycle(PaperStudies(tmp_path, str), Press(4.0, "sphere", 2.0), ((share, time),))
+    study = bench_pad_in_time.cycle(PaperStudies(tmp_path, str), IndenterPress(4.0, "sphere", 2.0), ((share, time),))
     loop = memory_fit.loop_of(study)
     rate = 2 / measured.CYCLE_SECONDS  # of the largest force
     expected = 100 * 2 * share / (1 - share) * time * rate

@@ -10,11 +10,11 @@ import xarray as xr
 
 from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.evidence.measured import bench_pad, measured, pad_assumptions, pad_comparison
-from mitsuba_taxel.evidence.measured.bench_pad import Assumed, Press
+from mitsuba_taxel.evidence.measured.bench_pad import IndenterPress, PadAssumptions
 from mitsuba_taxel.evidence.measured.pad_fit import FittedPad
 from mitsuba_taxel.evidence.measured.page.assumptions import assumptions_section
 
-GREY = Assumed("grey", walls=0.2)
+GREY = PadAssumptions("grey", walls=0.2)
 
 
 def made_up(store, press, travels=bench_pad.TRAVELS, assumed=bench_pad.AS_FITTED):
@@ -39,7 +39,7 @@ def made_up(store, press, travels=bench_pad.TRAVELS, assumed=bench_pad.AS_FITTED
 def found():
     """What the fit assumes: all taxels change alike when they are pressed."""
     fit = FittedPad(np.array([7.5, 1.05]), 0.5, 0.0, np.array([0.2, 0.05, 0.01]), 0.01, {})
-    press = Press(7.5, "sphere", 1.05)
+    press = IndenterPress(7.5, "sphere", 1.05)
     taxels = {
         taxel: pad_comparison.compare(
             made_up(None, press.moved(*bench_pad.centre_of(taxel))), taxel, fit, pad_comparison.measured_curve(taxel)
@@ -81,9 +81,9 @@ def test_walls_reflect_and_collars_shade_no_roof(monkeypatch, tmp_path):
     monkeypatch.setattr(bench_pad, "SIDE", 1)
     monkeypatch.setattr(measured, "PAD_SIDE", 5.0)
     power = {}
-    for assumed in (bench_pad.AS_FITTED, GREY, Assumed("free", collar=0.0)):
+    for assumed in (bench_pad.AS_FITTED, GREY, PadAssumptions("free", collar=0.0)):
         bench_pad.write_scene(tmp_path / "pad.xml", assumed)
-        defines = bench_pad.defines_of(Press(4.0, "sphere", 1.0), assumed)
+        defines = bench_pad.defines_of(IndenterPress(4.0, "sphere", 1.0), assumed)
         found = measure(Scene(tmp_path / "pad.xml", defines), points=64, mechanics_error=False)
         power[assumed.name] = found.power[0]
     assert 1.01 * power[""] < power["grey"] < 2 * power[""]

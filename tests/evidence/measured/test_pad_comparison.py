@@ -10,7 +10,7 @@ from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.electronics import Circuit, respond
 from mitsuba_taxel.evidence.measured import bench_pad, measured, pad_comparison
-from mitsuba_taxel.evidence.measured.bench_pad import Press
+from mitsuba_taxel.evidence.measured.bench_pad import IndenterPress
 from mitsuba_taxel.evidence.measured.pad_fit import FittedPad
 from mitsuba_taxel.evidence.measured.page import pad as page_pad
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
@@ -79,7 +79,7 @@ def test_the_section_says_what_was_fitted_and_what_misses(tmp_path):
     curve = pad_comparison.measured_curve(13)
     fitted = pad_comparison.compare(made_up(), 13, FOUND, curve)
     weak = pad_comparison.compare(made_up(end="the pad touches itself."), 13, FOUND._replace(modulus=0.4), curve)
-    found = pad_comparison.Results(
+    found = pad_comparison.PadComparison(
         FOUND,
         {13: fitted, 5: weak},
         np.array([-0.3, 0.4]),
@@ -88,7 +88,7 @@ def test_the_section_says_what_was_fitted_and_what_misses(tmp_path):
         0.17,
         made_up(),
         made_up(),
-        pad_comparison.Wide(8.0, 55.0, 0.14),
+        pad_comparison.NeighbourChange(8.0, 55.0, 0.14),
     )
     text = page_pad.pad_section(found, tmp_path)
     for words in (
@@ -115,7 +115,7 @@ def one_cell(monkeypatch):
 
 
 def test_a_path_has_the_force_of_its_board_for_any_modulus_and_is_kept(one_cell, tmp_path):
-    press, asked = Press(4.0, "sphere", 2.0), []
+    press, asked = IndenterPress(4.0, "sphere", 2.0), []
     store = PaperStudies(tmp_path, asked.append)
     study = bench_pad.path(store, press, (0.2,))
     pad = Pad(rows=1, columns=1, wall=1.225, height=3.5, cell_height=0.55)
@@ -129,11 +129,11 @@ def test_a_path_has_the_force_of_its_board_for_any_modulus_and_is_kept(one_cell,
 
 
 def test_a_path_tells_why_it_ends(one_cell, tmp_path):
-    study = bench_pad.path(PaperStudies(tmp_path, str), Press(2.0, "sphere", 2.0), (0.1, 1.4))
+    study = bench_pad.path(PaperStudies(tmp_path, str), IndenterPress(2.0, "sphere", 2.0), (0.1, 1.4))
     assert study.travel.values.tolist() == [0.1]
     assert "path ends" in study.attrs["end"]
     with pytest.raises(ComputationError, match="path ends"):
-        bench_pad.path(PaperStudies(tmp_path, str), Press(2.0, "sphere", 1.9), (1.4,))
+        bench_pad.path(PaperStudies(tmp_path, str), IndenterPress(2.0, "sphere", 1.9), (1.4,))
 
 
 @pytest.mark.parametrize(("x", "wall"), [(0.9, 1.275), (1.1, 0.975)])

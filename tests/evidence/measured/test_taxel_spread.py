@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mitsuba_taxel.evidence.measured.taxel_spread import ROUNDING, Band, band
+from mitsuba_taxel.evidence.measured.taxel_spread import ROUNDING, TaxelBand, band
 
 MOVED = np.exp(-np.add.outer(np.arange(-2, 3) ** 2, (np.arange(-2, 3) + 0.3) ** 2) / 2.0)
 MOVED *= 100 / MOVED[2, 2]
@@ -34,7 +34,7 @@ def test_the_band_of_a_map_is_that_of_taxels_that_differ():
 @pytest.mark.parametrize(("taxels", "spread"), [(3, 0.16), (3, 0.02), (25, 0.05)])
 def test_the_chance_that_all_are_within_is_that_of_drawn_pads(taxels, spread):
     deviation = np.where(MOVED < MOVED.max(), 1.0, 0.0)
-    chance = Band(dict.fromkeys(range(taxels), 1.0), spread, MOVED, deviation).chance_of_none_beyond(5.0)
+    chance = TaxelBand(dict.fromkeys(range(taxels), 1.0), spread, MOVED, deviation).chance_of_none_beyond(5.0)
     random, count = np.random.default_rng(3), 40_000
     own_spread = spread * np.sqrt((taxels - 1) / random.chisquare(taxels - 1, count))[:, None]
     pressed, others = random.normal(size=(count, 1)), random.normal(size=(count, 24))

@@ -65,16 +65,18 @@ def test_volts_under_tangential_forces(sideways):
 def test_the_page_holds_all_parts(loop, sideways, monkeypatch, tmp_path):
     monkeypatch.setattr(validation, "cycle", lambda store, cell, terms: loop)
     monkeypatch.setattr(validation, "pushed", lambda store, cell, along: sideways(along))
-    memory = memory_fit.Memory(
+    memory = memory_fit.PronyFit(
         ((0.2, 0.05), (0.02, 0.5), (0.01, 5.0)),
         3,
         1.1 * memory_fit.measured_tail(),
         np.array([1.03, 1.01, 1.0, 1.0]),
         0.0005,
-        memory_fit.Loop(0.75, 0.8, 0.4, 0.25),
-        memory_fit.Loop(0.6, 0.7, 0.3, 0.1),
+        memory_fit.HysteresisLoop(0.75, 0.8, 0.4, 0.25),
+        memory_fit.HysteresisLoop(0.6, 0.7, 0.3, 0.1),
         1.2,
-        memory_fit.Errors(np.full(8, 1e-3), np.full(4, 2e-3), 1e-4, memory_fit.Loop(0.05, 0.06, 0.02, 0.01)),
+        memory_fit.MemoryErrors(
+            np.full(8, 1e-3), np.full(4, 2e-3), 1e-4, memory_fit.HysteresisLoop(0.05, 0.06, 0.02, 0.01)
+        ),
     )
     monkeypatch.setattr(memory_fit, "results", lambda store, press, late: memory)
     monkeypatch.setattr(
@@ -113,14 +115,14 @@ def test_the_page_holds_all_parts(loop, sideways, monkeypatch, tmp_path):
 def made_memory(**changed):
     """A memory as measured, but for what is ``changed``."""
     forces = np.array(measured.HOLD_FORCES)[:, 0]
-    loop = memory_fit.Loop(
+    loop = memory_fit.HysteresisLoop(
         measured.FORCE_LOOP,
         measured.ENERGY_LOST,
         measured.VOLTAGE_LOOP_AT_FORCE,
         measured.VOLTAGE_LOOP_AT_TRAVEL,
     )
-    errors = memory_fit.Errors(np.zeros(8), np.zeros(4), 0.0, memory_fit.Loop(0, 0, 0, 0))
-    made = memory_fit.Memory(
+    errors = memory_fit.MemoryErrors(np.zeros(8), np.zeros(4), 0.0, memory_fit.HysteresisLoop(0, 0, 0, 0))
+    made = memory_fit.PronyFit(
         ((0.2, 0.05),), 3, memory_fit.measured_tail(), forces / forces[-1], 0.0, loop, loop, 1.0, errors
     )
     return made._replace(**changed)
@@ -132,7 +134,10 @@ def made_memory(**changed):
         ({}, ["The hold agrees", "The loop agrees"]),
         ({"hold": np.array([1.2, 1.0, 1.0, 1.0])}, ["The hold **does not agree**"]),
         ({"held_change": 0.01}, ["1.00 ± 0.00 %, **not** as measured"]),
-        ({"loop": memory_fit.Loop(30, 30, 15, 15)}, ["**The loop does not agree**: the measured ones are 0.25 to"]),
+        (
+            {"loop": memory_fit.HysteresisLoop(30, 30, 15, 15)},
+            ["**The loop does not agree**: the measured ones are 0.25 to"],
+        ),
     ],
 )
 def test_numbers_decide_what_the_page_says_of_hold_and_loop(changed, words, tmp_path):
@@ -143,12 +148,12 @@ def test_numbers_decide_what_the_page_says_of_hold_and_loop(changed, words, tmp_
 
 
 def test_widths_below_their_errors_are_no_part_of_the_verdict(tmp_path):
-    errors = memory_fit.Errors(np.zeros(8), np.zeros(4), 0.002, memory_fit.Loop(0.05, 0.06, 0.4, 0.4))
-    made = made_memory(loop=memory_fit.Loop(0.75, 0.8, 0.4, 0.25), errors=errors)
+    errors = memory_fit.MemoryErrors(np.zeros(8), np.zeros(4), 0.002, memory_fit.HysteresisLoop(0.05, 0.06, 0.4, 0.4))
+    made = made_memory(loop=memory_fit.HysteresisLoop(0.75, 0.8, 0.4, 0.25), errors=errors)
     text = " ".join(page_memory.memory_section(made, tmp_path).split())
     assert "10 to 11 times as wide as predicted (2 of 4 widths are not resolved)" in text
     assert "0.00 ± 0.20 %, which does not resolve what is measured: by 0.15 %" in text
-    none = made._replace(errors=errors._replace(loop=memory_fit.Loop(9, 9, 9, 9)))
+    none = made._replace(errors=errors._replace(loop=memory_fit.HysteresisLoop(9, 9, 9, 9)))
     section = page_memory.memory_section(none, tmp_path)
     assert "No width of the loop is resolved." in section
     assert all(f"| {label} |" in section for label in ("force at equal travel", "energy of a cycle"))

@@ -36,7 +36,7 @@ def test_a_peak_outside_the_heights_is_none(top):
 
 def test_the_spacing_for_a_peak():
     """On peaks that are linear in the spacing, root and error are known."""
-    peaks = {spacing: plate.Peak(0.1 + 0.25 * spacing, 1e-3) for spacing in (0.5, 0.6, 0.7, 0.8, 0.9)}
+    peaks = {spacing: plate.CurveMaximum(0.1 + 0.25 * spacing, 1e-3) for spacing in (0.5, 0.6, 0.7, 0.8, 0.9)}
     found = plate.spacing_for(peaks, 0.28)
     assert found.at == pytest.approx(0.72)
     assert found.error == pytest.approx(4e-3)

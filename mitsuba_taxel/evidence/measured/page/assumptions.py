@@ -8,12 +8,12 @@ import numpy as np
 
 from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.measured import measured
-from mitsuba_taxel.evidence.measured.pad_assumptions import PREDICTED, Tried, expected_at, rings
-from mitsuba_taxel.evidence.measured.pad_comparison import Compared, Results
+from mitsuba_taxel.evidence.measured.pad_assumptions import PREDICTED, AssumptionResult, expected_at, rings
+from mitsuba_taxel.evidence.measured.pad_comparison import PadComparison, TaxelComparison
 from mitsuba_taxel.evidence.paper.page.words import paragraph
 
 
-def assumptions_section(results: Results, tried: Mapping[str, Tried]) -> str:
+def assumptions_section(results: PadComparison, tried: Mapping[str, AssumptionResult]) -> str:
     """The section of the page."""
     fitted = measured.PRESSED
     heads = ["assumed", f"force of {fitted} [%]", f"change of {fitted} [%]", *("1", "1.4", "2", "2.2", "2.8")]
@@ -33,7 +33,7 @@ middle here.
 """
 
 
-def _errors(compared: Compared) -> list[str]:
+def _errors(compared: TaxelComparison) -> list[str]:
     return [f"{errors[np.nanargmax(np.abs(errors))]:+.1f}" for errors in (compared.force_error, compared.change_error)]
 
 
@@ -41,7 +41,7 @@ def _shown(means: np.ndarray) -> list[str]:
     return [f"{mean:.1f}" for mean in means]
 
 
-def _own(results: Results) -> str:
+def _own(results: PadComparison) -> str:
     """Whether the taxel that is missed most is missed alike in the map."""
     actual, computed, expected = expected_at(results)
     times = f"Pressed itself, taxel {PREDICTED} changes {expected / computed:.2f} times as much as computed"

@@ -8,7 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.measured import measured, validation_figures
-from mitsuba_taxel.evidence.measured.memory_fit import FRICTION, Memory, linear_loop, measured_tail, slow_term
+from mitsuba_taxel.evidence.measured.memory_fit import FRICTION, PronyFit, linear_loop, measured_tail, slow_term
 from mitsuba_taxel.evidence.measured.pad_comparison import FINER
 from mitsuba_taxel.evidence.paper.page.words import paragraph
 
@@ -25,7 +25,7 @@ _LOOPS = (
 )
 
 
-def memory_section(fit: Memory, pictures: Path) -> str:
+def memory_section(fit: PronyFit, pictures: Path) -> str:
     """The section of the page; its figure is written to the folder ``pictures``."""
     tail = measured_tail()
     forces, scatters = np.array(measured.HOLD_FORCES).T / measured.HOLD_FORCES[-1][0]
@@ -90,7 +90,7 @@ def _with(value: float, error: float) -> str:
     return f"{value:.2f} ± {error:.2f}"
 
 
-def _hold_words(memory: Memory, forces: np.ndarray, scatters: np.ndarray) -> str:
+def _hold_words(memory: PronyFit, forces: np.ndarray, scatters: np.ndarray) -> str:
     within = np.all(np.abs(memory.hold - forces) <= np.hypot(scatters, memory.errors.hold))
     hold = "agrees" if within else "**does not agree**"
     change, error = 100 * memory.held_change, 100 * memory.errors.held_change
@@ -103,7 +103,7 @@ def _hold_words(memory: Memory, forces: np.ndarray, scatters: np.ndarray) -> str
     )
 
 
-def _loop_words(memory: Memory) -> str:
+def _loop_words(memory: PronyFit) -> str:
     resolved = [
         entry for entry in _LOOPS if getattr(memory.loop, entry[1]) > RESOLVED * getattr(memory.errors.loop, entry[1])
     ]

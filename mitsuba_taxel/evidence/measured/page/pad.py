@@ -9,7 +9,7 @@ import numpy as np
 from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.evidence.measured import bench_pad, measured, validation_figures
-from mitsuba_taxel.evidence.measured.pad_comparison import FINER, MAP_TRAVEL, Compared, Results, ring
+from mitsuba_taxel.evidence.measured.pad_comparison import FINER, MAP_TRAVEL, PadComparison, TaxelComparison, ring
 from mitsuba_taxel.evidence.measured.taxel_spread import ROUNDING, band
 from mitsuba_taxel.evidence.paper.page.words import paragraph
 
@@ -19,7 +19,7 @@ ALIKE = 1.5
 """Misfit, relative to the least, of pairs of unknowns that the page tells too."""
 
 
-def pad_section(results: Results, pictures: Path) -> str:
+def pad_section(results: PadComparison, pictures: Path) -> str:
     """The section of the page; its figures are written to the folder ``pictures``."""
     validation_figures.pressed(results.taxels, pictures / "pressed.png")
     validation_figures.maps(results, pictures / "map.png")
@@ -77,7 +77,7 @@ middle of taxel {fitted}. All else in the map is predicted.
 """
 
 
-def _unknowns(results: Results) -> list[list[str]]:
+def _unknowns(results: PadComparison) -> list[list[str]]:
     height, radius, late = (
         with_error(value, error)
         for value, error in zip([*results.found.unknowns, results.found.late], results.found.deviations, strict=True)
@@ -90,7 +90,7 @@ def _unknowns(results: Results) -> list[list[str]]:
     ]
 
 
-def _valley(results: Results) -> str:
+def _valley(results: PadComparison) -> str:
     """What else was tried and fits nearly as well."""
     best = tuple(results.found.unknowns)
     alternatives = [
@@ -104,7 +104,7 @@ def _valley(results: Results) -> str:
     return f"Root mean square of the residuals, of the largest values: {100 * results.found.misfit:.1f} %{alike}."
 
 
-def _pressed(taxel: int, compared: Compared) -> str:
+def _pressed(taxel: int, compared: TaxelComparison) -> str:
     fitted = taxel == measured.PRESSED
     force_target, change_target = (FORCE_TARGET, CHANGE_TARGET) if fitted else (PREDICTED_TARGET, PREDICTED_TARGET)
     columns = [
@@ -138,7 +138,7 @@ rest, {measured.PRESSES[taxel].at_rest:g} V; differences in percent of the large
 """
 
 
-def _spread(results: Results) -> str:
+def _spread(results: PadComparison) -> str:
     """How taxels differ at one force that all reach."""
     at = min(
         compared.measured.force[np.isfinite(compared.change_at_force)].max() for compared in results.taxels.values()
@@ -191,7 +191,7 @@ def _shown(value: float, form: str) -> str:
     return format(value, form) if np.isfinite(value) else "-"
 
 
-def _errors(results: Results) -> str:
+def _errors(results: PadComparison) -> str:
     """Numerical errors of the fitted path."""
     state = results.errors.isel(travel=-1)
     force = 100 * float(state.force_error / state.force)
@@ -212,7 +212,7 @@ def _errors(results: Results) -> str:
     )
 
 
-def _map_rows(results: Results) -> list[list[str]]:
+def _map_rows(results: PadComparison) -> list[list[str]]:
     rows = zip(measured.HELD_MAP, results.moved, band(results).deviation, strict=True)
     return [
         [f"row {number}", *(f"{a} / {round(b)} ± {c:.1f}" for a, b, c in zip(*row, strict=True))]
@@ -220,7 +220,7 @@ def _map_rows(results: Results) -> list[list[str]]:
     ]
 
 
-def _map_words(results: Results) -> str:
+def _map_words(results: PadComparison) -> str:
     difference = results.moved - np.array(measured.HELD_MAP)
     middle = bench_pad.SIDE // 2
     neighbours = np.abs(difference[middle - 1 : middle + 2, middle - 1 : middle + 2])
@@ -239,7 +239,7 @@ def _map_words(results: Results) -> str:
     )
 
 
-def _band_words(results: Results) -> str:
+def _band_words(results: PadComparison) -> str:
     """What differences between taxels explain of the map."""
     limits, difference = band(results), np.abs(results.moved - np.array(measured.HELD_MAP))
     times = difference / np.maximum(limits.deviation, ROUNDING)
@@ -263,7 +263,7 @@ def _band_words(results: Results) -> str:
     )
 
 
-def _widest(results: Results) -> str:
+def _widest(results: PadComparison) -> str:
     """What the pads that were tried tell about a map that is too narrow or too wide."""
     bench, model = (ring(np.array(values), 1) for values in (measured.HELD_MAP, results.centred))
     height, mean, change = results.widest

@@ -13,7 +13,7 @@ from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.evidence.paper import figures, paper, plate
 from mitsuba_taxel.evidence.paper.analysis import PUBLISHED, against_table_one, least, table_one
-from mitsuba_taxel.evidence.paper.comparison import Fit, pairs_in_order
+from mitsuba_taxel.evidence.paper.comparison import CommonFactorFit, pairs_in_order
 from mitsuba_taxel.evidence.paper.page.words import Found, paragraph, steepest
 from mitsuba_taxel.evidence.paper.slopes import Sensitivity
 from mitsuba_taxel.evidence.paper.variations import NOMINAL, NOMINAL_LAW, NOMINAL_SPACING, choices
@@ -81,19 +81,19 @@ def _computed(tables: Mapping[str, Any]) -> str:
     return paragraph(f"{len(tables)} of {len(choices())} choices and pairs.{missing}")
 
 
-def _heights(studies: Found) -> dict[str, plate.Peak]:
+def _heights(studies: Found) -> dict[str, plate.CurveMaximum]:
     """Height of the peak for die spacing and law of each choice; NaN if unknown."""
     peaks = plate.peaks(studies["peak"]) if "peak" in studies else {}
 
-    def height(values: Mapping[str, Any]) -> plate.Peak:
+    def height(values: Mapping[str, Any]) -> plate.CurveMaximum:
         if not peaks or {"hole", "detector_width", "body_reflectance"} & set(values):
-            return plate.Peak(math.nan, math.nan)
+            return plate.CurveMaximum(math.nan, math.nan)
         return peaks[values.get("law", NOMINAL_LAW)][values.get("spacing", NOMINAL_SPACING)]
 
     return {choice.words: height(choice.values) for choice in choices()}
 
 
-def _height(peak: plate.Peak) -> str:
+def _height(peak: plate.CurveMaximum) -> str:
     return with_error(*peak) if math.isfinite(peak.at) else "-"
 
 
@@ -115,7 +115,9 @@ def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) ->
     return f"Single choices by the typical factor by which they change a slope: {listed}."
 
 
-def _unexplained(tables: Mapping[str, Any], fits: Mapping[str, Fit], heights: Mapping[str, plate.Peak]) -> str:
+def _unexplained(
+    tables: Mapping[str, Any], fits: Mapping[str, CommonFactorFit], heights: Mapping[str, plate.CurveMaximum]
+) -> str:
     """Remaining ratios of the choices with the least misfit, number by number."""
     consistent = [words for words in tables if abs(heights[words].at - paper.PEAK_HEIGHT) <= NEAR_THE_DATASHEET]
     groups = {"Of all choices": tables, "Of those that put the peak within 0.03 mm of the datasheet's": consistent}

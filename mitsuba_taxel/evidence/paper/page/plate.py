@@ -59,5 +59,5 @@ column reproduce it, so it cannot distinguish between them.
 """
 
 
-def _within(spacing: plate.Peak) -> str:
+def _within(spacing: plate.CurveMaximum) -> str:
     return with_error(*spacing) if math.isfinite(spacing.at) else "none"
