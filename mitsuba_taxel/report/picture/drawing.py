@@ -31,7 +31,7 @@ PER_PASS = 16
 AZIMUTH, ELEVATION, FIELD_OF_VIEW = 24.0, 19.0, 16.0
 """Camera, in degrees: azimuth to the right of -y, elevation above the board, and horizontal field of view."""
 MARGIN = 1.1
-CREASE = 40.0
+CREASE = 25.0
 """Least angle between two triangles, in degrees, for which their edge is shown sharp."""
 GLOW = (18.0, 0.30, 0.05)
 """Radiance of the LEDs' faces, relative to about 1 of the sky: near infrared, shown as red."""
