@@ -38,7 +38,8 @@ def test_what_uses_it_is_left_out(file, tmp_path):
 
 def test_a_value_that_does_not_apply_is_refused(file):
     said = str(refusal_of(Scene(file, {"shape": "cylindrical"})))
-    assert said == "profile is not allowed for cell = 'cylindrical', only for 'profile'."
+    own = "(parameter shape = cylindrical, r2 = 0.7, z2 = 0.8)"
+    assert said == f"profile is not allowed for cell = 'cylindrical', only for 'profile' {own}."
     assert refusal_of(Scene(file, {"shape": "cylindrical", "z2": "none"})) is None
     assert str(refusal_of(Scene(file, {"r2": "none"}))).startswith("profile is missing")
     assert Pad("cylindrical").profile is None
