@@ -1,10 +1,10 @@
 """Contact detection between curved triangles.
 
 A six-node triangle is a quadratic Bezier patch and lies in the convex hull of its six control points. Two patches are
-subdivided until a certificate proves their pieces disjoint, or they are so flat that none exists.
+subdivided until a certificate proves that their pieces are disjoint, or until they are so flat that there is none.
 
-A pair of patches is a column of 13 points: the control points of one, those of the other, and a common origin, so that
-small pieces keep their precision. Control points are in the order of the nodes.
+A pair of patches is a column of 13 points: the control points of both, and a common origin, so that small pieces keep
+their precision. Control points are in the order of the nodes.
 """
 
 from __future__ import annotations
@@ -19,15 +19,17 @@ from mitsuba_taxel.geometry import quadratic_shapes
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES
 
 BATCH = 64
-"""Pairs subdivided at a time: the search is depth-first, which bounds its memory, and finds a touch of few of them."""
+"""Number of pairs that are subdivided together. The search is depth-first, which limits its memory and soon finds a
+point of contact."""
 FIRST_BATCH = 16384
-"""Pairs tested together before any is subdivided."""
+"""Number of pairs that are tested together before any is subdivided."""
 THIN = 1e-6
-"""Twice the area of a triangle relative to its longest side squared, below which its normal is not trusted."""
+"""Twice the area of a triangle, relative to the square of its longest side, below which its normal is not reliable."""
 STRICT = 1e-10
-"""Distance from a plane through a common vertex, relative to the patches' size, that exceeds rounding."""
+"""Distance from a plane through a common vertex, relative to the size of the patches, that exceeds rounding."""
 
 Place = tuple[float, float, float]
+"""Coordinates of a point in mm."""
 
 
 def control_points(nodes: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -50,35 +52,37 @@ def control_points(nodes: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return control.T
 
 
-def first_touch(one: np.ndarray, other: np.ndarray, shared: str, tolerance: float) -> Place | None:
-    """First point found where a patch touches its partner, or ``None``.
+def first_touch(first: np.ndarray, second: np.ndarray, shared: str, tolerance: float) -> Place | None:
+    """A point where a patch touches its partner.
 
     Parameters
     ----------
-    one, other : (4, 6, n) ndarray
-        Control points, and of a function that is positive where a patch may not touch; elsewhere it may touch what may.
+    first, second : (4, 6, n) ndarray
+        Control points of n pairs, in mm, and as fourth coordinate those of a function that is positive where contact
+        counts: two points in contact count unless it is 0 or less at both.
     shared : str
-        What two partners share: "nothing", "vertex" (their first corner) or "edge" (from their first to their second
-        corner). Meeting elsewhere is contact.
+        Common element of both partners, where they may meet: "nothing", "vertex" (their first corner) or "edge" (from
+        their first to their second corner).
     tolerance : float
         Distance up to which patches count as touching, mm.
 
     Returns
     -------
     Place or None
-        In mm.
+        The first point that the search finds, in mm; None if there is none.
     """
-    for start in range(0, one.shape[2], FIRST_BATCH):
+    for start in range(0, first.shape[2], FIRST_BATCH):
         batch = slice(start, start + FIRST_BATCH)
-        origin = one[:, :1, batch] * np.array([1, 1, 1, 0])[:, None, None]
-        pairs = np.concatenate([one[:, :, batch] - origin, other[:, :, batch] - origin, origin], axis=1)
-        place = _touch(pairs, shared, tolerance)
-        if place:
-            return place
+        origin = first[:, :1, batch] * np.array([1, 1, 1, 0])[:, None, None]
+        pairs = np.concatenate([first[:, :, batch] - origin, second[:, :, batch] - origin, origin], axis=1)
+        position = _touch(pairs, shared, tolerance)
+        if position:
+            return position
     return None
 
 
 def _touch(pairs: np.ndarray, shared: str, tolerance: float) -> Place | None:
+    """A point of contact of pairs (4, 13, n), by depth-first subdivision."""
     waiting = [(shared, _doubtful(pairs, shared, tolerance))]
     while waiting:
         shared, pairs = waiting.pop()
@@ -99,7 +103,7 @@ def _touch(pairs: np.ndarray, shared: str, tolerance: float) -> Place | None:
 
 
 def _doubtful(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
-    """The pairs that may touch where either must not."""
+    """The pairs that may touch where contact counts."""
     pairs = pairs[:, :, (pairs[3, :12] > 0).any(axis=0)]
     return pairs[:, :, ~_CERTIFICATES[shared](pairs[:3], tolerance)]
 
@@ -108,9 +112,9 @@ def _common_point(pair: np.ndarray) -> Place:
     """The point of a flat patch nearest to its partner."""
     from scipy.optimize import nnls  # here, as a pad at rest does without
 
-    corners, others = pair[:, :3], pair[:, 6:9]
-    size = max(np.abs(corners - others[:, :1]).max(), np.finfo(float).tiny)
-    equal = np.concatenate([corners - others[:, :1], others[:, :1] - others], axis=1) / size
+    corners, second_corners = pair[:, :3], pair[:, 6:9]
+    size = max(np.abs(corners - second_corners[:, :1]).max(), np.finfo(float).tiny)
+    equal = np.concatenate([corners - second_corners[:, :1], second_corners[:, :1] - second_corners], axis=1) / size
     sums = np.repeat(np.eye(2), 3, axis=1)
     weights, _ = nnls(np.concatenate([equal, sums]), np.array([0.0, 0.0, 0.0, 1.0, 1.0]))
     x, y, z = corners @ weights[:3] + pair[:, 12]
@@ -173,10 +177,10 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _plain(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
-    """Whether patches without a certificate touch: flat ones do, and so do those as small as a point.
+    """Whether patches without a certificate touch: those that are flat, or as small as a point, do.
 
-    For patches that share nothing flatness is absolute. For those that share something it is relative to their size, as
-    only angles matter.
+    Flatness is absolute for patches that share nothing. For patches with a common vertex or edge it is relative to
+    their size, as only angles matter.
     """
     plain = np.ones(pairs.shape[2], dtype=bool)
     for patches in (pairs[:, :6], pairs[:, 6:12]):
@@ -192,47 +196,47 @@ def _plain(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
 
 
 def _first_to_cut(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """The pairs, each with the more curved patch first, or the longer one if both are flat."""
-    one, other = pairs[:3, :6], pairs[:3, 6:12]
-    rounder, other_rounder = bulge(one), bulge(other)
-    longer = _length(_sides(one)).max(axis=0) < _length(_sides(other)).max(axis=0)
-    flat = np.maximum(rounder, other_rounder) <= tolerance
-    swap = np.where(flat, longer, rounder < other_rounder)
+    """The pairs with the more curved patch first, or with the longer patch first if both are flat."""
+    first, second = pairs[:3, :6], pairs[:3, 6:12]
+    first_bulge, second_bulge = bulge(first), bulge(second)
+    longer = _length(_sides(first)).max(axis=0) < _length(_sides(second)).max(axis=0)
+    flat = np.maximum(first_bulge, second_bulge) <= tolerance
+    swap = np.where(flat, longer, first_bulge < second_bulge)
     return np.where(swap, pairs[:, [6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 12]], pairs)
 
 
-# ---- certificates that patches do not meet except in what they share -------------------------------------------------
+# ---- certificates that patches meet in their common vertex or edge only ----------------------------------------------
 
 
 def _apart(pairs: np.ndarray, tolerance: float) -> np.ndarray:
     """Whether a plane separates the control points of two patches by more than ``tolerance``.
 
-    The normals tried are those of the separating axis theorem for flat triangles, so that no flat pair is missed, and
-    before them the axes, which separate most.
+    Coordinate axes are tried first, as they separate most pairs; then the normals of the separating axis theorem for
+    flat triangles, so that no flat pair is missed.
     """
     low, high = (extreme(pairs[:, :12].reshape(3, 2, 6, -1), axis=2) for extreme in (np.min, np.max))
-    apart = (np.maximum(low[:, 0] - high[:, 1], low[:, 1] - high[:, 0]) > tolerance).any(axis=0)
+    separated = (np.maximum(low[:, 0] - high[:, 1], low[:, 1] - high[:, 0]) > tolerance).any(axis=0)
     for normals in (_face_normals, _side_normals):
-        left = np.flatnonzero(~apart)
-        one, other = pairs[:, :6, left], pairs[:, 6:12, left]
-        axes = normals(one, other)
-        a, b = (_dot(axes[:, :, None], points[:, None]) for points in (one, other))
+        undecided = np.flatnonzero(~separated)
+        first, second = pairs[:, :6, undecided], pairs[:, 6:12, undecided]
+        axes = normals(first, second)
+        a, b = (_dot(axes[:, :, None], points[:, None]) for points in (first, second))
         gap = np.maximum(a.min(axis=1) - b.max(axis=1), b.min(axis=1) - a.max(axis=1))
-        apart[left] = (gap > tolerance * _length(axes)).any(axis=0)
-    return apart
+        separated[undecided] = (gap > tolerance * _length(axes)).any(axis=0)
+    return separated
 
 
-def _face_normals(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """(3, 3, n) normals of both flat triangles, and the way from one to the other."""
-    between = other[:, :3].mean(axis=1) - one[:, :3].mean(axis=1)
-    return np.stack([*(_cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (one, other)), between], axis=1)
+def _face_normals(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(3, 3, n) normals of both flat triangles, and the vector between their centres."""
+    between = second[:, :3].mean(axis=1) - first[:, :3].mean(axis=1)
+    return np.stack([*(_cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (first, second)), between], axis=1)
 
 
-def _side_normals(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """(3, 15, n) directions across a side of each, and across a side and a normal of either."""
-    sides, other_sides = _sides(one), _sides(other)
-    axes = [_cross(sides[:, :, None], other_sides[:, None]).reshape(3, 9, -1)]
-    for side in (sides, other_sides):
+def _side_normals(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(3, 15, n) directions normal to a side of each triangle, and to a side and the normal of the same triangle."""
+    sides, second_sides = _sides(first), _sides(second)
+    axes = [_cross(sides[:, :, None], second_sides[:, None]).reshape(3, 9, -1)]
+    for side in (sides, second_sides):
         axes.append(_cross(_cross(side[:, :1], side[:, 1:2]), side))
     return np.concatenate(axes, axis=1)
 
@@ -240,60 +244,64 @@ def _side_normals(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 def _apart_but_vertex(pairs: np.ndarray, tolerance: float) -> np.ndarray:
     """Whether a plane through the common vertex separates all other control points of two patches."""
     vertex = pairs[:, :1]
-    one, other = pairs[:, 1:6] - vertex, pairs[:, 7:12] - vertex
-    towards = [_unit(rays[:, :2].mean(axis=1)) for rays in (one, other)]
-    apart = _divides(towards[1] - towards[0], one, other)
-    left = np.flatnonzero(~apart)
-    apart[left] = _divides(_middle_plane(one[:, :2, left], other[:, :2, left]), one[:, :, left], other[:, :, left])
-    return apart
+    first, second = pairs[:, 1:6] - vertex, pairs[:, 7:12] - vertex
+    towards = [_unit(rays[:, :2].mean(axis=1)) for rays in (first, second)]
+    separated = _divides(towards[1] - towards[0], first, second)
+    undecided = np.flatnonzero(~separated)
+    separated[undecided] = _divides(
+        _middle_plane(first[:, :2, undecided], second[:, :2, undecided]),
+        first[:, :, undecided],
+        second[:, :, undecided],
+    )
+    return separated
 
 
-def _divides(normal: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Whether points lie strictly behind a plane through 0, and others in front of it."""
-    size = np.maximum(_length(one).max(axis=0), _length(other).max(axis=0))
+def _divides(normal: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Whether the first points lie strictly behind a plane through 0, and the second points in front of it."""
+    size = np.maximum(_length(first).max(axis=0), _length(second).max(axis=0))
     limit = STRICT * size * _length(normal)
-    return (_dot(normal[:, None], one).max(axis=0) < -limit) & (_dot(normal[:, None], other).min(axis=0) > limit)
+    return (_dot(normal[:, None], first).max(axis=0) < -limit) & (_dot(normal[:, None], second).min(axis=0) > limit)
 
 
-def _middle_plane(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Normal of a middle plane among those that separate two flat sectors (3, 2 rays, n), each touching a ray or
-    two."""
-    one, other = (np.stack([_unit(rays[:, k]) for k in range(2)], axis=1) for rays in (one, other))
-    candidates = [_cross(one[:, i], other[:, j]) for i, j in product(range(2), repeat=2)]
-    for rays in (one, other):
+def _middle_plane(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Normal of a plane midway among those that separate two flat sectors (3, 2 rays, n) and touch a ray or two."""
+    first, second = (np.stack([_unit(rays[:, k]) for k in range(2)], axis=1) for rays in (first, second))
+    candidates = [_cross(first[:, i], second[:, j]) for i, j in product(range(2), repeat=2)]
+    for rays in (first, second):
         normal = _unit(_cross(rays[:, 0], rays[:, 1]))
         candidates += [normal, _cross(normal, rays[:, 0]), _cross(normal, rays[:, 1])]
-    middle = np.zeros_like(one[:, 0])
+    middle = np.zeros_like(first[:, 0])
     for candidate in map(_unit, candidates):
-        a, b = _dot(candidate[:, None], one), _dot(candidate[:, None], other)
-        forth = (a.max(axis=0) <= STRICT) & (b.min(axis=0) >= -STRICT)
-        back = (a.min(axis=0) >= -STRICT) & (b.max(axis=0) <= STRICT)
-        middle += (forth.astype(float) - back) * candidate
+        a, b = _dot(candidate[:, None], first), _dot(candidate[:, None], second)
+        forward = (a.max(axis=0) <= STRICT) & (b.min(axis=0) >= -STRICT)
+        backward = (a.min(axis=0) >= -STRICT) & (b.max(axis=0) <= STRICT)
+        middle += (forward.astype(float) - backward) * candidate
     return middle
 
 
 def _apart_but_edge(pairs: np.ndarray, tolerance: float) -> np.ndarray:
     """Whether two patches with a common edge unfold onto a plane one to one.
 
-    They are the image of a convex quadrilateral, cut by its diagonal, under a map f that is quadratic on either side;
-    with a projection P onto a plane, P f is one to one if its gradient has a positive definite symmetric part
-    everywhere. The gradient is linear, so it suffices to test the corners; the height of the quadrilateral is free.
+    They are the image of a convex quadrilateral, cut by its diagonal, under a map f that is quadratic on both sides.
+    With a projection P onto a plane, P f is one to one if its gradient has a positive definite symmetric part
+    everywhere. The gradient is linear, so that it suffices to test the corners. The height of the quadrilateral is
+    arbitrary.
     """
-    one, other = pairs[:, :6], pairs[:, 6:12]
-    along = _unit(one[:, 1] - one[:, 0])
+    first, second = pairs[:, :6], pairs[:, 6:12]
+    along = _unit(first[:, 1] - first[:, 0])
     away = []
-    for patch in (one, other):
+    for patch in (first, second):
         height = patch[:, 2] - patch[:, 0]
         away.append(_unit(height - _dot(height, along) * along))
     across = _unit(away[0] - away[1])
-    return _unfolds(one, along, across) & _unfolds(other, along, -across)
+    return _unfolds(first, along, across) & _unfolds(second, along, -across)
 
 
 def _unfolds(patch: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """Whether the projection of one side can be given a positive definite gradient at its three corners.
+    """Whether a height h exists for which the projection of a patch has a positive definite gradient at its corners.
 
-    With the derivatives (a, c) along the edge, of length 1, and (b, d) / h away from it, that is 4 a d / h > (b / h +
-    c)^2, which h = max |b| / max |c| satisfies if a d > max |b| max |c|.
+    With the derivatives (a, c) along the edge, of length 1, and (b, d) / h away from it, the condition is 4 a d / h >
+    (b / h + c)^2. The height h = max |b| / max |c| satisfies it if a d > max |b| max |c|.
     """
     b0, b1, b2, b01, b12, b20 = (patch[:, k] for k in range(6))
     edge = 2 * np.stack([b01 - b0, b1 - b01, b12 - b20], axis=1)
@@ -317,7 +325,10 @@ _CERTIFICATES: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
 
 
 def _piece(*corners: np.ndarray) -> np.ndarray:
-    """(6, 6) control points of the piece between three barycentric ``corners`` from those of the patch: its blossom."""
+    """(6, 6) matrix from the control points of a patch to those of its piece between three barycentric corners.
+
+    It follows from the blossom of the patch.
+    """
     ends = [(p, p) for p in corners] + [(corners[i], corners[j]) for i, j in FACE_EDGES]
     product_of = [np.outer(p, q) for p, q in ends]
     return np.array([[*np.diag(m), *(m[i, j] + m[j, i] for i, j in FACE_EDGES)] for m in product_of])
@@ -333,7 +344,7 @@ _ROUND_MIDDLE = [_piece(_M01, _M20, _V0), _piece(_M01, _V1, _M12), _piece(_M01, 
 
 
 def _pairs(pieces: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    return np.array([block_diag(one, other, np.eye(1)) for one, other in pieces])
+    return np.array([block_diag(first, second, np.eye(1)) for first, second in pieces])
 
 
 _CUTS = {
@@ -344,7 +355,7 @@ _CUTS = {
     },
     "edge": {
         "nothing": _pairs(
-            [(one, other) for i, one in enumerate(_QUARTERS) for j, other in enumerate(_QUARTERS) if 2 in (i, j)]
+            [(first, second) for i, first in enumerate(_QUARTERS) for j, second in enumerate(_QUARTERS) if 2 in (i, j)]
         ),
         "vertex": _pairs(
             [(_ROUND_MIDDLE[i], _ROUND_MIDDLE[j]) for i, j in product(range(3), repeat=2) if i != j or i == 2]

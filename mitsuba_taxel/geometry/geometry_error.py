@@ -1,4 +1,4 @@
-"""Errors in a file of geometry, with their place."""
+"""Errors in a file of geometry, with the coordinates at which they are."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 class GeometryError(Exception):
-    """Why a pad's file cannot be used; becomes an `InputError` where the file's name is known."""
+    """A pad's file cannot be used, for the reason in the message; callers that know the file raise an `InputError`."""
 
 
 def place(point: np.ndarray) -> str:

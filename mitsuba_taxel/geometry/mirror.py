@@ -1,4 +1,4 @@
-"""The mirror planes that a pad may have, and meshes completed by their mirror images."""
+"""Mirror planes of pads, and meshes completed by their mirror images."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ ACROSS_SECOND_DIAGONAL = Mirror("-xy", (1, 1))
 ACROSS_DIAGONAL = Mirror("xy", (1, -1))
 
 MIRRORS = (ACROSS_X, ACROSS_Y, ACROSS_SECOND_DIAGONAL, ACROSS_DIAGONAL)
-"""Ordered so that reflecting a point to the kept side of one plane after the other brings it to that of all."""
+"""In this order: a point that is reflected to the kept side of each plane in turn ends on the kept sides of all."""
 
 
 def mirrored(mesh: VolumeMesh, mirror: Mirror) -> VolumeMesh:
@@ -62,7 +62,7 @@ def mirrored(mesh: VolumeMesh, mirror: Mirror) -> VolumeMesh:
     Returns
     -------
     VolumeMesh
-        The nodes of the given one come first.
+        With the nodes of the original mesh first.
     """
     on_plane = mirror.side(mesh.points) == 0
     image = np.arange(len(mesh.points))

@@ -1,4 +1,4 @@
-"""Refinement of second-order tetrahedra: by given pieces, or by bisection down to a size.
+"""Refinement of second-order tetrahedra, by bisection down to a size or with prescribed pieces.
 
 Elements are bisected at their longest edge, and neighbours as needed for conformity (M.-C. Rivara, Int. J. Numer.
 Methods Eng. 20, 1984): angles stay bounded. New nodes lie on the curved elements, so that the solid is unchanged.
@@ -26,7 +26,7 @@ def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: fl
     size : Callable
         Largest length (n,) of edges in mm at their middles (n, 3).
     most : float
-        Elements that there may be.
+        Largest number of elements.
 
     Returns
     -------
@@ -36,7 +36,7 @@ def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: fl
     Raises
     ------
     GeometryError
-        if that takes more than ``most`` elements.
+        if more elements would be needed.
     """
     edges = np.array(TET_EDGES)
     while True:
@@ -47,12 +47,13 @@ def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: fl
         sides = np.sort(tets[:, edges], axis=2)
         keys, of_tets = np.unique(sides[..., 0] * count + sides[..., 1], return_inverse=True)
         of_tets, ends = of_tets.reshape(-1, 6), np.stack(np.divmod(keys, count), axis=1)
-        places = mesh.points[ends]
-        squared = ((places[:, 0] - places[:, 1]) ** 2).sum(axis=1)
+        coordinates = mesh.points[ends]
+        squared = ((coordinates[:, 0] - coordinates[:, 1]) ** 2).sum(axis=1)
         rank = np.empty(len(ends), dtype=np.int64)
         rank[np.argsort(squared, kind="stable")] = np.arange(len(ends))
+        # Edges are ranked by length, so that neighbours agree on the longer of two equal edges.
         longest = np.take_along_axis(of_tets, rank[of_tets].argmax(axis=1)[:, None], axis=1)
-        cut = _with_longest(squared > size(places.mean(axis=1)) ** 2, of_tets, longest)
+        cut = _with_longest(squared > size(coordinates.mean(axis=1)) ** 2, of_tets, longest)
         if not cut.any():
             return mesh
         cut[of_tets[cut[of_tets] & (of_tets != longest)]] = False  # their turn comes when they are the longest
@@ -60,7 +61,7 @@ def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: fl
 
 
 def _with_longest(cut: np.ndarray, of_tets: np.ndarray, longest: np.ndarray) -> np.ndarray:
-    """The edges (E,) to be cut, with the longest of every element that has one of them."""
+    """The edges to be cut, as a mask (E,), with the longest edge of every element that has any of them."""
     while True:
         more = cut.copy()
         more[longest[cut[of_tets].any(axis=1)]] = True
@@ -70,48 +71,51 @@ def _with_longest(cut: np.ndarray, of_tets: np.ndarray, longest: np.ndarray) -> 
 
 
 def _bisected(mesh: VolumeMesh, ends: np.ndarray) -> VolumeMesh:
-    """The mesh with some edges (E, 2) cut, at most one per element."""
+    """The mesh with edges (E, 2) cut, at most one in each element."""
     corners = np.unique(mesh.tets[:, :4])
     number = np.full(len(mesh.points), -1)
     number[corners] = np.arange(len(corners))
     keys = number[ends[:, 0]] * len(corners) + number[ends[:, 1]]
-    tets, place, parent = _halves(number[mesh.tets[:, :4]], TET_EDGES, keys, len(corners))
+    tets, barycentric, parent = _halves(number[mesh.tets[:, :4]], TET_EDGES, keys, len(corners))
     faces, _, face_parent = _halves(number[mesh.faces[:, :3]], FACE_EDGES, keys, len(corners))
-    return of_pieces(mesh, tets, place, parent, faces, face_parent)
+    return of_pieces(mesh, tets, barycentric, parent, faces, face_parent)
 
 
 def _halves(
     simplices: np.ndarray, pairs: tuple[tuple[int, int], ...], keys: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Corners (P, n) of simplices, those with an edge in ``keys`` halved; their barycentric coordinates (P, n, n), and
-    their parents."""
+    """Simplices, of which those with an edge in ``keys`` are halved.
+
+    Returned are the corners (P, n) of the pieces, their barycentric coordinates (P, n, n) in the parents, and the
+    numbers (P,) of the parents.
+    """
     ends = np.sort(simplices[:, np.array(pairs)], axis=2)
     own = ends[..., 0] * count + ends[..., 1]
-    found = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
-    cut = keys[found] == own
+    cut_edge = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
+    cut = keys[cut_edge] == own
     size = simplices.shape[1]
-    whole, at = np.flatnonzero(~cut.any(axis=1)), np.flatnonzero(cut.any(axis=1))
+    intact, at = np.flatnonzero(~cut.any(axis=1)), np.flatnonzero(cut.any(axis=1))
     edge, row = cut[at].argmax(axis=1), np.arange(len(at))
-    corners, places = [simplices[whole]], [np.tile(np.eye(size), (len(whole), 1, 1))]
+    corners, coordinates = [simplices[intact]], [np.tile(np.eye(size), (len(intact), 1, 1))]
     for end in range(2):
-        half, place = simplices[at].copy(), np.tile(np.eye(size), (len(at), 1, 1))
-        moved = np.array(pairs)[edge, end]
-        half[row, moved] = count + found[at, edge]
-        place[row, moved] = 0.5 * np.eye(size)[np.array(pairs)[edge]].sum(axis=1)
+        half, barycentric = simplices[at].copy(), np.tile(np.eye(size), (len(at), 1, 1))
+        replaced = np.array(pairs)[edge, end]
+        half[row, replaced] = count + cut_edge[at, edge]
+        barycentric[row, replaced] = 0.5 * np.eye(size)[np.array(pairs)[edge]].sum(axis=1)
         corners.append(half)
-        places.append(place)
-    return np.concatenate(corners), np.concatenate(places), np.concatenate([whole, at, at])
+        coordinates.append(barycentric)
+    return np.concatenate(corners), np.concatenate(coordinates), np.concatenate([intact, at, at])
 
 
 def of_pieces(
     mesh: VolumeMesh,
     tets: np.ndarray,
-    place: np.ndarray,
+    barycentric: np.ndarray,
     parent: np.ndarray,
     faces: np.ndarray,
     face_parent: np.ndarray,
 ) -> VolumeMesh:
-    """The mesh made of pieces of the elements of another.
+    """A mesh of pieces of the elements of another mesh.
 
     Parameters
     ----------
@@ -137,10 +141,10 @@ def of_pieces(
     face_ends = np.sort(faces[:, np.array(FACE_EDGES)], axis=2)
     face_middle = np.searchsorted(key, face_ends[:, :, 0] * count + face_ends[:, :, 1])
     _, owner = np.unique(tets, return_index=True)
-    middles = place[:, np.array(TET_EDGES)].mean(axis=2).reshape(-1, 4)
-    places = np.concatenate([place.reshape(-1, 4)[owner], middles[first]])
+    middles = barycentric[:, np.array(TET_EDGES)].mean(axis=2).reshape(-1, 4)
+    coordinates = np.concatenate([barycentric.reshape(-1, 4)[owner], middles[first]])
     element = np.concatenate([parent[owner // 4], parent[first // len(TET_EDGES)]])
-    points = np.einsum("na,nai->ni", shape_functions(places), mesh.points[mesh.tets[element]])
+    points = np.einsum("na,nai->ni", shape_functions(coordinates), mesh.points[mesh.tets[element]])
     return VolumeMesh(
         points,
         np.concatenate([tets, count + middle.reshape(-1, 6)], axis=1),

@@ -8,7 +8,8 @@ import numpy as np
 def unique_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The distinct rows of an array, in lexicographic order.
 
-    As numpy's ``unique`` along an axis, several times as fast, as columns are sorted instead of rows.
+    The result is that of numpy's ``unique`` along an axis. It is several times as fast, as columns are sorted instead
+    of rows.
 
     Parameters
     ----------
@@ -18,9 +19,9 @@ def unique_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     first : (U,) ndarray of int
-        Where each distinct row is first.
+        Index of the first occurrence of each distinct row.
     number : (R,) ndarray of int
-        Number of each row among these.
+        Index of each row among the distinct rows.
     """
     order = np.lexsort(rows.T[::-1])
     ordered = rows[order]

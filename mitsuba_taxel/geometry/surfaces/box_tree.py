@@ -10,12 +10,12 @@ from mitsuba_taxel.geometry.geometry_error import GeometryError
 
 MORTON_BITS = 10
 MOST_PAIRS = 15_000_000
-"""Largest number of overlapping pairs that one call returns, which bounds its memory. Triangles of uniform size meet
-some ten others each."""
+"""Largest number of overlapping pairs that a call returns, which limits its memory. A triangle in a mesh of uniform
+size overlaps some ten others."""
 
 
 class TooManyPairs(GeometryError):
-    """More than :data:`MOST_PAIRS` of boxes overlap."""
+    """More than :data:`MOST_PAIRS` pairs of boxes overlap."""
 
 
 def overlapping(
@@ -43,8 +43,8 @@ def overlapping(
     if not len(lower_a) or not len(lower_b):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
     size = max(len(lower_a), len(lower_b))
-    one, other = BoxTree(lower_a + upper_a, size), BoxTree(lower_b + upper_b, size)
-    return one.overlapping_with(one.levels(lower_a, upper_a), other, other.levels(lower_b, upper_b))
+    first, second = BoxTree(lower_a + upper_a, size), BoxTree(lower_b + upper_b, size)
+    return first.overlapping_with(first.levels(lower_a, upper_a), second, second.levels(lower_b, upper_b))
 
 
 class Level(NamedTuple):
@@ -55,9 +55,14 @@ class Level(NamedTuple):
 
 
 class BoxTree:
-    """A binary tree of boxes, in the order of their ``centres`` (n, 3) along a Morton curve.
+    """A binary tree of boxes, in the order of their centres along a Morton curve.
 
-    Its depth is that needed, or that of a tree of ``size`` boxes.
+    Parameters
+    ----------
+    centres : (n, 3) ndarray
+        Of the boxes; any multiple will do.
+    size : int
+        Number of boxes for which the tree is deep enough, if more than n.
     """
 
     def __init__(self, centres: np.ndarray, size: int = 0) -> None:
@@ -78,17 +83,17 @@ class BoxTree:
 
     def overlapping(self, levels: list[Level]) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of all pairs of different boxes that overlap or touch, each pair once."""
-        one: np.ndarray = np.zeros(1, dtype=np.int64)
-        other = one
+        first: np.ndarray = np.zeros(1, dtype=np.int64)
+        second = first
         for level in levels[1:]:
-            one, other = (2 * one[:, None] + [0, 0, 1, 1]).ravel(), (2 * other[:, None] + [0, 1, 0, 1]).ravel()
-            once = one <= other
-            one, other = _kept(level, one[once], level, other[once])
-        different = one != other
-        return self._order[one[different]], self._order[other[different]]
+            first, second = (2 * first[:, None] + [0, 0, 1, 1]).ravel(), (2 * second[:, None] + [0, 1, 0, 1]).ravel()
+            once = first <= second
+            first, second = _kept(level, first[once], level, second[once])
+        different = first != second
+        return self._order[first[different]], self._order[second[different]]
 
     def overlapping_with(
-        self, levels: list[Level], tree: BoxTree, others: list[Level]
+        self, levels: list[Level], tree: BoxTree, second_levels: list[Level]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of all pairs of a box in this tree and one in another that overlap or touch.
 
@@ -96,31 +101,33 @@ class BoxTree:
         ------
         TooManyPairs
         """
-        one: np.ndarray = np.zeros(1, dtype=np.int64)
-        other = one
-        for depth in range(1, max(len(levels), len(others))):
+        first: np.ndarray = np.zeros(1, dtype=np.int64)
+        second = first
+        for depth in range(1, max(len(levels), len(second_levels))):
             if depth < len(levels):
-                one, other = (2 * one[:, None] + [0, 1]).ravel(), np.repeat(other, 2)
-            if depth < len(others):
-                one, other = np.repeat(one, 2), (2 * other[:, None] + [0, 1]).ravel()
-            one, other = _kept(levels[min(depth, len(levels) - 1)], one, others[min(depth, len(others) - 1)], other)
-            if len(one) > MOST_PAIRS:
+                first, second = (2 * first[:, None] + [0, 1]).ravel(), np.repeat(second, 2)
+            if depth < len(second_levels):
+                first, second = np.repeat(first, 2), (2 * second[:, None] + [0, 1]).ravel()
+            first, second = _kept(
+                levels[min(depth, len(levels) - 1)], first, second_levels[min(depth, len(second_levels) - 1)], second
+            )
+            if len(first) > MOST_PAIRS:
                 raise TooManyPairs("too many of its triangles lie across each other")
-        one, other = _kept(levels[-1], one, others[-1], other)
-        return self._order[one], tree._order[other]
+        first, second = _kept(levels[-1], first, second_levels[-1], second)
+        return self._order[first], tree._order[second]
 
 
 def _halves(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return values[0::2], values[1::2]
 
 
-def _kept(level: Level, one: np.ndarray, other_level: Level, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _kept(level: Level, first: np.ndarray, second_level: Level, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The pairs of nodes whose boxes overlap."""
     for axis in range(3):
-        below = level.low[one, axis] <= other_level.high[other, axis]
-        kept = below & (other_level.low[other, axis] <= level.high[one, axis])
-        one, other = one[kept], other[kept]
-    return one, other
+        below = level.low[first, axis] <= second_level.high[second, axis]
+        kept = below & (second_level.low[second, axis] <= level.high[first, axis])
+        first, second = first[kept], second[kept]
+    return first, second
 
 
 def _morton(points: np.ndarray) -> np.ndarray:

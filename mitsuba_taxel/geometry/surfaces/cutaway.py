@@ -10,8 +10,8 @@ from mitsuba_taxel.geometry.surfaces.polygons import triangulated
 from mitsuba_taxel.geometry.surfaces.triangles import half_edges
 
 NUDGE = 1e-4
-"""Largest shift of the plane, relative to the surface's extent: planes of symmetry run along edges of many meshes, near
-which the rounding of single precision crumples the surface."""
+"""Largest shift of the plane, relative to the extent of the surface. Planes of symmetry contain edges of many meshes,
+and rounding in single precision would leave tiny triangles along them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Half:
     triangles : (T, 3) ndarray
         Vertex numbers, counter-clockwise seen from outside.
     source : (T,) ndarray
-        Number of the triangle of the whole surface that contains each, -1 on the cap.
+        Number of the triangle of the original surface that contains each triangle, -1 on the cap.
     """
 
     vertices: np.ndarray
@@ -34,7 +34,7 @@ class Half:
 
 
 def is_closed(triangles: np.ndarray) -> bool:
-    """Whether triangles run along each of their edges equally often in both directions.
+    """Whether triangles pass each of their edges equally often in both directions.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ def is_closed(triangles: np.ndarray) -> bool:
     """
     edges, _ = half_edges(triangles)
     keys = edges.astype(np.int64) @ [int(triangles.max(initial=0)) + 1, 1]
-    back = edges[:, ::-1].astype(np.int64) @ [int(triangles.max(initial=0)) + 1, 1]
-    return bool(np.array_equal(np.sort(keys), np.sort(back)))
+    reversed_keys = edges[:, ::-1].astype(np.int64) @ [int(triangles.max(initial=0)) + 1, 1]
+    return bool(np.array_equal(np.sort(keys), np.sort(reversed_keys)))
 
 
 def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, offset: float) -> Half:
@@ -88,9 +88,9 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
     points = (high * vertices[edges[:, 0]] - low * vertices[edges[:, 1]]) / (high - low)
     ab, ca = len(vertices) + number.reshape(2, -1)
     tip = above[a]
-    whole = np.flatnonzero(above[triangles].all(axis=1))
+    uncut = np.flatnonzero(above[triangles].all(axis=1))
     pieces = [
-        (triangles[whole], whole),
+        (triangles[uncut], uncut),
         (np.stack([a, ab, ca], axis=1)[tip], crossed[tip]),
         (np.stack([ab, b, c], axis=1)[~tip], crossed[~tip]),
         (np.stack([ab, c, ca], axis=1)[~tip], crossed[~tip]),
@@ -99,16 +99,16 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
         rim = np.where(tip[:, None], np.stack([ca, ab], axis=1), np.stack([ab, ca], axis=1)) - len(vertices)
         face = triangulated(points @ _plane_axes(normal), rim, strict=False) + len(vertices)
         pieces.append((face, np.full(len(face), -1)))
-    kept, sources = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    kept, sources = (np.concatenate(column) for column in zip(*pieces, strict=True))
     used, kept = np.unique(kept, return_inverse=True)
     return Half(np.concatenate([vertices, points])[used], kept.reshape(-1, 3), sources)
 
 
 def _clear_of(height: np.ndarray, reach: float) -> float:
     """The shift of a plane, between 0 and ``reach``, with the largest distance from all vertices."""
-    near = height[(height > -reach) & (height < 2 * reach)]
+    candidates = height[(height > -reach) & (height < 2 * reach)]
     shifts = reach * np.linspace(0, 1, 17)
-    gaps = [np.abs(near - shift).min(initial=np.inf) for shift in shifts]
+    gaps = [np.abs(candidates - shift).min(initial=np.inf) for shift in shifts]
     return float(shifts[np.argmax(gaps)])
 
 

@@ -10,10 +10,10 @@ class NotSimple(Exception):
 
 
 def triangulated(points: np.ndarray, edges: np.ndarray, strict: bool = True) -> np.ndarray:
-    """Counter-clockwise triangles (T, 3) of the area to the left of directed ``edges`` (E, 2).
+    """Counter-clockwise triangles of the area to the left of directed edges.
 
-    The edges form closed loops: counter-clockwise round areas, clockwise round their holes. Every edge belongs to one
-    triangle; no vertex is added. The cost is O(n²) for n corners.
+    The edges form closed loops: counter-clockwise around areas, clockwise around their holes. Every edge belongs to one
+    triangle, and no vertex is added. The cost is O(n²) for n corners.
 
     Parameters
     ----------
@@ -44,12 +44,16 @@ def triangulated(points: np.ndarray, edges: np.ndarray, strict: bool = True) -> 
             holes[min(around, key=lambda k: _area(points[outer[k]]))].append(hole)
         elif strict:
             raise NotSimple
-    triangles = [_ears(points, _bridged(points, *parts, strict), strict) for parts in zip(outer, holes, strict=True)]
+    triangles = [
+        _ears(points, _bridged(points, *areas_and_holes, strict), strict)
+        for areas_and_holes in zip(outer, holes, strict=True)
+    ]
     return np.concatenate(triangles) if triangles else np.empty((0, 3), dtype=np.int64)
 
 
 def _loops(edges: np.ndarray, strict: bool) -> list[np.ndarray]:
-    """The polygons formed by edges; if ``strict``, only one may pass through each vertex."""
+    """The polygons that edges (E, 2) form, as vertices in order; if ``strict``, a vertex belongs to one of them
+    only."""
     following: dict[int, list[int]] = {}
     for start, end in edges.tolist():
         following.setdefault(start, []).append(end)
@@ -79,36 +83,37 @@ def _inside(point: np.ndarray, corners: np.ndarray) -> bool:
 
 
 def _bridged(points: np.ndarray, outer: np.ndarray, holes: list[np.ndarray], strict: bool) -> np.ndarray:
-    """One loop round an area and its holes, joined by bridges that are run along twice."""
+    """A single loop around an area and its holes, joined by bridges that the loop passes in both directions."""
     loop = outer
     for hole in sorted(holes, key=lambda h: -points[h, 0].max()):
         start = int(points[hole, 0].argmax())
         hole = np.roll(hole, -start)
-        near = np.argsort(np.linalg.norm(points[loop] - points[hole[0]], axis=1), kind="stable")
-        for at in near:
+        nearest = np.argsort(np.linalg.norm(points[loop] - points[hole[0]], axis=1), kind="stable")
+        for at in nearest:
             if _free(points, loop, holes, hole[0], int(loop[at])) and _in_corner(points, loop, int(at), hole[0]):
                 break
         else:
-            at = _unless(strict, near[0])
+            at = _unless(strict, nearest[0])
         loop = np.concatenate([loop[: at + 1], hole, hole[:1], loop[at:]])
     return loop
 
 
-def _free(points: np.ndarray, loop: np.ndarray, holes: list[np.ndarray], one: int, other: int) -> bool:
-    """Whether the segment between two vertices meets edges only at its ends."""
+def _free(points: np.ndarray, loop: np.ndarray, holes: list[np.ndarray], first: int, second: int) -> bool:
+    """Whether the segment between two vertices, by their numbers, meets edges only at its ends."""
     starts = np.concatenate([loop, *holes])
     ends = np.concatenate([np.roll(loop, -1), *(np.roll(hole, -1) for hole in holes)])
-    a, b = points[one], points[other]
-    apart = ~np.isin(starts, (one, other)) & ~np.isin(ends, (one, other))
-    p, q = points[starts[apart]], points[ends[apart]]
+    a, b = points[first], points[second]
+    separate = ~np.isin(starts, (first, second)) & ~np.isin(ends, (first, second))
+    p, q = points[starts[separate]], points[ends[separate]]
     return not np.any((_turn(a, b, p) * _turn(a, b, q) <= 0) & (_turn(p, q, a) * _turn(p, q, b) <= 0))
 
 
 def _in_corner(points: np.ndarray, loop: np.ndarray, at: int, vertex: int) -> bool:
     """Whether a vertex lies within the angle of a corner of a loop."""
     before, here, after = points[loop[at - 1]], points[loop[at]], points[loop[(at + 1) % len(loop)]]
-    left, right = _turn(here, after, points[vertex]) > 0, _turn(before, here, points[vertex]) > 0
-    return bool(left and right) if _turn(before, here, after) > 0 else bool(left or right)
+    inside_next, inside_previous = _turn(here, after, points[vertex]) > 0, _turn(before, here, points[vertex]) > 0
+    is_convex = _turn(before, here, after) > 0
+    return bool(inside_next and inside_previous) if is_convex else bool(inside_next or inside_previous)
 
 
 def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
@@ -125,10 +130,11 @@ def _unless(strict: bool, makeshift: int) -> int:
 
 
 def _ears(points: np.ndarray, loop: np.ndarray, strict: bool) -> np.ndarray:
+    """Triangles (T, 3) of a loop: the best-shaped ear, without other corners in it, is cut off first."""
     triangles = []
-    left = loop.tolist()
-    while len(left) > 3:
-        nodes = np.array(left)
+    remaining = loop.tolist()
+    while len(remaining) > 3:
+        nodes = np.array(remaining)
         a, b, c = points[np.roll(nodes, 1)], points[nodes], points[np.roll(nodes, -1)]
         area = _turn(a, b, c)
         sides = sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))
@@ -137,18 +143,18 @@ def _ears(points: np.ndarray, loop: np.ndarray, strict: bool) -> np.ndarray:
             if shape[ear] <= 1e-9:
                 ear = _unless(strict, np.abs(area).argmin())
                 break
-            others = points[nodes[~np.isin(nodes, (nodes[ear - 1], nodes[ear], nodes[(ear + 1) % len(nodes)]))]]
+            candidates = points[nodes[~np.isin(nodes, (nodes[ear - 1], nodes[ear], nodes[(ear + 1) % len(nodes)]))]]
             within = (
-                (_turn(a[ear], b[ear], others) >= 0)
-                & (_turn(b[ear], c[ear], others) >= 0)
-                & (_turn(c[ear], a[ear], others) >= 0)
+                (_turn(a[ear], b[ear], candidates) >= 0)
+                & (_turn(b[ear], c[ear], candidates) >= 0)
+                & (_turn(c[ear], a[ear], candidates) >= 0)
             )
             if not within.any():
                 break
         else:
             ear = _unless(strict, np.abs(area).argmin())
-        triangles.append([left[ear - 1], left[ear], left[(ear + 1) % len(left)]])
-        del left[ear]
-    if strict and _turn(*points[left]) <= 0:
+        triangles.append([remaining[ear - 1], remaining[ear], remaining[(ear + 1) % len(remaining)]])
+        del remaining[ear]
+    if strict and _turn(*points[remaining]) <= 0:
         raise NotSimple
-    return np.array([*triangles, left], dtype=np.int64)
+    return np.array([*triangles, remaining], dtype=np.int64)

@@ -57,8 +57,8 @@ def sliced(height: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) -> Sli
     Slices
         The pieces, and how their vertices follow from the given ones.
     """
-    whole = np.rint(height)
-    height = np.where(np.abs(height - whole) < SNAP, whole, height)
+    rounded = np.rint(height)
+    height = np.where(np.abs(height - rounded) < SNAP, rounded, height)
     crossings = _Crossings(height)
     inner = np.flatnonzero(chosen)
     pieces, parents, band = _bands(height, triangles[inner], crossings)
@@ -126,11 +126,18 @@ def _bands(
         below = plane < height[middle]
         return crossings.between(np.where(below, low, middle), np.where(below, middle, high), plane)
 
-    left, right = (on_long_side(band), on_long_side(band + 1)), (on_short_sides(band), on_short_sides(band + 1))
+    long_side, short_sides = (
+        (on_long_side(band), on_long_side(band + 1)),
+        (on_short_sides(band), on_short_sides(band + 1)),
+    )
     # A piece without the middle corner is a quadrilateral: its upper right corner takes the middle's place.
-    apex = np.where((band < height[middle]) & (height[middle] < band + 1), middle, right[1])
-    parts = [(left[0], right[0], apex), (left[0], apex, left[1]), (apex, right[1], left[1])]
-    pieces = np.concatenate([np.stack(part, axis=1) for part in parts])
+    apex = np.where((band < height[middle]) & (height[middle] < band + 1), middle, short_sides[1])
+    triangles_between = [
+        (long_side[0], short_sides[0], apex),
+        (long_side[0], apex, long_side[1]),
+        (apex, short_sides[1], long_side[1]),
+    ]
+    pieces = np.concatenate([np.stack(piece, axis=1) for piece in triangles_between])
     flip = np.tile(turned[parents], 3)
     pieces[flip] = pieces[flip][:, ::-1]
     return pieces, np.tile(parents, 3), np.tile(band, 3)

@@ -7,10 +7,10 @@ import numpy as np
 SHORT = 1e-7
 """Distance in mm below which vertices coincide."""
 FLAT = 1e-12
-"""Height in mm below which a triangle is degenerate: far below SHORT, so that pieces of one are not degenerate
-again."""
+"""Height in mm below which a triangle is degenerate: far below SHORT, so that the pieces of a triangle are not
+degenerate again."""
 MOST_ROUNDS = 100
-"""Seven are usual; slivers left after these are harmless."""
+"""Largest number of rounds, of which seven are usual; slivers that remain are harmless."""
 
 
 def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -77,9 +77,9 @@ def _without_pairs(triangles: np.ndarray) -> np.ndarray:
 def _exchanged(
     triangles: np.ndarray, origin: np.ndarray, flat: np.ndarray, longest: np.ndarray, length: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Flip the longest side of ``flat`` triangles, as many as do not disturb each other.
+    """Flip the longest sides of ``flat`` triangles, as many as do not disturb each other.
 
-    Of several at one triangle, the longest goes first.
+    If several sides belong to one triangle, the longest is flipped first.
     """
     rows = np.flatnonzero(flat)
     rows = rows[np.argsort(-length[rows], kind="stable")]
@@ -91,7 +91,7 @@ def _exchanged(
     np.minimum.at(first, rows, rank)
     np.minimum.at(first, beyond, rank)
     free = (first[rows] == rank) & (first[beyond] == rank)
-    rows, beyond, opposite, a, b, c = (part[free] for part in (rows, beyond, opposite, a, b, c))
+    rows, beyond, opposite, a, b, c = (values[free] for values in (rows, beyond, opposite, a, b, c))
     triangles, origin = triangles.copy(), origin.copy()
     triangles[rows] = np.stack([a, opposite, c], axis=1)
     triangles[beyond] = np.stack([opposite, b, c], axis=1)
@@ -100,12 +100,12 @@ def _exchanged(
 
 
 def _neighbours(triangles: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The triangle that has each side (b, a), and its third corner."""
+    """Numbers (S,) of the triangles with the sides (b, a), and their third corners (S,)."""
     size = int(triangles.max()) + 1
     sides = triangles.astype(np.int64) * size + np.roll(triangles, -1, axis=1)
-    wanted = b.astype(np.int64) * size + a
-    candidates = np.flatnonzero(np.isin(sides, wanted).ravel())
+    opposite_sides = b.astype(np.int64) * size + a
+    candidates = np.flatnonzero(np.isin(sides, opposite_sides).ravel())
     candidates = candidates[np.argsort(sides.ravel()[candidates])]
-    found = candidates[np.searchsorted(sides.ravel()[candidates], wanted)]
-    row, k = np.divmod(found, 3)
+    matching = candidates[np.searchsorted(sides.ravel()[candidates], opposite_sides)]
+    row, k = np.divmod(matching, 3)
     return row, triangles[row, (k + 2) % 3]

@@ -1,20 +1,20 @@
-"""Closed surfaces that an outline sweeps as it turns or moves."""
+"""Closed surfaces of revolution, and prisms."""
 
 from __future__ import annotations
 
 import numpy as np
 
 SECTORS = 96
-"""Sides of what turns."""
+"""Number of flat sides of a surface of revolution."""
 
 
 def revolved(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The surface that an outline sweeps as it turns about z.
+    """The surface of revolution of an outline about z.
 
     Parameters
     ----------
     outline : (n, 2) ndarray
-        Distance from the axis and height in mm, from a point on the axis to another.
+        Distance from the axis and height in mm; the first and the last point are on the axis.
 
     Returns
     -------
@@ -35,7 +35,7 @@ def prism(section: np.ndarray, half_length: float) -> tuple[np.ndarray, np.ndarr
     Parameters
     ----------
     section : (n, 2) ndarray
-        Corners along y and z in mm, counter-clockwise, of a section that its middle sees whole.
+        Corners along y and z in mm, counter-clockwise; all of them are visible from their mean.
     half_length : float
         Along x, mm.
 
@@ -52,9 +52,9 @@ def prism(section: np.ndarray, half_length: float) -> tuple[np.ndarray, np.ndarr
     corner = np.arange(count)
     following = np.roll(corner, -1)
     front = np.stack([corner, following, np.full(count, 2 * count)], axis=1)
-    back = np.stack([count + following, count + corner, np.full(count, 2 * count + 1)], axis=1)
+    rear = np.stack([count + following, count + corner, np.full(count, 2 * count + 1)], axis=1)
     sides = [
         np.stack([corner, count + corner, count + following], axis=1),
         np.stack([corner, count + following, following], axis=1),
     ]
-    return np.concatenate([*ends, *middles]), np.concatenate([front, back, *sides])
+    return np.concatenate([*ends, *middles]), np.concatenate([front, rear, *sides])

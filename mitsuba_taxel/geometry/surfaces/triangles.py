@@ -193,8 +193,8 @@ def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndar
 
     Returns
     -------
-    point, other : (P,) ndarray of int
-        Numbers of the two of each pair.
+    point, element : (P,) ndarray of int
+        Numbers of the point, and of the triangle, segment or point, of each pair.
     """
     return overlapping(points - reach, points + reach, corners.min(axis=1), corners.max(axis=1))
 
