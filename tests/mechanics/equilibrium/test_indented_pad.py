@@ -99,7 +99,7 @@ def test_points_between_nodes_are_inside_by_less_on_smaller_elements():
         pressed = here.pressure[body.numbers] > 0
         assert (-here.gap / body.area).max() < 4e-4 * 0.3
         for faces in (pressed.all(axis=1), pressed.any(axis=1)):  # without and with those at the border of the contact
-            depths = np.maximum(-here.at.size.reshape(len(body.faces), -1)[faces], 0)
+            depths = np.maximum(-here.gaps.size.reshape(len(body.faces), -1)[faces], 0)
             yield depths.max(), np.sqrt(np.square(depths).mean())
 
     ((coarse, rough), (border, bent)), ((fine, smooth), (finer_border, straighter)) = inside(3.0), inside(0.9)
