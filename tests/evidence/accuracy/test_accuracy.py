@@ -171,10 +171,10 @@ def test_isotropic_walls_leave_paths_from_the_detector_out(clockwork, write):
     scene = write(PLATE, scattering="isotropic")
     curves, truth = accuracy_optics.optics_curves(scene, 0.02, lambda step: None)
     remarks = {curve.method: curve.remark for curve in curves}
-    assert "without bound" in remarks["taxel_path"] and "without bound" in remarks["path (independent)"]
+    assert "unbounded" in remarks["taxel_path"] and "without bound" in remarks["path (independent)"]
     assert truth.name == "path (independent)"
     clockwork(TRACER, PATH)
-    with pytest.raises(ComputationError, match="fewer than two independent methods.*taxel_path: an isotropic wall"):
+    with pytest.raises(ComputationError, match="fewer than two independent methods.*taxel_path: isotropic walls"):
         accuracy_optics.optics_curves(scene, 0.02, lambda step: None)
 
 
@@ -183,7 +183,7 @@ def test_a_method_that_is_off_is_said_to_be():
     truth = TruthEstimate(np.ones(3), np.full(3, 1e-5), "other")
     for bias, said in ((0.0, ""), (0.01, "off by +0.01 of the reference")):
         power = 1 + bias + rng.normal(0, 1e-3, (8, 3))
-        rungs = [accuracy_optics.Rung(1 << k, power, np.full((8, 3), math.nan), 0.1) for k in (10, 11)]
+        rungs = [accuracy_optics.SampleRuns(1 << k, power, np.full((8, 3), math.nan), 0.1) for k in (10, 11)]
         curve = accuracy_optics._curve(accuracy_optics._Trial(STOCK, rungs), truth, False)
         assert curve.remark.startswith(said) and bool(curve.remark) == bool(said)
 
@@ -278,7 +278,7 @@ def test_a_pads_mechanics_and_chain_are_judged_by_small_elements(clockwork, writ
 @pytest.mark.parametrize(("of_half", "judge"), [(100_000, 1.25 / 2), (300_000, 1.25)])
 def test_the_reference_has_half_the_smallest_size_where_so_many_elements_fit(monkeypatch, of_half, judge):
     """However many there are at that size: on walls with smaller ones they are fewer than eight times as many."""
-    solved = accuracy_mechanics.Solved(readings=None, seconds=1.0, elements=60_000)
+    solved = accuracy_mechanics.UncachedReadings(readings=None, seconds=1.0, elements=60_000)
     monkeypatch.setattr(accuracy_mechanics, "solve", lambda scene, pads, size: solved)
     monkeypatch.setattr(accuracy_mechanics, "_elements", lambda pads, size: of_half if size > 0.6 else 300_000)
     found = accuracy_mechanics.size_runs(None, [], 100.0, lambda words: None)
