@@ -37,7 +37,7 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
     from mitsuba_taxel.surrogates import calibrate, write_calibration
     from mitsuba_taxel.surrogates.wording import printed_calibration
 
-    from .tables import print_json, print_result
+    from .tables import print_json, print_result, say
 
     data = read_measurement(source) if source.suffix.lower() == ".csv" else open_study(source)
     calibration = calibrate(data, coverage=coverage, noise=noise)
@@ -49,4 +49,4 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
         print_json({**about, "rms_of_range": calibration.polynomial.rms, "file": str(output)})
         return
     print_result(printed_calibration(calibration))
-    print(f"Results: {output}")
+    say(f"Results: {output}")

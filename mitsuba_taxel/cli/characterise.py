@@ -41,7 +41,7 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
     from mitsuba_taxel.plots.characteristics import write_characteristics
     from mitsuba_taxel.studies.plan.files import make_folder
 
-    from .tables import circuit_in
+    from .tables import circuit_in, say
 
     measured = os.path.isfile(source) or (source.suffix.lower() == ".csv" and not os.path.isdir(source))
     if measured and circuit is not None:
@@ -69,8 +69,8 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
         return
     _show(table, pairs, volts)
     for note in (*remarks_explained(table, pairs), *notes):
-        print(note)
-    print(f"Results: {', '.join(map(str, files))}")
+        say(note)
+    say(f"Results: {', '.join(map(str, files))}")
 
 
 def _measured(file: Path) -> tuple[list, dict, list, list[str]]:
@@ -97,12 +97,12 @@ def _print_json(table, pairs, notes: list[str], files: list[Path], volts) -> Non
 def _show(table, pairs, volts) -> None:
     from mitsuba_taxel.characterise.wording import merit_tables, pair_rows, slope_answers
 
-    from .tables import print_figures
+    from .tables import print_figures, say
 
     for line in slope_answers(table):
-        print(f"{line}\n")
+        say(f"{line}\n")
     titles = {**merit_tables(table, volts), "Symmetric pairs under a tangential load": pair_rows(pairs)}
     for title, (headings, rows) in titles.items():
         if rows:
             print_figures(title, headings, rows)
-            print()
+            say()

@@ -54,7 +54,7 @@ def command(
     from mitsuba_taxel.characterise import compare, printed_comparison
     from mitsuba_taxel.studies.plan.files import make_folder
 
-    from .tables import circuit_in, print_json, print_result, records
+    from .tables import circuit_in, print_json, print_result, records, say
 
     limits = {name: _number(name, word) for name, word in at_most.items()}
     studies = {str(folder): open_study(folder) for folder in folders}
@@ -83,7 +83,7 @@ def command(
         return
     print_result(printed)
     if output is not None:
-        print(f"Results: {output}")
+        say(f"Results: {output}")
     _require_ranked(comparison)
 
 

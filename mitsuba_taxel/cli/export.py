@@ -25,7 +25,7 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
     from mitsuba_taxel.surrogates import export
     from mitsuba_taxel.surrogates.wording import printed_model
 
-    from .tables import print_json, print_result
+    from .tables import print_json, print_result, say
 
     files, notes = export(open_study(folder), output)
     if as_json:
@@ -34,4 +34,4 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
         print_json({**about, "error": error, "notes": notes, "file": str(output)})
         return
     print_result(printed_model(files, notes))
-    print(f"Results: {output}")
+    say(f"Results: {output}")

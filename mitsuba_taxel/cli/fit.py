@@ -20,14 +20,14 @@ def command(source: Path, folder: Path, workers: int | None, scheduler: str | No
     """
     from mitsuba_taxel.fitting import run_fit
 
-    from .tables import print_json
+    from .tables import print_json, say
 
     result = run_fit(source, folder, workers=workers, scheduler=scheduler)
     if as_json:
         print_json({**_as_json(result), "output": str(folder)})
         return
     _show(result)
-    print(f"Results: {folder}")
+    say(f"Results: {folder}")
 
 
 def _as_json(result) -> dict[str, object]:
@@ -45,14 +45,14 @@ def _as_json(result) -> dict[str, object]:
 def _show(result) -> None:
     from mitsuba_taxel.fitting.wording import UNKNOWN_HEADINGS, fit_answer, unknown_rows
 
-    from .tables import print_notes, print_table
+    from .tables import print_notes, print_table, say
 
-    print(f"{fit_answer(result.unknowns)}\n")
+    say(f"{fit_answer(result.unknowns)}\n")
     print_table(UNKNOWN_HEADINGS, unknown_rows(result.unknowns))
-    print(
+    say(
         "Errors: one standard deviation, of the data and of the model (light, finite elements, surfaces), and of both."
     )
     count, wide = len(result.residuals), int((result.residuals.in_errors.abs() > 2).sum())
     of = "" if result.misfit != result.misfit else f" Mean square of the residuals, in errors: {result.misfit:.3g}."
-    print(f"{count} readings, {wide} of them more than two errors off.{of}")
+    say(f"{count} readings, {wide} of them more than two errors off.{of}")
     print_notes(result)

@@ -26,7 +26,7 @@ def command(
     from mitsuba_taxel.optimum import optimise
     from mitsuba_taxel.optimum.outputs import printed_optimum
 
-    from .tables import print_json, print_result
+    from .tables import print_json, print_result, say
 
     with _best_so_far() as progress:
         result = optimise(
@@ -36,7 +36,7 @@ def command(
         print_json({**_as_json(result), "output": str(folder)})
         return
     print_result(printed_optimum(result))
-    print(f"Results: {folder}")
+    say(f"Results: {folder}")
 
 
 @contextmanager

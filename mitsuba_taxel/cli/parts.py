@@ -97,10 +97,10 @@ def _edges(part, height: float | None) -> dict[str, list[float]]:
 
 
 def _show_edges(edges: dict[str, list[float]], height: float) -> None:
-    from .tables import print_table
+    from .tables import print_table, say
 
     rows = ((word, *(f"{position:.3f}" for position in positions)) for word, positions in edges.items())
-    print(f"\nEdge of a mirror at {height:g} mm that lies below it, from the middle of the body")
+    say(f"\nEdge of a mirror at {height:g} mm that lies below it, from the middle of the body")
     print_table(("along", "10 % [mm]", "50 % [mm]", "90 % [mm]"), rows)
 
 
@@ -108,10 +108,10 @@ def _show(part) -> None:
     from mitsuba_taxel.parts import leaving_share
     from mitsuba_taxel.parts.part import REFLECTORS
 
-    from .tables import print_table, print_text_table
+    from .tables import print_table, print_text_table, say
 
-    print(f"{part.title}\nSource: {part.source}")
-    print(
+    say(f"{part.title}\nSource: {part.source}")
+    say(
         f"Body {' x '.join(f'{side:g}' for side in part.body)} mm, {part.wavelength:g} nm, resin {part.resin_index:g}\n"
     )
     print_table(
@@ -130,24 +130,24 @@ def _show(part) -> None:
             for name, side in (("emitter", part.emitter), ("detector", part.detector))
         ),
     )
-    print(f"\nOf the light that the emitter sends into the resin, {leaving_share(part):.1%} leaves the window.")
+    say(f"\nOf the light that the emitter sends into the resin, {leaving_share(part):.1%} leaves the window.")
     if part.electrical:
-        print()
+        say()
         print_table(("figure", "value"), ((name, f"{value:g}") for name, value in part.electrical.items()))
     if part.unknown:
-        print(f"\nNot known: {', '.join(part.unknown)}.")
+        say(f"\nNot known: {', '.join(part.unknown)}.")
     if part.sources:
-        print()
+        say()
         print_text_table(("number", "where it is from; all others are from the source above"), part.sources.items())
     curve = _curve(part)
     if curve:
-        print(f"\nCurrent under a {part.distance_reflector}, relative to the largest")
+        say(f"\nCurrent under a {part.distance_reflector}, relative to the largest")
         print_table(
             ("height [mm]", "datasheet", "these dies"), ((f"{z:g}", f"{a:.1%}", f"{b:.1%}") for z, a, b in curve)
         )
         difference = _largest_difference(curve)
-        print(f"Largest difference: {difference:.1%} of the peak")
+        say(f"Largest difference: {difference:.1%} of the peak")
         for other in REFLECTORS:
             under_other = _largest_difference(_curve(replace(part, distance_reflector=other)))
             if under_other < difference - CLEARLY:
-                print(f"It is {under_other:.1%} if the curve is of a {other}: distance_reflector = {other!r} says so.")
+                say(f"It is {under_other:.1%} if the curve is of a {other}: distance_reflector = {other!r} says so.")

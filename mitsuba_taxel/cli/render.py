@@ -94,7 +94,7 @@ def command(
         write_irradiance(readings, output)
     (_print_json if as_json else _print_tables)(readings, volts, matrix, book, lines)
     if not as_json and (readings.power <= 0).any():
-        print(f"taxel check {scene} may say why a taxel is dark.")
+        tables.say(f"taxel check {scene} may say why a taxel is dark.")
     if target_error is not None:
         tables.end_beyond_target(readings.notes)
 
@@ -112,15 +112,15 @@ def _print_tables(readings, volts, matrix, book, lines) -> None:
     from . import tables
 
     width = tables.terminal_width()
-    print(readings_text(readings, width))
+    tables.say(readings_text(readings, width))
     if volts is not None:
         tables.print_volts(readings.taxel, volts)
     if matrix is not None:
-        print(f"\n{crosstalk_text(matrix, width)}")
+        tables.say(f"\n{crosstalk_text(matrix, width)}")
     if book is not None:
         from mitsuba_taxel.sensing.audit import audit_text
 
-        print(f"\n{audit_text(book, width)}")
+        tables.say(f"\n{audit_text(book, width)}")
     if lines is not None:
         tables.print_left_out(lines)
 

@@ -102,7 +102,7 @@ def command(
     from mitsuba_taxel.studies import run_study, sweep
     from mitsuba_taxel.studies.plan.batch import columns_of, parameters_in
 
-    from .tables import circuit_in, end_beyond_target, print_json, study_bar
+    from .tables import circuit_in, end_beyond_target, print_json, say, study_bar
 
     how: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "retry_failed": retry_failed, "parquet": parquet}
     with study_bar() as progress:
@@ -133,7 +133,7 @@ def command(
     else:
         for name, child in studies.items():
             _show(name, child)
-        print(f"Results: {folder}")
+        say(f"Results: {folder}")
     _end(study.attrs["failures"].splitlines(), folder)
     notes = [(name, note) for name, child in studies.items() for note in child.attrs["notes"].splitlines()]
     end_beyond_target(f"{name}: {note}" if name else note for name, note in notes)
@@ -162,26 +162,26 @@ def _show(name: str, study) -> None:
     from mitsuba_taxel.sensing.reading.wording import budget_line, light_of_study, stage_line
     from mitsuba_taxel.studies import stage_totals, study_error_budget
 
-    from .tables import print_figures
+    from .tables import print_figures, say
 
     if name:
-        print(f"\n{name}:")
+        say(f"\n{name}:")
     channel, slopes = slope_summary(study)
     for line in slope_answers(slopes):
-        print(f"{line}\n")
+        say(f"{line}\n")
     print_figures(", ".join(filter(None, ("Slopes", channel))), *table_rows(slopes, SHOWN))
     for line in remarks_explained(slopes[slopes.figure.isin(SHOWN)]):
-        print(line)
+        say(line)
     if len(slopes) and (circuit := circuit_of_study(study)):
         volts = volts_table(study, circuit)
         print_figures(AS_SHOWN, *figure_rows(volts))
         for line in volts_notes(volts, circuit):
-            print(line)
-    print(f"{int(study.power.notnull().sum())} readings, each {light_of_study(study)}.")
+            say(line)
+    say(f"{int(study.power.notnull().sum())} readings, each {light_of_study(study)}.")
     for note in study.attrs["notes"].splitlines():
-        print(note)
-    print(budget_line(study_error_budget(study)))
-    print(stage_line(stage_totals(study)))
+        say(note)
+    say(budget_line(study_error_budget(study)))
+    say(stage_line(stage_totals(study)))
 
 
 def _end(failures: list[str], folder: Path) -> None:

@@ -6,6 +6,7 @@ import json
 import math
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -23,7 +24,16 @@ def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Print a table of numbers on stdout; the first column is aligned left, the others right."""
     from mitsuba_taxel.base.files.text_table import text_table
 
-    print(text_table(headings, rows, terminal_width()))
+    say(text_table(headings, rows, terminal_width()))
+
+
+def say(text: str = "") -> None:
+    """Print lines on stdout, folded between words in a terminal; lines are left whole in a pipe."""
+    width = terminal_width()
+    for line in text.split("\n"):
+        if width is not None and len(line) > width:
+            line = textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False)
+        print(line)
 
 
 def terminal_width() -> int | None:
@@ -87,7 +97,7 @@ def print_result(printed: Printed) -> None:
             click.echo(block, err=block.startswith(WARNING))
             continue
         if block.title or number:
-            print(f"\n{block.title}" if block.title and number else block.title)
+            say(f"\n{block.title}" if block.title and number else block.title)
         print_table([heading.replace(" [", "\n[") for heading in block.headings], block.rows)
 
 
@@ -102,7 +112,7 @@ def circuit_in(file):
 
 def print_volts(taxels: Iterable[int], volts) -> None:
     """Print the output of each taxel behind a circuit, and its derivatives in volts and counts."""
-    print("\nAs the circuit shows it; noise: 1 sigma of the electronics")
+    say("\nAs the circuit shows it; noise: 1 sigma of the electronics")
     rows = zip(
         map(str, taxels),
         (f"{voltage:.6f}" for voltage in volts.voltage),
@@ -115,9 +125,9 @@ def print_volts(taxels: Iterable[int], volts) -> None:
         strict=True,
     )
     print_table(("taxel", "voltage [V]", "total error [V]", "noise [V]", "counts"), rows)
-    print(f"One count: {volts.step:.4g} V")
+    say(f"One count: {volts.step:.4g} V")
     for note in volts.notes:
-        print(note)
+        say(note)
     if volts.derivatives is not None:
         _print_shown_derivatives(volts.derivatives)
 
@@ -126,8 +136,8 @@ def _print_shown_derivatives(shown) -> None:
     """Print derivatives in volts and counts by parameter and taxel, with noise and distance from saturation."""
     from mitsuba_taxel.sensing.reading.derivative_values import derivatives_text
 
-    print(f"\n{derivatives_text(shown.in_volts, terminal_width())}")
-    print("\nIn counts; changes of a parameter that equal the noise, and that saturate the output if power is linear")
+    say(f"\n{derivatives_text(shown.in_volts, terminal_width())}")
+    say("\nIn counts; changes of a parameter that equal the noise, and that saturate the output if power is linear")
     rows = (
         (
             row["parameter"],
@@ -166,14 +176,14 @@ def print_pads(rows: Sequence[Mapping]) -> None:
     timed = [row for row in rows if row["time_s"] is not None]
     if timed:
         first, last, error = timed[0]["time_s"], timed[-1]["time_s"], max(row["time_error"] for row in timed)
-        print(f"From {first:.4g} s to {last:.4g} s; the stress is off by {error:.0e} of it for the steps of time.")
+        say(f"From {first:.4g} s to {last:.4g} s; the stress is off by {error:.0e} of it for the steps of time.")
     worst = max(row["imbalance"] for row in rows)
-    print(f"The board's reaction balances the load to {worst:.0e} of it, at worst.")
+    say(f"The board's reaction balances the load to {worst:.0e} of it, at worst.")
     if quantity == "displacement":
-        print("Force by which the board holds the pad, in N:")
+        say("Force by which the board holds the pad, in N:")
         for row in rows:
             force = ", ".join(f"{component:.4g}" for component in row["board_force_N"])
-            print(f"{row['file']}: ({force}) +- {number(row['board_force_error_N'], '.1g')}")
+            say(f"{row['file']}: ({force}) +- {number(row['board_force_error_N'], '.1g')}")
 
 
 def print_json(answer: object) -> None:
@@ -238,11 +248,11 @@ def print_notes(result) -> None:
     for warning in result.warnings:
         click.echo(f"warning: {warning}", err=True)
     for note in result.notes:
-        print(note)
+        say(note)
 
 
 def print_left_out(lines: Sequence[str]) -> None:
     """Print the work omitted for a scene, one line each."""
-    print("\nLeft out of this scene:")
+    say("\nLeft out of this scene:")
     for line in lines:
-        print(f"  {line}")
+        say(f"  {line}")

@@ -28,7 +28,7 @@ def command(
     """
     from mitsuba_taxel.tolerances import run_tolerance
 
-    from .tables import print_json, study_bar
+    from .tables import print_json, say, study_bar
 
     with study_bar() as progress:
         result = run_tolerance(
@@ -39,8 +39,8 @@ def command(
         return
     _show(result)
     for note in result.notes:
-        print(note)
-    print(f"Results: {folder}")
+        say(note)
+    say(f"Results: {folder}")
 
 
 def _as_json(result) -> dict[str, Any]:
@@ -66,13 +66,13 @@ def _show(result) -> None:
         spread_rows,
     )
 
-    from .tables import print_table
+    from .tables import print_table, say
 
     counts = _counts(result)
     linear = ", all linear" if result.shares.rate.notna().any() else ""
     few = f", {counts['exact']} of them exact{linear}" if counts else ""
-    print(f"{spread_answer(result.spread)}\n")
-    print(f"{len(result.samples)} samples{few}; {SPREADS[0].lower()}{SPREADS[1:]}:")
+    say(f"{spread_answer(result.spread)}\n")
+    say(f"{len(result.samples)} samples{few}; {SPREADS[0].lower()}{SPREADS[1:]}:")
     print_table(SPREAD_HEADINGS, spread_rows(result.spread))
-    print(f"\n{INDICES}")
+    say(f"\n{INDICES}")
     print_table(*index_rows(result.parameters))
