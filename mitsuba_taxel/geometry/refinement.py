@@ -123,7 +123,7 @@ def of_pieces(
         With the elements that are cut.
     tets : (M, 4) ndarray
         Corners of the pieces, numbered from 0 without gaps.
-    place : (M, 4, 4) ndarray
+    barycentric : (M, 4, 4) ndarray
         Barycentric coordinates of each corner in the parent element.
     parent : (M,) ndarray
         Number of the parent element.
