@@ -278,7 +278,7 @@ class Cell:
     @property
     def _seen_starts(self) -> Starts:
         """The starts that LED and phototransistor see."""
-        return Starts(*(getattr(self._starts, field.name)[self._seen] for field in fields(Starts)))
+        return self._starts.block(self._seen)
 
     def _of_all(self, values: np.ndarray) -> np.ndarray:
         """(T, ...) values at all targets, which are 0 at those on the box, from the values at all others."""

@@ -44,6 +44,10 @@ class Starts:
     isotropic: np.ndarray
     lambertian: np.ndarray
 
+    def block(self, rows: slice) -> Starts:
+        """The points of some rows."""
+        return Starts(self.at[rows], self.normal[rows], self.isotropic[rows], self.lambertian[rows])
+
 
 @dataclass(frozen=True, eq=False)
 class LightRates:

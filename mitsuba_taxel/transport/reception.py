@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from mitsuba_taxel.transport.exchange import Exchange, Starts
@@ -12,6 +14,8 @@ from mitsuba_taxel.transport.rules import gauss, triangle_rule
 
 CHECKED, ANGLES = 7, 1024
 """One in 7 points of a phototransistor is checked; number of intervals of the angles on which its response depends."""
+PAIRS_AT_ONCE = 1 << 20
+"""Most pairs of points of walls and of a phototransistor in memory, some 200 bytes each."""
 WIDER = 10.0
 """Width over which the step at the horizon of a wall is smoothed, relative to that between walls. It is the spacing of
 the points of a phototransistor as seen from a wall nearby, whose horizon passes entire rows of them at once."""
@@ -19,6 +23,9 @@ the points of a phototransistor as seen from a wall nearby, whose horizon passes
 
 class Reception:
     """Power that a phototransistor receives directly from walls that scatter light.
+
+    Pairs of points of walls and phototransistor are computed in blocks, and not kept: a narrow response needs
+    tens of millions of them.
 
     Parameters
     ----------
@@ -29,19 +36,13 @@ class Reception:
     """
 
     def __init__(self, end: End, starts: Starts) -> None:
-        self._end, self._shape = end, (len(starts.at), len(end.points))
-        start, point = (index.ravel() for index in np.indices(self._shape))
-        self._exchange = Exchange(starts, end.points, end.weights[:, None] * end.normal, start, point)
-        self._away = end.points - starts.at[:, None]
-        self._distance = np.linalg.norm(self._away, axis=2)
-        self._cosine = -(self._away @ end.normal) / self._distance
-        self._response, self._slope = (values * (self._cosine > end.law.cutoff) for values in end.law(self._cosine))
-        self._bare = self._exchange.values().reshape(self._shape)
+        self._end, size = end, max(PAIRS_AT_ONCE // len(end.points), 1)
+        self._blocks = [starts.block(slice(first, first + size)) for first in range(0, max(len(starts.at), 1), size)]
 
-    @property
+    @cached_property
     def value(self) -> np.ndarray:
         """(T,) received power per watt that falls on each point."""
-        return (self._bare * self._response).sum(axis=1)
+        return np.concatenate([_ReceivedPairs(self._end, block).value for block in self._blocks])
 
     def gradient(self, adjoint: np.ndarray, wider: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of the product of ``adjoint`` and :attr:`value`.
@@ -58,6 +59,35 @@ class Reception:
         by_start, by_normal : (T, 3) ndarray
             By the positions of the points, per mm, and by their unit normals.
         """
+        ends = np.cumsum([len(block.at) for block in self._blocks])
+        gradients = [
+            _ReceivedPairs(self._end, block).gradient(weight, wider)
+            for block, weight in zip(self._blocks, np.split(adjoint, ends[:-1]), strict=True)
+        ]
+        by_start, by_normal = (np.concatenate(vectors) for vectors in zip(*gradients, strict=True))
+        return by_start, by_normal
+
+
+class _ReceivedPairs:
+    """The pairs of a block of points of walls with all points of a phototransistor."""
+
+    def __init__(self, end: End, starts: Starts) -> None:
+        self._end, self._shape = end, (len(starts.at), len(end.points))
+        start, point = (index.ravel() for index in np.indices(self._shape))
+        self._exchange = Exchange(starts, end.points, end.weights[:, None] * end.normal, start, point)
+        self._away = end.points - starts.at[:, None]
+        self._distance = np.linalg.norm(self._away, axis=2)
+        self._cosine = -(self._away @ end.normal) / self._distance
+        self._response, self._slope = (values * (self._cosine > end.law.cutoff) for values in end.law(self._cosine))
+        self._bare = self._exchange.values().reshape(self._shape)
+
+    @property
+    def value(self) -> np.ndarray:
+        """(T,) as of :class:`Reception`."""
+        return (self._bare * self._response).sum(axis=1)
+
+    def gradient(self, adjoint: np.ndarray, wider: float) -> tuple[np.ndarray, np.ndarray]:
+        """As of :class:`Reception`."""
         slopes = self._exchange.slopes((adjoint[:, None] * self._response).ravel(), WIDER * wider)
         by_end, by_normal = (
             np.stack([component.reshape(self._shape).sum(axis=1) for component in vector], axis=1)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from patch_cells import LAMBERTIAN, dome, led, phototransistor, plate
 
+from mitsuba_taxel.transport import reception
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
+from mitsuba_taxel.transport.exchange import Starts
 from mitsuba_taxel.transport.laws.ends import CosineFactor, End
 from mitsuba_taxel.transport.laws.tabulated_law import TabulatedLaw
-from mitsuba_taxel.transport.reception import CHECKED, accepted
+from mitsuba_taxel.transport.reception import CHECKED, Reception, accepted
 
 
 def responding(exponent):
@@ -85,3 +88,28 @@ def test_narrow_responses_to_a_wide_beam_read_as_the_integral_over_the_plate(exp
     slope = (closed_form(exponent, 1.3 + step) - closed_form(exponent, 1.3 - step)) / (2 * step)
     assert (found.gradient() * upwards).sum() == pytest.approx(slope, rel=3e-4)
     assert found.conservation_slope_error(upwards) < 2e-3 * abs(slope)
+
+
+def received(count):
+    """Response to points of a plate of 2 x 2 mm, 1 mm above a phototransistor, with values and gradient."""
+    rng = np.random.default_rng(1)
+    at = np.column_stack([rng.uniform(-1, 1, (count, 2)), np.ones(count)])
+    below = np.tile([0.0, 0.0, -1.0], (count, 1))
+    seen = Reception(responding(30), Starts(at, below, np.full(count, 0.3), np.full(count, 0.7)))
+    return seen.value, *seen.gradient(np.linspace(1, 2, count))
+
+
+def test_memory_does_not_grow_with_the_points_of_walls(monkeypatch):
+    """Blocks of pairs give the same; all pairs at once took 120 bytes each of Python's memory alone."""
+    pairs, count = 1 << 12, 2000
+    at_once = received(count)
+    monkeypatch.setattr(reception, "PAIRS_AT_ONCE", pairs)
+    tracemalloc.start()
+    try:
+        in_blocks = received(count)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    for one, other in zip(in_blocks, at_once, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-15)
+    assert peak < 40 * 64 * count
