@@ -175,7 +175,7 @@ class Cell:
 
         It combines the sum of the errors of all patches and their root sum of squares; see :func:`acceptance`.
         """
-        errors = self._reception_errors(self._walls.seen)
+        errors = self._reception_errors()
         return float(np.hypot(errors.sum(), np.linalg.norm(errors)))
 
     def conservation_slope_error(self, velocity: np.ndarray) -> float:
@@ -202,13 +202,19 @@ class Cell:
         ahead, behind = (self._reception_errors(self._walls.seen + sign * step * velocity) for sign in (1, -1))
         return float(np.hypot(by_emission, (ahead - behind).sum() / (2 * step)))
 
-    def _reception_errors(self, positions: np.ndarray) -> np.ndarray:
+    @cached_property
+    def _accepted(self) -> tuple[np.ndarray, np.ndarray]:
+        """Light that the phototransistor accepts from each patch that it sees, by the rules and along outlines."""
+        return accepted(self._phototransistor, self._walls.seen, self._mesh.degree)
+
+    def _reception_errors(self, positions: np.ndarray | None = None) -> np.ndarray:
         """Errors in W per W by the light that the phototransistor accepts from each patch that it sees.
 
         If patches are divided for the light of the LED, the errors of patches count light from other walls alone, and
-        those of all subpatches follow, for the light of the LED.
+        those of all subpatches follow, for the light of the LED. The patches may have moved to other ``positions``.
         """
-        by_rule, by_outline = accepted(self._phototransistor, positions, self._mesh.degree)
+        moved = None if positions is None else accepted(self._phototransistor, positions, self._mesh.degree)
+        by_rule, by_outline = moved or self._accepted
         errors = self._radiance * (by_rule - by_outline)
         return np.concatenate([errors, self._direct.reception_errors(positions)]) if self._direct.is_finer else errors
 
@@ -226,7 +232,7 @@ class Cell:
             (power * received).reshape(count, -1).sum(axis=1),
             scattered * power.reshape(count, -1).sum(axis=1),
             area,
-            *accepted(self._phototransistor, self._walls.seen, degree),
+            *self._accepted,
         )
 
     @cached_property

@@ -93,32 +93,37 @@ class Direct:
         """Whether patches are divided."""
         return len(self._subpatches.face) != len(self._emission.positions) or bool((self._subpatches.side != 1).any())
 
-    def reception_errors(self, positions: np.ndarray) -> np.ndarray:
+    def reception_errors(self, positions: np.ndarray | None = None) -> np.ndarray:
         """Errors of the reading by the light that the phototransistor accepts from each subpatch.
 
         Parameters
         ----------
-        positions : (F, 15, 3) ndarray
-            Of the patches, which may have moved; in mm.
+        positions : (F, 15, 3) ndarray, optional
+            Of the patches if they have moved; in mm.
 
         Returns
         -------
         (M,) ndarray
             In W per W of the LED.
         """
-        end, degree = self._phototransistor, self._emission.degree
-        by_rule, by_outline = accepted(end, self._subpatches.positions(positions), degree)
+        by_rule, by_outline = self._accepted if positions is None else self._accepted_at(positions)
         return self._radiance * (by_rule - by_outline)
+
+    @cached_property
+    def _accepted(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._accepted_at(self._emission.positions)
+
+    def _accepted_at(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return accepted(self._phototransistor, self._subpatches.positions(positions), self._emission.degree)
 
     @cached_property
     def _radiance(self) -> np.ndarray:
         """(M,) radiance of each subpatch in the light of the LED alone, in W per mm² and sr per W of the LED."""
-        end, degree = self._phototransistor, self._emission.degree
-        by_rule, by_outline = accepted(end, self._subpatches.positions(self._emission.positions), degree)
+        by_rule, by_outline = self._accepted
         power, received = self._power.reshape(-1, len(_NODES)), self._reception.value.reshape(-1, len(_NODES))
         area = self._length.reshape(power.shape).mean(axis=1) * self._subpatches.side**2 / 2
         scattered = self._scattered[self._subpatches.face] * power.sum(axis=1)
-        return radiance(end, (power * received).sum(axis=1), scattered, area, by_rule, by_outline)
+        return radiance(self._phototransistor, (power * received).sum(axis=1), scattered, area, by_rule, by_outline)
 
     def gradient(self, wider: float) -> np.ndarray:
         """(F, 15, 3) derivatives, by the positions of the patches, through the finer direct response alone.

@@ -155,13 +155,14 @@ class _SolvedCell(NamedTuple):
 def _solved(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> _SolvedCell | None:
     """The light in a cell, also with nodes displaced by deviations (N, 3).
 
-    None if the coarser solution shows that the finer one would not resolve the light that the phototransistor accepts.
+    None if the coarser solution shows that the finer one would not resolve the light that a narrow response accepts.
     """
     patches = cells.patches(number)
     at = patches.rest + patches.carried(cells.pad.state.displacement)
     mesh = cells.light_mesh(number, COARSE)
     coarse = cells.solved(number, mesh, at)
-    if coarse.reception_error > HOPELESS * coarse.reading:
+    is_narrow = not cells.taxels[number].phototransistor.varies_slowly
+    if is_narrow and coarse.reception_error > HOPELESS * coarse.reading:
         return None
     fine = cells.solved(number, cells.light_mesh(number, FINE), at)
     deviating = [cells.solved(number, mesh, at + patches.carried(deviation)) for deviation in deviations]

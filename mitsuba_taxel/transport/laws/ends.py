@@ -133,6 +133,16 @@ class End:
         """Largest side of a piece in the light of an LED, relative to the length over which a response varies there."""
         return FINE if self.law.spread < NARROW else WIDE
 
+    @property
+    def _width(self) -> float:
+        """Angle in radians over which the law varies along the normal."""
+        return float(np.min(self.law.width(np.ones(1))))
+
+    @property
+    def varies_slowly(self) -> bool:
+        """Whether the law varies no faster than the cosine."""
+        return self._width >= POWER
+
     def resolved(self, middle: np.ndarray, size: np.ndarray) -> np.ndarray:
         """Length over which the law varies on pieces of walls.
 
@@ -148,12 +158,11 @@ class End:
         (M,) ndarray
             In mm; infinite for pieces beyond the spread, and for laws that vary as slowly as the cosine.
         """
-        width = float(np.min(self.law.width(np.ones(1))))
-        if width >= POWER:
+        if self.varies_slowly:
             return np.full(len(middle), np.inf)
         around = np.linalg.norm(self.points - self.points.mean(axis=0), axis=1).max()
         away = middle - self.points.mean(axis=0)
         distance = np.linalg.norm(away, axis=1)
         radius = np.arcsin(np.minimum((size + around) / distance, 1))
         within = np.arccos(np.clip(away @ self.normal / distance, -1, 1)) - radius < self.law.spread
-        return np.where(within, width * distance, np.inf)
+        return np.where(within, self._width * distance, np.inf)

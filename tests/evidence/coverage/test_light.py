@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -71,6 +72,7 @@ def test_the_page_counts_what_agrees(monkeypatch, tmp_path):
         assert "2 of 3 readings agree within 3 combined errors, 1 within 2; 2 need no random paths" in text
         assert "1.1 times the deviation" in text and "1 readings take more than" in text
         assert "1 configurations could not be read" in text
+    assert re.search(r"\| 20\d\d-\d\d-\d\d \d\d:\d\d \|", page.read_text())
 
 
 def test_a_pattern_that_matches_nothing_is_refused():
