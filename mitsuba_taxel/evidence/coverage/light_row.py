@@ -31,6 +31,8 @@ class LightRow:
         Peak memory of both.
     remark : str
         Reason why the configuration could not be read; else empty.
+    measured : str
+        Time in UTC, which identifies the code that was measured.
     """
 
     COLUMNS: ClassVar = {
@@ -47,6 +49,7 @@ class LightRow:
         "seconds": ("CPU s", ".1f"),
         "tight_seconds": ("CPU s to 0.1 %", ".1f"),
         "megabytes": ("MB", ".0f"),
+        "measured": ("measured", ""),
         "remark": ("remark", ""),
     }
     case: str
@@ -62,6 +65,7 @@ class LightRow:
     tight_seconds: float = math.nan
     megabytes: float = math.nan
     remark: str = ""
+    measured: str = ""
 
     @property
     def deviates(self) -> float:
