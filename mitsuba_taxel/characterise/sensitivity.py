@@ -13,7 +13,7 @@ from mitsuba_taxel.characterise.characteristics import NOT_ABOVE, NOT_RESOLVED
 from mitsuba_taxel.characterise.experiment import Branch
 from mitsuba_taxel.characterise.load_lines import LoadLine, load_lines, loading_lines, runs, unit_of
 from mitsuba_taxel.characterise.roles import with_forces_named
-from mitsuba_taxel.characterise.shape_error import changed_by_shape, with_shape
+from mitsuba_taxel.characterise.shape_error import Mode, changed_by_shape, with_shape
 from mitsuba_taxel.characterise.slopes import Slopes, relative_slope, slopes
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
         raise InputError(f"{force} has no slope in this study: at least two values of it are needed.")
     if len(lines) > 1:
         raise InputError(f"{force} grows along {len(lines)} runs of this study: sensitivity_table lists their slopes.")
-    return _slopes_along(study, lines[0])
+    return _slopes_along(study, lines[0], changed_by_shape(study))
 
 
 def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
@@ -78,8 +78,10 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
     import pandas
 
     study, tables = with_forces_named(study), []
-    for line in loading_lines(study):
-        result = _slopes_along(study, line)
+    lines = loading_lines(study)
+    changed_studies = changed_by_shape(study) if lines else {}
+    for line in lines:
+        result = _slopes_along(study, line, changed_studies)
         names = {name: f"{name}_{_suffix(study, name)}" for name in map(str, result)}
         table = result.to_dataframe().reset_index()
         table["remark"] = [_remark(*row) for row in table[["max_slope", "max_slope_error", "mean_slope"]].to_numpy()]
@@ -94,8 +96,8 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
     return table[["force", *varied, "taxel", *slope_columns]]
 
 
-def _slopes_along(study: xr.Dataset, line: LoadLine) -> xr.Dataset:
-    """The slopes along a line of load, over the other dimensions and ``taxel``."""
+def _slopes_along(study: xr.Dataset, line: LoadLine, changed_studies: dict[Mode, list[xr.Dataset]]) -> xr.Dataset:
+    """The slopes along a line of load, over the other dimensions and ``taxel``; with the study changed by its shape."""
     other_dims = [dim for dim in study.replicate_power.dims if dim not in (line.dim, "replicate", "taxel")]
     shape = tuple(study.sizes[dim] for dim in (*other_dims, "taxel"))
     names = (*Slopes._fields, "relative_slope", "relative_slope_error")
@@ -106,7 +108,7 @@ def _slopes_along(study: xr.Dataset, line: LoadLine) -> xr.Dataset:
     derived = np.array([run.tangents is not None for run in branches])
     changed_figures = {
         mode: [np.array([_all_slopes(run) for _, run in runs(changed_study, line)]) for changed_study in pair]
-        for mode, pair in changed_by_shape(study).items()
+        for mode, pair in changed_studies.items()
     }
     for name in ("max_slope", "mean_slope", "zero_slope", "relative_slope"):
         value, error = names.index(name), names.index(f"{name}_error")

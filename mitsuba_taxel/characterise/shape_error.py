@@ -72,14 +72,19 @@ def changed_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
         The two changed studies, by mode.
     """
     study = with_forces_named(study)
-    sizes = _sizes(study) if "replicate_power" in study else {}
-    return {mode: [_changed(study, mode, sign, sizes) for sign in SIGNS] for mode in _modes([study])}
+    modes = _modes([study])
+    return _by_mode(modes, _changed(study, modes))
 
 
 def scenes_changed_by_shape(study: xr.DataTree) -> dict[Mode, list[xr.DataTree]]:
     """The changed studies of several scenes, as of `changed_by_shape`; scenes without a mode are unchanged by it."""
     modes = _modes([leaf.to_dataset() for leaf in study.leaves])
-    return {mode: [study.map_over_datasets(_changed, mode, sign) for sign in SIGNS] for mode in modes}
+    return _by_mode(modes, study.map_over_datasets(_changed, modes)) if modes else {}
+
+
+def _by_mode(modes: list[Mode], changed: tuple) -> dict[Mode, list]:
+    """Studies changed up and down, in the order of the modes, by mode."""
+    return {mode: list(pair) for mode, pair in zip(modes, zip(changed[::2], changed[1::2], strict=True), strict=True)}
 
 
 def shape_shift(value: np.ndarray, changed: list[np.ndarray]) -> np.ndarray:
@@ -154,24 +159,28 @@ def _varied(study: xr.Dataset) -> list[str]:
     return [name for name in FORCES if name in study.coords and study[name].ndim]
 
 
-def _changed(
-    study: xr.Dataset, mode: Mode, sign: float, sizes: Mapping[str, tuple[xr.DataArray, xr.DataArray]] | None = None
-) -> xr.Dataset:
-    """The study with all readings changed by a mode; ``sizes`` is the result of :func:`_sizes` for the study."""
+def _changed(study: xr.Dataset, modes: list[Mode]) -> tuple[xr.Dataset, ...]:
+    """The study with all readings changed by each mode, up and down; its forces are called by name.
+
+    Whatever modes have in common is computed once: xarray takes a millisecond for each operation.
+    """
     if "replicate_power" not in study or not any(kind in study for kind in KINDS):
-        return study
+        return (study,) * (len(SIGNS) * len(modes))
     study = with_forces_named(study)
-    sizes = _sizes(study) if sizes is None else sizes
-    kind, *powers = mode
-    if kind == RANDOM:
-        square = sum(((1 - common**2) * size**2 for size, common in sizes.values()), xr.DataArray(0.0))
-        change = square**0.5 * _course(study, powers)
-    elif kind in sizes:
-        size, common = sizes[kind]
-        change = size * common
-    else:
-        return study
-    return _with_change(study, sign * change)
+    sizes, loads, along = _sizes(study), _relative_loads(study), _along_steps(study)
+    square = sum(((1 - common**2) * size**2 for size, common in sizes.values()), xr.DataArray(0.0))
+    random, changed = square**0.5, []
+    for kind, *powers in modes:
+        if kind == RANDOM:
+            change = random * _course(loads, powers)
+        elif kind in sizes:
+            size, common = sizes[kind]
+            change = size * common
+        else:
+            changed += [study] * len(SIGNS)
+            continue
+        changed += _with_change(study, change, along)
+    return tuple(changed)
 
 
 def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
@@ -235,23 +244,37 @@ def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
     return factor
 
 
-def _with_change(study: xr.Dataset, change: xr.DataArray) -> xr.Dataset:
-    """The study with a change added to its readings, and the slope of that change to derivatives by forces."""
-    variables = {"replicate_power": study.replicate_power + change}
+def _along_steps(study: xr.Dataset) -> dict[str, xr.DataArray]:
+    """By dimension: change of each derivative by a force, over the change of the reading along a step.
+
+    Along a path in which several forces change, the slope is that in the direction of the step.
+    """
+    if "derivative" not in study:
+        return {}
+    along = {}
+    for dim in {str(dim) for name in _varied(study) for dim in study[name].dims}:
+        names = [name for name in _varied(study) if dim in study[name].dims and name in study.parameter.values]
+        if study.sizes[dim] < 2 or not names:
+            continue
+        steps = {name: _steps(study[name], dim) for name in names}
+        square = sum((step**2 for step in steps.values()), xr.DataArray(0.0))
+        parts = (step * (study.parameter == name) for name, step in steps.items())
+        along[dim] = sum(parts, xr.DataArray(0.0)) / square.where(square > 0)
+    return along
+
+
+def _with_change(study: xr.Dataset, change: xr.DataArray, along: Mapping[str, xr.DataArray]) -> list[xr.Dataset]:
+    """The study with readings and their derivatives by forces changed, up and down; ``along``: :func:`_along_steps`."""
+    changes = {"replicate_power": change}
     if "derivative" in study:
-        variables |= {"smooth_power": study.smooth_power + change, "derivative": study.derivative}
-        for dim in {str(dim) for name in _varied(study) for dim in study[name].dims}:
-            names = [name for name in _varied(study) if dim in study[name].dims and name in study.parameter.values]
-            if study.sizes[dim] < 2 or not names:
-                continue
-            # If several forces change along a path, the slope is that in the direction of the step.
-            steps = {name: _steps(study[name], dim) for name in names}
-            square = sum((step**2 for step in steps.values()), xr.DataArray(0.0))
-            slope = _steps(change, dim) / square.where(square > 0)
-            for name, step in steps.items():
-                selected = study.parameter == name
-                variables["derivative"] = variables["derivative"] + (slope * step).fillna(0.0) * selected
-    return study.assign({name: array.transpose(*study[name].dims).variable for name, array in variables.items()})
+        slopes = ((_steps(change, dim) * relative).fillna(0.0) for dim, relative in along.items())
+        changes |= {"smooth_power": change, "derivative": sum(slopes, xr.DataArray(0.0))}
+    return [
+        study.assign(
+            {name: (study[name] + sign * by).transpose(*study[name].dims).variable for name, by in changes.items()}
+        )
+        for sign in SIGNS
+    ]
 
 
 def _steps(values: xr.DataArray, dim: str) -> xr.DataArray:
@@ -261,15 +284,19 @@ def _steps(values: xr.DataArray, dim: str) -> xr.DataArray:
     return last - first
 
 
-def _course(study: xr.Dataset, powers: list[str]) -> xr.DataArray:
-    """phi_m along the loads of a study; fixed components of the force contribute to the largest load L."""
+def _relative_loads(study: xr.Dataset) -> dict[str, xr.DataArray]:
+    """x along the loads of a study, by force that is varied; the fixed ones contribute to the largest load L."""
     fixed = json.loads(study.attrs.get("parameters", "{}"))
     varied = _varied(study)
     load = {name: study[name] if name in varied else xr.DataArray(float(fixed.get(name, 0.0))) for name in FORCES}
     largest = float(np.sqrt(sum(force**2 for force in load.values())).max()) or 1.0
-    x = {name: (load[name] - (load[name].max() + load[name].min()) / 2) / largest for name in varied}
-    course = xr.DataArray(1.0)
-    for name, coordinate in x.items():
+    return {name: (load[name] - (load[name].max() + load[name].min()) / 2) / largest for name in varied}
+
+
+def _course(loads: Mapping[str, xr.DataArray], powers: list[str]) -> xr.DataArray:
+    """phi_m at the loads ``x`` of :func:`_relative_loads`."""
+    course = xr.DataArray(1.0 if set(powers) <= set(loads) else 0.0)
+    for name, load in loads.items():
         power = powers.count(name)
-        course = course * np.exp(-(coordinate**2) / 2) * coordinate**power / math.sqrt(math.factorial(power))
-    return course if set(powers) <= set(varied) else 0.0 * course
+        course = course * (np.exp(-(load**2) / 2) * load**power / math.sqrt(math.factorial(power)))
+    return course
