@@ -35,7 +35,7 @@ least = {least}
 def folder(tmp_path_factory):
     """A low cell, whose roof meets the package."""
     folder = tmp_path_factory.mktemp("low")
-    cell = one_cell(mesh_size=3, youngs_modulus=4, fz=0).replace("<vector", SHAPE + "<vector", 1)
+    cell = one_cell(youngs_modulus=4, fz=0).replace("<vector", SHAPE + "<vector", 1)
     (folder / "low.xml").write_text(cell)
     return folder
 

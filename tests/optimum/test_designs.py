@@ -74,9 +74,7 @@ def test_gradients_through_the_whole_chain(along, kind):
 def test_first_contact_of_a_design(tmp_path, monkeypatch):
     """That of a low pad, which is proportional to its modulus, and is kept; a design without one fails."""
     low = '<float name="height" value="2"/> <float name="cell_height" value="0.6"/> <float name="wall" value="2"/> '
-    (tmp_path / "low.xml").write_text(
-        one_cell(mesh_size=3, youngs_modulus=4, fz=0).replace("<vector", low + "<vector", 1)
-    )
+    (tmp_path / "low.xml").write_text(one_cell(youngs_modulus=4, fz=0).replace("<vector", low + "<vector", 1))
     (tmp_path / "study.toml").write_text(
         'scene = "low.xml"\n[optimise]\nmaximise = "first_contact"\n[optimise.variables]\nyoungs_modulus = [3, 6]\n'
         "[optimise.loads]\nnormal = { fz = [0, -2] }\n[optimise.tolerances]\nyoungs_modulus = 0.1\n"

@@ -16,7 +16,7 @@ LEVEL = 0.5
 SCENE = f"""<scene version="3.9.0">
     <default name="fz" value="0"/> <default name="cell_height" value="1.2"/> <default name="height" value="1.85"/>
     <shape type="deformable_pad">
-        <integer name="rows" value="1"/> <integer name="columns" value="1"/> <float name="mesh_size" value="3"/>
+        <integer name="rows" value="1"/> <integer name="columns" value="1"/> <float name="mesh_size" value="2.5"/>
         <float name="cell_size" value="{CELL}"/> <float name="wall" value="1"/> <float name="pitch" value="8"/>
         <float name="cell_height" value="$cell_height"/> <float name="height" value="$height"/>
         <float name="poisson_ratio" value="0.3"/> <vector name="force" value="0, 0, $fz"/>
