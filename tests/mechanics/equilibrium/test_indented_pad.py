@@ -59,7 +59,7 @@ def test_bodies_take_few_more_factorisations_than_a_plate(few_elements_under_bod
     assert count(IndenterDisplacement(Indenter("sphere", radius=2.5, friction=0.3)), 0.2, 0, -0.5) <= 10
 
 
-def test_the_board_holds_what_the_body_does():
+def test_the_board_holds_what_the_body_does(few_elements_under_bodies):
     shallow, deep = pressed((0, 0, -0.2), (0, 0, -0.5))
     for state in (shallow, deep):
         held = reactions(state)
@@ -163,7 +163,7 @@ def test_the_contact_pressure_adds_up_to_the_force():
     assert not contact_pressure(free).any()
 
 
-def test_a_symmetric_part_is_the_whole():
+def test_a_symmetric_part_is_the_whole(few_elements_under_bodies):
     (state,) = pressed((0, 0, -0.3), load=ASIDE)
     whole = IndentedPad(state.mesh, LAW, ASIDE)
     unknowns = whole.equilibrium(whole.gather(1.001 * state.displacement, state.pressure), state.value)
@@ -181,16 +181,16 @@ def test_a_moved_body_is_one_that_starts_there():
     np.testing.assert_allclose(reactions(moved).force, reactions(placed).force, rtol=0.02, atol=0.01)
 
 
-def test_states_are_the_same_in_any_order(fresh):
+def test_states_are_the_same_in_any_order(few_elements_under_bodies):
     together = pressed((0, 0, -0.25), (0, 0, -0.4))
     kept = pressed((0, 0, -0.25))[0]
-    fresh()
+    few_elements_under_bodies()
     alone = pressed((0, 0, -0.25))[0]
     for state in (kept, alone):
         np.testing.assert_array_equal(state.displacement, together[0].displacement)
 
 
-def test_a_body_that_does_not_touch_leaves_the_pad_at_rest():
+def test_a_body_that_does_not_touch_leaves_the_pad_at_rest(few_elements_under_bodies):
     beside = IndenterDisplacement(Indenter("sphere", radius=1.0, at=(50.0, 0.0)))
     for load, value in ((beside, (0, 0, -0.5)), (BALL, (0, 0, 0.1)), (BALL, (0.2, 0, 0))):
         (state,) = pressed(value, load=load)
@@ -268,7 +268,7 @@ def test_forces_change_with_the_shape_as_differences_say():
     np.testing.assert_allclose((pushed(step) - pushed(-step)) / (2 * step), rate, atol=1e-4 * np.abs(rate).max())
 
 
-def test_a_state_on_another_mesh_needs_no_path_of_its_own():
+def test_a_state_on_another_mesh_needs_no_path_of_its_own(few_elements_under_bodies):
     (state,) = pressed((0, 0, -0.4), load=ASIDE)
     other = pad_path(PAD, LAW, ASIDE, 2.0, judged=False)
     jumped, *_ = carried_to(other, state.mesh, state.value, state.displacement, state.pressure)

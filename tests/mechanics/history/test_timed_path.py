@@ -134,11 +134,11 @@ def test_a_force_that_grows_needs_no_rows_on_its_way(few_elements_under_bodies):
     assert depths([whole])[0] == pytest.approx(depths(rows)[-1], rel=1e-4)
 
 
-def test_a_body_that_does_not_settle_is_told(monkeypatch):
+def test_a_body_that_does_not_settle_is_told(few_elements_under_bodies, monkeypatch):
     monkeypatch.setattr(pushed_path, "POSE_TOLERANCE", 0.0)
     monkeypatch.setattr(pushed_path, "MOST_HALVINGS", 1)
     with pytest.raises(ComputationError, match="the indenter does not settle between 0 and 0.3 s"):
-        states([(0, 0, -0.12)], [0.6], load=BALL)  # which no other test keeps
+        states([(0, 0, -0.12)], [0.6], load=BALL)
 
 
 UP, DOWN = np.arange(1, 7) / 6, np.arange(5, -1, -1) / 6
