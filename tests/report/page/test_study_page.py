@@ -59,7 +59,7 @@ BALL = """<scene version="3.9.0">
     <default name="depth" value="0.3"/> <integrator type="taxel_tracer"/>
     <shape type="deformable_pad">
         <string name="cell" value="hemispheric"/> <integer name="rows" value="1"/> <integer name="columns" value="1"/>
-        <float name="mesh_size" value="3"/> <integer name="subdivision" value="4"/>
+        <float name="mesh_size" value="2"/> <integer name="subdivision" value="4"/>
         <string name="load" value="indenter_displacement"/> <vector name="displacement" value="0, 0, -$depth"/>
         <string name="indenter" value="sphere"/> <float name="indenter_radius" value="2"/>
         <bsdf type="region"> <bsdf name="roof" type="wall"/> </bsdf>
