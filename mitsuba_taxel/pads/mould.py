@@ -21,8 +21,7 @@ def draft_angles(pad: Pad) -> np.ndarray:
     """Draft angles of the wall of a cell, in degrees from the vertical: of its side, then along its roof.
 
     An angle is positive where the cell narrows upwards, so that the mould can be pulled out, and negative where it
-    widens.
-    Where cells lean, it is the smallest angle around the axis."""
+    widens. Where cells lean, it is the smallest angle around the axis."""
     shape = pad.shape
     slope = max(map(abs, pad.slope)) if shape.is_square else math.hypot(*pad.slope)
     inwards, down = np.stack([leaning(shape.wall_tangents(), side * slope) for side in SIDES], axis=-1).swapaxes(0, 1)

@@ -1,4 +1,2 @@
-"""Measured sensors beside simulated ones: a pad of 5 x 5 cells on the bench, and the paper's loading cycles.
-
-Public records and studies enter; comparisons, fits of memory and the figures of the page leave.
-"""
+"""Measured sensors compared with simulated ones: a pad of 5 x 5 cells on the bench, and the paper's loading cycles.
+Public records and studies enter; comparisons, fits of Prony series and the figures of the page leave."""

@@ -29,8 +29,8 @@ SIDE = 5
 TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.7, 1.95, 2.05)
 """Travels of the indenter in mm at which a path is read."""
 POINTS, MESH_SIZE = 256, 1.6
-"""Light paths for each taxel and randomisation; size in mm of the elements away from cells and indenter, which are
-nearly as coarse as the cells permit."""
+"""Number of light paths for each taxel and randomisation; size in mm of the elements away from cells and indenter,
+nearly the largest that the cells permit."""
 
 _BAR = """
     <shape type="cube">
@@ -47,16 +47,16 @@ _WALLS = """
 
 
 class PadAssumptions(NamedTuple):
-    """What the model takes for granted, as nothing is published of it.
+    """Parameters of the pad that are not published.
 
     Attributes
     ----------
     name : str
-        In the names of studies; empty for what the fit assumes.
+        Part of the names of studies; empty for the assumptions of the fit.
     poisson_ratio : float
         Of the silicone.
     collar : float
-        Height in mm above the dies up to which the grid holds the walls between the cells.
+        Height in mm above the dies up to which the grid supports the walls between the cells.
     walls : float
         Reflectance of these walls.
     friction : float
@@ -74,17 +74,18 @@ AS_FITTED = PadAssumptions()
 
 
 class IndenterPress(NamedTuple):
-    """A rod with a round end (``sphere``) or a flat one (``punch``), pressed into a pad; all lengths in mm.
+    """A rod with a round end (``sphere``) or a flat end (``punch``), pressed into a pad; all lengths in mm.
 
     Attributes
     ----------
     height : float
-        Of the silicone above the dies' plane.
+        Of the silicone above the plane of the dies.
     indenter : str
+        ``sphere`` or ``punch``.
     radius : float
         Of the end.
     x, y : float
-        Where its tip stands; the middle of the pad is 0.
+        Position of its tip, relative to the middle of the pad.
     """
 
     height: float
@@ -94,7 +95,7 @@ class IndenterPress(NamedTuple):
     y: float = 0.0
 
     def moved(self, x: float, y: float) -> IndenterPress:
-        """The same elsewhere."""
+        """The same press at another position."""
         return self._replace(x=x, y=y)
 
     @property
@@ -106,8 +107,7 @@ class IndenterPress(NamedTuple):
 class PressReading(NamedTuple):
     """Force in N for a long-term modulus of 1 MPa, and changes of the taxels relative to rest, each with its error.
 
-    ``step_error`` is that of the stress by time steps, relative to the largest so far.
-    """
+    ``step_error`` is the error of the stress by time steps, relative to the largest stress so far."""
 
     force: float
     force_error: float
@@ -171,7 +171,7 @@ def _computed(
 
 
 def defines_of(press: IndenterPress, assumed: PadAssumptions = AS_FITTED) -> dict[str, Any]:
-    """Values of the scene's parameters."""
+    """Values of the scene's parameters, by name."""
     return press._asdict() | {"height": press.height - assumed.collar}
 
 
@@ -189,7 +189,7 @@ def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False
 
 
 def dataset(dim: str, rows: list[PressReading]) -> xr.Dataset:
-    """Readings one after the other, by ``dim`` and ``taxel``."""
+    """A dataset of readings, by ``dim`` and ``taxel``."""
     forces, force_errors, changes, errors, step_errors = map(np.array, zip(*rows, strict=True))
     return xr.Dataset(
         {

@@ -13,21 +13,21 @@ from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 from mitsuba_taxel.sensing import Scene, measure
 
 STEPS = 5
-"""Readings of a cycle on the way down."""
+"""Number of readings of a cycle while the indenter goes down."""
 CYCLE_TRAVEL = max(measured.PRESSES[measured.PRESSED].travels)
 """Largest travel of the cycle in mm."""
 REACHED, HELD = 0.1, 30.0
-"""Time in s until the travel of the hold is reached, and of the hold."""
+"""Time in s at which the travel of the hold is reached, and duration of the hold."""
 HOLD_TIMES = (0.05, 0.2, 0.5, 1.0, 3.0, 8.0, HELD)
 """Times of the hold in s at which it is read."""
 POINTS = 1024
-"""Light paths for each taxel and randomisation after the release, when changes are small."""
+"""Number of light paths for each taxel and randomisation after the release, when changes are small."""
 
 Prony = tuple[tuple[float, float], ...]
 
 
 class TimedTravel(NamedTuple):
-    """A time in s, and the travel then in mm."""
+    """A time in s, and the travel at that time in mm."""
 
     time: float
     travel: float
@@ -59,7 +59,7 @@ def cycle(
 def hold_and_release(
     store: PaperStudies, press: IndenterPress, prony: Prony, late: float = 0.0, mesh_size: float | None = None
 ) -> xr.Dataset:
-    """The same at the times of the record: pressed within 0.1 s, held, and the indenter withdrawn at once."""
+    """Force and readings at the times of the record: the pad is pressed within 0.1 s, held, and released at once."""
     end = REACHED + HELD
     travel = round(measured.HELD_AT + late, 6)
     hold = [TimedTravel(REACHED, travel), *(TimedTravel(REACHED + time, travel) for time in HOLD_TIMES)]

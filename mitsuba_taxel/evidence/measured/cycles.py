@@ -17,13 +17,14 @@ from mitsuba_taxel.studies import sweep
 
 CELLS = 9
 PER_FORCE = CELLS / measured.CELLS_OF_EXPERIMENTS
-"""Cells of our pad, and its forces relative to those of the experiments: forces per cell are the same."""
+"""Number of cells of our pad, and its forces relative to those of the experiments, so that forces per cell are the
+same."""
 STEPS, POINTS = 5, 1024
 
 
 class CycleFigures(NamedTuple):
-    """Figures of the taxels of a pad: least and largest V/N; for the most sensitive one, nonlinearity and hysteresis in
-    percent, with errors."""
+    """Figures of the taxels of a pad: least and largest V/N; nonlinearity and hysteresis in percent of the most
+    sensitive taxel, with errors."""
 
     least: float
     most: float
@@ -48,7 +49,7 @@ def cycle(store: PaperStudies, cell: str, terms: tuple[tuple[float, float], ...]
 
 
 def circuit_at_rest(study: xr.Dataset) -> Circuit:
-    """The circuit of the measured pad, with LEDs that give its mean voltage at the first step of a cycle."""
+    """The circuit of the measured pad, with LEDs whose power gives its mean voltage at the first step of a cycle."""
     return Circuit(
         supply=measured.ADC_REFERENCE,
         load_resistance=measured.LOAD_RESISTANCE,

@@ -9,24 +9,26 @@ from __future__ import annotations
 from typing import NamedTuple
 
 REST_VOLTAGE, HELD_SHARE = 1.68, 0.173
-"""Mean of 25 taxels, in V; change of that of taxel 13 while it is held, relative to its own at rest."""
+"""Mean voltage of 25 taxels at rest, in V; change of taxel 13 while it is held, relative to its voltage at rest."""
 REST_SPREAD, REST_VOLTAGES = 18.0, (0.84, 2.04)
-"""Standard deviation of the voltages at rest in percent of their mean, of the 25 taxels; lowest and highest, in V."""
+"""Spread of the voltages of the 25 taxels at rest: standard deviation in percent of their mean; lowest and highest, in
+V."""
 LOAD_RESISTANCE, ADC_REFERENCE, ADC_BITS = 22e3, 3.3, 12
-"""Electronics, in Ohm and V."""
+"""Load resistance in Ohm and supply in V of the electronics."""
 
 PITCH, CORE, CORE_HEIGHT, PAD_SIDE = 3.55, 2.55, 1.05, 25.0
-"""Of the pad in mm: distance and side of the square cores on which its cells are cast, and their height; its side."""
+"""Dimensions of the pad in mm: distance and side of the square cores on which its cells are cast, their height, and the
+side of the pad."""
 WINDOW, COLLAR_HEIGHT, PACKAGE_HEIGHT = 1.95, 0.5, 0.5
-"""Of the rigid grid in mm: side of its windows, and height of their collars, which reach into the cells; height of the
-packages, which that of the plate equals."""
+"""Dimensions of the rigid grid in mm: side of its windows, height of its collars, which reach into the cells, and
+height of the packages, which equals the thickness of its plate."""
 
 PRESSED = 13
-"""The taxel that was held and released, in the middle."""
+"""Number of the taxel that was held and released: the middle one."""
 
 
 class MeasuredPress(NamedTuple):
-    """A taxel pressed slowly: its voltage at rest in V, and force in N, change of the voltage, travel in mm."""
+    """Record of a slowly pressed taxel: its voltage at rest in V; force in N, change of the voltage, and travel in mm."""
 
     at_rest: float
     forces: tuple[float, ...]
@@ -54,7 +56,8 @@ PRESSES = {
         (0.158, 0.462, 0.691, 0.898, 1.104, 1.336, 1.559, 1.774, 1.955),
     ),
 }
-"""Taxels are numbered as ours: 13 is the middle, 17 below it to the left, 5 the corner above to the right."""
+"""Records of pressed taxels by number. Numbers are as ours: 13 is the middle, 17 is below it to the left, 5 is the
+upper right corner."""
 HELD_AT = 1.70
 HELD_MAP = (
     (2, 2, 14, 7, 0),
@@ -63,17 +66,18 @@ HELD_MAP = (
     (6, 34, 44, 21, 1),
     (-2, 0, 4, -2, -1),
 )
-"""Travel in mm at which taxel 13 is held, and the relative change of all taxels then, in percent of its own."""
+"""Travel in mm at which taxel 13 is held, and the relative changes of all taxels, in percent of the change of taxel 13.
+"""
 
 TAIL_TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 TAIL_VOLTS = (45.7e-3, 20.8e-3, 12.3e-3, 7.4e-3, 4.9e-3, 3.0e-3, 2.0e-3, 0.9e-3)
 """Remaining voltage against the time in s after release from the hold."""
 
 HELD_CHANGE = 0.15
-"""Largest difference of the voltage from that at the end of the hold, in percent of it, from 0.5 s on."""
+"""Largest difference of the voltage from its value at the end of the hold, in percent of that value, from 0.5 s on."""
 HOLD_WINDOWS = ((0.05, 1.0), (1.0, 3.0), (3.0, 8.0), (8.0, 30.0))
 HOLD_FORCES = ((1.795, 0.072), (1.735, 0.042), (1.721, 0.028), (1.723, 0.018))
-"""Force in N with its scatter, in windows of s after the travel was reached, within 0.1 s."""
+"""Mean force in N and its scatter, by window of time in s after the travel was reached, which took 0.1 s."""
 
 CYCLE_SECONDS = 147.0
 FORCE_LOOP, ENERGY_LOST = 7.5, 8.8

@@ -1,4 +1,5 @@
-"""A Prony series fitted to the voltage after release, with the pad under its indenter, and its loops."""
+"""A Prony series fitted to the voltage after release, and hysteresis loops that it predicts, with the pad under its
+indenter."""
 
 from __future__ import annotations
 
@@ -18,14 +19,14 @@ from mitsuba_taxel.evidence.measured.pad_comparison import FINER
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 
 TIMES = (0.05, 0.5, 5.0)
-"""Relaxation times in s, one per decade of the record; their shares are fitted."""
+"""Relaxation times in s, one per decade of the record; their weights are fitted."""
 SETTLED = 0.03
-"""Relative change of the shares below which the fit ends."""
+"""Relative change of the weights below which the fit ends."""
 MOST_PATHS = 5
 FRICTION = 0.3
-"""Of the indenter, assumed to show what it would change."""
+"""Coefficient of friction of the indenter in an additional run, which shows its effect."""
 SLOW = np.geomspace(1.0, 1e4, 81)
-"""Relaxation times in s of a further term that is asked for."""
+"""Relaxation times in s that are tried for an additional term."""
 
 
 class HysteresisLoop(NamedTuple):
@@ -118,7 +119,7 @@ def results(store: PaperStudies, press: IndenterPress, late: float) -> PronyFit:
 
 
 def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer: xr.Dataset) -> MemoryErrors:
-    """Errors of a hold with its release and of a cycle, from these on finer elements."""
+    """Errors of a hold with its release and of a cycle, by their difference from those on finer elements."""
     pressed = {"taxel": measured.PRESSED}
     light = (study.change_error / study.change[len(HOLD_TIMES)]).sel(pressed).values
     step_error = study.step_error.values
@@ -139,18 +140,18 @@ def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer
 
 
 def held_change_of(study: xr.Dataset) -> float:
-    """Largest difference of the change from that at the end of the hold, relative to it, from 0.5 s on."""
+    """Largest difference of the change from its value at the end of the hold, relative to that value, from 0.5 s on."""
     change = study.change.sel(taxel=measured.PRESSED).values[1 : 1 + len(HOLD_TIMES)]
     late = change[np.array(HOLD_TIMES) >= 0.5]
     return float(np.abs(late / change[-1] - 1).max())
 
 
 def slow_term() -> tuple[float, float]:
-    """Relaxation time in s of a further term that opens the measured loop of the force, and the share of the change
-    that it leaves at the end of the record of the release: of those in `SLOW`, the one that leaves least.
+    """An additional relaxation term that explains the measured loop of the force.
 
-    The solid is linear, and its loop that of a triangle in time.
-    """
+    The solid is linear, and its loop is that of a triangle in time. Of the times in `SLOW`, the term leaves the least
+    change at the end of the record of the release: returned are its time in s, and the fraction of the change that it
+    leaves."""
     end, hold = measured.TAIL_TIMES[-1], measured.HOLD_WINDOWS[-1][-1]
     remaining = []
     for time in SLOW:
@@ -171,8 +172,8 @@ def linear_loop(terms: Prony) -> float:
 
 
 def _loop_per_share(time: float) -> tuple[float, float]:
-    """Width of the loop of a linear solid with one term of this time, and what has relaxed at the turn, relative to the
-    largest force without it, per share."""
+    """Width of the loop of a linear solid with one term of this time, per weight, relative to the largest force without
+    the term; and the fraction that has relaxed at the turn."""
     half = measured.CYCLE_SECONDS / 2
     t = np.linspace(0.0, half, 401)
     loading = -time / half * np.expm1(-t / time)
@@ -254,8 +255,8 @@ def loop_of(study: xr.Dataset) -> HysteresisLoop:
 def _at_equal_force(
     force: np.ndarray, change: np.ndarray, force_back: np.ndarray, change_back: np.ndarray
 ) -> np.ndarray:
-    """Change on the way back less that on the way down, at its forces.
+    """Change during unloading minus change during loading, at the forces of loading.
 
-    At rest the curves end apart, as the indenter leaves the pad before it is back: that end is left out.
+    The curves have no common end at rest, as the indenter leaves the pad before it has recovered: that end is left out.
     """
     return CubicSpline(force, change)(force_back[1:]) - change_back[1:]

@@ -1,7 +1,5 @@
-"""What else the model of the measured pad might have assumed, one thing at a time, and what that changes.
-
-Height and end of the indenter stay those of the fit; the modulus and where the record begins are found anew.
-"""
+"""Other assumptions of the model of the measured pad, one at a time, and their effects. Height and end of the indenter
+are those of the fit; the modulus and the start of the record are fitted again."""
 
 from __future__ import annotations
 
@@ -24,25 +22,25 @@ from mitsuba_taxel.evidence.measured.taxel_spread import own_sensitivity
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 
 PREDICTED = 17
-"""The taxel whose change is missed most."""
+"""Number of the taxel whose predicted change has the largest error."""
 OTHERS = {
     "silicone that hardly changes its volume, nu = 0.4999": PadAssumptions("stiff_volume", poisson_ratio=0.4999),
     "an indenter with a coefficient of friction of 0.3": PadAssumptions("rubbed", friction=0.3),
     "walls of the cells that reflect 20 %": PadAssumptions("grey_walls", walls=0.2),
     "collars that hold nothing: walls are free down to the dies": PadAssumptions("free_walls", collar=0.0),
 }
-"""Assumptions by what they are."""
+"""Assumptions, by their words on the page."""
 
 
 class AssumptionResult(NamedTuple):
-    """What an assumption leads to.
+    """Results under an assumption.
 
     Attributes
     ----------
     fitted : TaxelComparison
         The fitted taxel.
     rings : (5,) ndarray
-        Of :func:`rings`, at the travel of the hold.
+        Means by :func:`rings`, at the travel of the hold.
     """
 
     fitted: TaxelComparison
@@ -50,7 +48,7 @@ class AssumptionResult(NamedTuple):
 
 
 def tried(store: PaperStudies, results: PadComparison) -> dict[str, AssumptionResult]:
-    """What each of :data:`OTHERS` leads to; missing paths are computed."""
+    """Results under each of :data:`OTHERS`; missing paths are computed."""
     return {name: _tried(store, results, assumed) for name, assumed in OTHERS.items()}
 
 
@@ -65,18 +63,16 @@ def _tried(store: PaperStudies, results: PadComparison, assumed: PadAssumptions)
 
 
 def rings(values: np.ndarray) -> np.ndarray:
-    """Means in a map over all taxels at the same distance from the middle, by the five distances.
+    """Means of a map over the taxels at each of the five distances from the middle.
 
-    An indenter a little off the middle changes them in second order only.
-    """
+    An indenter slightly off the middle changes them in second order only."""
     row, column = np.indices(values.shape) - bench_pad.SIDE // 2
     distance = np.hypot(row, column).round(6)
     return np.array([values[distance == radius].mean() for radius in np.unique(distance)[1:]])
 
 
 def expected_at(results: PadComparison) -> tuple[float, float, float]:
-    """Of :data:`PREDICTED` in the map: measured, computed, and computed if it is as sensitive as when pressed
-    itself."""
+    """Change of :data:`PREDICTED` in the map: measured, computed, and computed with the sensitivity of its own press."""
     position = np.unravel_index(PREDICTED - 1, results.moved.shape)
     computed = float(results.moved[position])
     return float(np.array(measured.HELD_MAP)[position]), computed, own_sensitivity(results.taxels[PREDICTED]) * computed

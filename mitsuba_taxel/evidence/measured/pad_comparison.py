@@ -1,4 +1,4 @@
-"""The measured pad beside its model: fitted at one taxel, and predicted elsewhere."""
+"""The measured pad compared with its model, which is fitted at one taxel and predicts the others."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from mitsuba_taxel.evidence.measured.pad_fit import FittedPad, PressedTaxel, fit
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 
 INDENTER, START = "sphere", (7.5, 1.05)
-"""End of the rod, and initial height and radius in mm."""
+"""End of the rod; first guess of height and radius in mm."""
 PREDICTED_TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.65, 1.8, 2.05)
-"""Travels in mm at the other taxels, where paths may end before that of the hold."""
+"""Travels in mm at the other taxels, where paths may end before the travel of the hold."""
 MAP_TRAVEL = 1.6
-"""Travel in mm of the computed map, under an indenter off the middle, where paths may end before that of the hold."""
+"""Travel in mm of the computed map; under an indenter off the middle, paths may end before the travel of the hold."""
 FINER = 1.05
-"""Size in mm of smaller elements, on which the fitted pad is held once more."""
+"""Size in mm of smaller elements, on which the hold of the fitted pad is computed again."""
 
 
 class TaxelComparison(NamedTuple):
-    """A taxel pressed, measured and computed at its travels; NaN beyond the end of the computed path.
+    """A pressed taxel, measured and computed at the measured travels; NaN beyond the end of the computed path.
 
     Attributes
     ----------
     measured, computed : PressedTaxel
         Forces in N, with the fitted modulus.
     along : PressedTaxel
-        The computed curve at many travels, to draw.
+        The computed curve at many travels, for figures.
     change_at_force : (S,) ndarray
         Computed change at the measured forces.
     end : str
-        Why the path ends early; else empty.
+        Reason why the path ends early; else empty.
     """
 
     measured: PressedTaxel
@@ -55,8 +55,8 @@ class TaxelComparison(NamedTuple):
 
 
 class NeighbourChange(NamedTuple):
-    """A pad by its height in mm: mean change of the four nearest taxels, in percent of the middle one's, and its own
-    change, while that is held."""
+    """Results of a hold, by the height of the pad in mm: mean change of the four nearest taxels, in percent of the
+    change of the middle taxel, and that change."""
 
     height: float
     near: float
@@ -95,7 +95,7 @@ class PadComparison(NamedTuple):
 
     @property
     def fitted(self) -> IndenterPress:
-        """The pad and the indenter found, in the middle."""
+        """The fitted pad and indenter, in the middle."""
         return _press_of(self.found)
 
 
@@ -162,18 +162,17 @@ def compare(study: xr.Dataset, taxel: int, fitted_pad: FittedPad, measured_taxel
 
 
 def held_map(study: xr.Dataset) -> np.ndarray:
-    """(5, 5) changes of all taxels at the last travel, in percent of the middle one's."""
+    """(5, 5) changes of all taxels at the last travel, in percent of the change of the middle taxel."""
     change = study.change.isel(travel=-1).values
     return 100 * (change / change[measured.PRESSED - 1]).reshape(bench_pad.SIDE, bench_pad.SIDE)
 
 
 def offset_from(centred: np.ndarray, measured_map: np.ndarray) -> np.ndarray:
-    """x and y in mm by which an indenter stands off the middle, from the asymmetry of the nearest taxels.
+    """x and y in mm of the indenter relative to the middle, from the asymmetry of the nearest taxels.
 
-    That of the centred map, whose dies are off the axes of the cells, is taken off. Changes are taken to depend on the
-    distance r from the indenter alone; the slope of their logarithm at one pitch is that of an even quartic in r
-    through the computed changes at 0, 1 and 2 pitches.
-    """
+    The asymmetry of the centred map, whose dies are off the axes of the cells, is subtracted. Changes are assumed to
+    depend on the distance r from the indenter only; the slope of their logarithm at one pitch is that of an even
+    quartic in r through the computed changes at 0, 1 and 2 pitches."""
     first_ring, second_ring = ring(centred, 1), ring(centred, 2)
     a, b = np.linalg.solve([[1.0, 1.0], [4.0, 16.0]], np.log([first_ring / 100.0, second_ring / 100.0]))
     slope = first_ring * (2 * a + 4 * b) / measured.PITCH
@@ -185,7 +184,7 @@ def offset_from(centred: np.ndarray, measured_map: np.ndarray) -> np.ndarray:
 
 
 def ring(values: np.ndarray, steps: int) -> float:
-    """Mean in a map of the four taxels some steps away along rows and columns."""
+    """Mean of a map over the four taxels at a number of steps along rows and columns."""
     middle = bench_pad.SIDE // 2
     before, after = middle - steps, middle + steps
     return float(

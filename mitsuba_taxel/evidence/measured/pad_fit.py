@@ -18,7 +18,7 @@ from scipy.optimize import least_squares, minimize_scalar
 DIFFERENCE = 0.1
 """Relative change of an unknown for the first derivatives."""
 LONGEST = 0.25
-"""Largest relative change of an unknown in a step."""
+"""Largest relative change of an unknown in one step."""
 SETTLED = 0.02
 """Relative change of the unknowns below which the search ends."""
 MOST_STEPS = 6
@@ -26,11 +26,11 @@ UNKNOWNS = 4
 LATEST = 0.3
 """Largest travel in mm at which a record may begin."""
 DIGITS = 3
-"""Significant digits of the unknowns, so that paths are found again."""
+"""Significant digits of the unknowns, so that stored paths are found again."""
 
 
 class PressedTaxel(NamedTuple):
-    """One taxel pressed to some travels.
+    """Record of a pressed taxel at some travels.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class PressedTaxel(NamedTuple):
     change: np.ndarray
 
     def at(self, travel: np.ndarray) -> PressedTaxel:
-        """The curve at other travels, by a spline through rest; NaN beyond its end."""
+        """The curve at other travels, by a spline that starts at rest; NaN beyond its end."""
         knots = np.insert(self.travel, 0, 0.0)
         values = [
             CubicSpline(knots, np.insert(y, 0, 0.0), bc_type="natural", extrapolate=False)(travel)
@@ -83,7 +83,7 @@ class FittedPad(NamedTuple):
     tried: dict[tuple[float, ...], float]
 
     def travel(self, recorded: float) -> float:
-        """Travel in mm from the first contact, by that of the record, to the digits that name a path."""
+        """Travel in mm from the first contact, from that of the record, rounded to the digits in the name of a path."""
         return round(recorded + self.late, 3)
 
 
@@ -99,17 +99,17 @@ def lateness(computed: PressedTaxel, measured: PressedTaxel) -> float:
 
 
 def modulus(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -> float:
-    """The modulus in MPa by least squares of the forces as far as the path computed with 1 MPa goes."""
+    """Modulus in MPa by least squares of the forces, up to the end of the path that is computed with 1 MPa."""
     force = computed.at(measured.travel + late).force
     borne = np.isfinite(force)
     return float(force[borne] @ measured.force[borne] / (force[borne] @ force[borne]))
 
 
 def residuals(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -> np.ndarray:
-    """(2 S,) errors of the forces, with the best modulus, and of the changes, each relative to its largest.
+    """(2 S,) errors of the forces, with the best modulus, and of the changes, each relative to the largest measured
+    value.
 
-    Beyond the end of the computed path, errors are those at its last travel.
-    """
+    Beyond the end of the computed path, errors are those at its last travel."""
     curve = computed.at(measured.travel + late)
     scaled = modulus(computed, measured, late) * curve.force
     errors = np.stack(
@@ -123,7 +123,7 @@ def residuals(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0)
 def fit(
     pressed: Callable[[float, float], PressedTaxel], measured: PressedTaxel, start: tuple[float, float]
 ) -> FittedPad:
-    """Height and radius whose curve, computed by ``pressed(height, radius)``, is nearest to the measured one."""
+    """Height and radius whose computed curve, ``pressed(height, radius)``, is nearest to the measured curve."""
     curves: dict[tuple[float, ...], PressedTaxel] = {}
 
     def computed(logs: np.ndarray) -> PressedTaxel:
@@ -172,5 +172,5 @@ def _logs(curve: PressedTaxel, count: int) -> np.ndarray:
 
 
 def rounded(value: float) -> float:
-    """To the digits that name a path."""
+    """Unknowns rounded to the digits in the name of a path."""
     return float(f"{value:.{DIGITS}g}")

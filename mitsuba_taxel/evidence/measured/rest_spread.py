@@ -1,4 +1,4 @@
-"""Spread of the readings of the measured pad at rest, by tolerances of its parts."""
+"""Spread of the readings of the measured pad at rest, from tolerances of its components."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ SOURCES = {
     "tilt": "degrees, of the package about y; assumed",
     "reflectance": "of the roof; assumed",
 }
-"""What each parameter is, and where its distribution is from."""
+"""Meaning of each parameter, and source of its distribution."""
 
 
 class Spread(NamedTuple):
@@ -70,9 +70,9 @@ class Spread(NamedTuple):
     gain: float
 
     def gain_for(self, spread: float) -> float:
-        """Spread of the gain in percent that gives that ``spread`` in percent, with the other tolerances.
+        """Spread of the gain in percent that, with the other tolerances, gives a ``spread`` of readings in percent.
 
-        Readings are proportional to the gain, and relative variances of a product follow from those of its factors.
+        Readings are proportional to the gain, and the relative variance of a product follows from those of its factors.
         """
         variance = (1 + (spread / 100) ** 2) / (1 + (self.without_gain / 100) ** 2) - 1
         return 100 * float(np.sqrt(max(variance, 0.0)))
@@ -101,7 +101,7 @@ def _relative(values: np.ndarray) -> float:
 
 
 def _error(values: np.ndarray) -> float:
-    """Of :func:`_relative`, by the jackknife (B. Efron and C. Stein, 1981)."""
+    """Standard error of :func:`_relative`, by the jackknife (B. Efron and C. Stein, 1981)."""
     jackknife = np.array([_relative(np.delete(values, number)) for number in range(len(values))])
     return float(np.sqrt((len(values) - 1) * jackknife.var()))
 
@@ -126,7 +126,7 @@ def _computed(store: PaperStudies, scene: str, study: str) -> xr.Dataset:
 
 
 def _texts() -> tuple[str, str]:
-    """Scene and study."""
+    """Texts of the scene and of the study."""
     reflector = read_part("njl5908ar")
     emitter, detector = reflector.emitter, reflector.detector
     lowest, typical, highest = (

@@ -13,7 +13,7 @@ from mitsuba_taxel.evidence.paper.scenes import YOUNGS_MODULUS
 from mitsuba_taxel.studies import sweep
 
 FORCES = (0.0, 1.0, 2.0, 3.0)
-"""In N, along x or y; how far the experiments went is not stated."""
+"""In N, along x or y; the largest force of the experiments is not published."""
 
 
 def pushed(store: PaperStudies, cell: str, along: str) -> xr.Dataset:
@@ -26,7 +26,7 @@ def pushed(store: PaperStudies, cell: str, along: str) -> xr.Dataset:
 
 
 def largest_slope(study: xr.Dataset, circuit: Circuit) -> tuple[float, float]:
-    """V/N of the most sensitive taxel, by the force on as many cells as in the experiments, and its error."""
+    """V/N of the most sensitive taxel, with the force on as many cells as in the experiments, and its error."""
     table = volts_table(study, circuit)
     best = table.loc[table.mean_slope_V_per_N.abs().idxmax()]
     return PER_FORCE * abs(best.mean_slope_V_per_N), PER_FORCE * best.mean_slope_V_per_N_error

@@ -1,7 +1,5 @@
-"""How far the map of the measured pad may be from the computed one, whose taxels are all alike.
-
-Taxels that are pressed themselves tell how much their sensitivities differ.
-"""
+"""Expected difference of the measured map from the computed map, whose taxels are all alike. The taxels that were
+pressed themselves show how much their sensitivities differ."""
 
 from __future__ import annotations
 
@@ -14,7 +12,7 @@ from mitsuba_taxel.evidence.measured import measured
 from mitsuba_taxel.evidence.measured.pad_comparison import PadComparison, TaxelComparison
 
 ROUNDING = 1 / math.sqrt(12)
-"""In points, that of the measured map, as one standard deviation."""
+"""Rounding error of the measured map in points, as one standard deviation."""
 
 
 class TaxelBand(NamedTuple):
@@ -36,22 +34,22 @@ class TaxelBand(NamedTuple):
     deviation: np.ndarray
 
     def chance(self, times: float | np.ndarray) -> float | np.ndarray:
-        """Of being off by so many deviations or more, by Student's distribution."""
+        """Probability of a deviation of so many standard deviations or more, by Student's distribution."""
         from scipy.stats import t
 
         return 2 * t.sf(times, len(self.own) - 1)
 
     def expected_beyond(self, target: float) -> float:
-        """How many taxels are to be expected further off than a ``target`` in points."""
+        """Expected number of taxels that deviate by more than a ``target`` in points."""
         with np.errstate(divide="ignore"):
             return float(np.sum(self.chance(target / self.deviation)))
 
     def chance_of_none_beyond(self, target: float) -> float:
-        """That no taxel is further off than a ``target`` in points.
+        """Probability that no taxel deviates by more than a ``target`` in points.
 
-        All share what the taxel that is pressed is off by, and the standard deviation, of which few taxels tell: means
-        over as likely values of both, of what is independent then.
-        """
+        Two unknowns are common to all taxels: the deviation of the pressed taxel, and the standard deviation, which is
+        estimated from few taxels. For given values of both, taxels are independent; their probability is averaged over
+        equally likely values of both."""
         from scipy.stats import chi2, norm
 
         degrees, quantiles = len(self.own) - 1, (np.arange(400) + 0.5) / 400
@@ -66,7 +64,7 @@ class TaxelBand(NamedTuple):
 
 
 def band(results: PadComparison) -> TaxelBand:
-    """The band of the computed map; each of its numbers is a ratio of two taxels, which both differ."""
+    """The band of the computed map. Each number of the map is a ratio of two taxels, whose sensitivities both differ."""
     sensitivities = {taxel: own_sensitivity(compared) for taxel, compared in results.taxels.items()}
     spread = float(np.std(np.log(list(sensitivities.values())), ddof=1))
     deviation = np.hypot(math.sqrt(2) * spread * results.moved, ROUNDING)
@@ -75,7 +73,7 @@ def band(results: PadComparison) -> TaxelBand:
 
 
 def own_sensitivity(compared: TaxelComparison) -> float:
-    """Changes of a taxel that is pressed itself, relative to those computed at equal force, by least squares."""
+    """Sensitivity of a pressed taxel relative to the computed one: changes at equal force, by least squares."""
     borne = np.isfinite(compared.change_at_force)
     computed, observed = compared.change_at_force[borne], compared.measured.change[borne]
     return float(computed @ observed / (computed @ computed))

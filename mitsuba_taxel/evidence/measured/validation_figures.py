@@ -14,7 +14,7 @@ from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_small
 
 
 def mirror(heights: np.ndarray, datasheet: np.ndarray, fine_heights: np.ndarray, curve: np.ndarray, file: Path) -> None:
-    """Current under a mirror against its height, in percent of the largest."""
+    """Figure of the current under a mirror against the height, in percent of the largest."""
     ax = axes_of((6, 3.6), 1, 1)[0, 0]
     ax.plot(fine_heights, 100 * curve, color=COLOURS[0], label="here")
     ax.plot(heights, 100 * datasheet, MARKERS[0], color=COLOURS[1], label="datasheet")
@@ -46,7 +46,7 @@ def memory(tail: np.ndarray, hold: np.ndarray, file: Path) -> None:
 
 
 def pressed(taxels: Mapping[int, TaxelComparison], file: Path) -> None:
-    """Force against travel, and change of the reading against force, of the taxels that were pressed."""
+    """Figure of force against travel, and of the change of the reading against force, of the pressed taxels."""
     force, change = axes_of((10, 4), 1, 2)[0]
     for number, (taxel, compared) in enumerate(taxels.items()):
         colour = COLOURS[number]
@@ -64,7 +64,7 @@ def pressed(taxels: Mapping[int, TaxelComparison], file: Path) -> None:
 
 
 def maps(results: PadComparison, file: Path) -> None:
-    """Changes of all taxels while the middle one is held: measured, and computed with the offset."""
+    """Figure of the changes of all taxels while the middle one is held: measured, and computed with the offset."""
     axes = axes_of((8, 4), 1, 2)[0]
     for ax, title, values in zip(axes, ("measured", "here"), (np.array(measured.HELD_MAP), results.moved), strict=True):
         image = ax.imshow(values, cmap="viridis", vmin=0, vmax=100)
@@ -76,7 +76,8 @@ def maps(results: PadComparison, file: Path) -> None:
 
 
 def sensitivities(ranges: Mapping[str, tuple[tuple[float, float], tuple[float, float]]], file: Path) -> None:
-    """Sensitivities in V/N from the least to the most sensitive taxel of each shape: measured, and computed."""
+    """Figure of the sensitivities in V/N of each shape, from the least to the most sensitive taxel, measured and
+    computed."""
     ax = axes_of((6, 3.4), 1, 1)[0, 0]
     for side, label in enumerate(("measured", "here")):
         low, high = 1e3 * np.array([pair[side] for pair in ranges.values()]).T

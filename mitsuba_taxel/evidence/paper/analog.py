@@ -1,4 +1,4 @@
-"""The paper's own procedure: 60 000 rays counted at each force, and the maximum slope of the resulting curves."""
+"""The paper's own procedure: 60 000 rays counted at each force, and the maximum slope of the curves."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.studies.plan.files import make_folder
 
 RUNS = 3
-"""Each gives 32 repetitions."""
+"""Number of runs, of 32 repetitions each."""
 RAYS = 1 << 16
-"""Rays of each repetition here: the power of two next to the paper's 60 000."""
+"""Rays of each repetition: the power of two next to the paper's 60 000."""
 REPETITIONS = 2_000
 """Repetitions of the emulation by binomial counts."""
 
@@ -86,7 +86,8 @@ def summary(slopes: np.ndarray) -> EmulatedSlope:
 
 
 def binomial(power: np.ndarray, rays: int, repetitions: int, seed: int = 0) -> np.ndarray:
-    """Readings (F, repetitions, taxels) as counts of ``rays`` rays, of which shares ``power`` (F, taxels) land."""
+    """Readings (F, repetitions, taxels) as counts of ``rays`` rays, of which fractions ``power`` (F, taxels) reach the
+    taxels."""
     random = np.random.default_rng(seed)
     shape = (len(power), repetitions, power.shape[1])
     return random.binomial(rays, np.clip(power, 0, 1)[:, None, :], shape) / rays

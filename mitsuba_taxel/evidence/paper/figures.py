@@ -108,8 +108,9 @@ def normal_curves(studies: Mapping[str, xr.Dataset], file: Path) -> None:
 def tangential_curves(
     nominal: Mapping[str, Mapping[str, xr.Dataset]], beyond: Mapping[str, Mapping[str, xr.Dataset]] | None, file: Path
 ) -> None:
-    """Change of power at -8 N against tangential force, of a corner taxel and the centre; dashed beyond the paper, on
-    from there, as meshes may be coarser."""
+    """Change of power at -8 N against tangential force, of a corner taxel and the centre taxel.
+
+    Curves beyond the paper's limits are dashed, and start at the change reached there: their meshes may be coarser."""
     paths = ("fx", "fy", "resultant")
     with _figure(file, len(paths), len(nominal), (12, 8), sharex=True) as axes:
         for column, (cell, studies) in enumerate(nominal.items()):

@@ -19,7 +19,7 @@ SCENE = "pad.xml"
 TARGET_ERROR, TARGET_SLOPE = 0.005, 0.02
 DIAGONAL_POINTS = 5
 FURTHEST = 30.0
-"""Tangential force in N that no shape can bear at -8 N."""
+"""Tangential force in N above what any shape bears at -8 N."""
 PATHS = ("fz", "fx", "fy", "resultant")
 """Dimensions along which forces vary: normal, tangential along x, y and the secondary diagonal."""
 
@@ -45,7 +45,7 @@ def along_x(store: PaperStudies, cell: str) -> xr.Dataset:
 
 
 def along_y(store: PaperStudies, cell: str) -> xr.Dataset:
-    """The same along y, with the settings of :func:`along_x`."""
+    """Readings under tangential forces along y, with the settings of :func:`along_x`."""
     return _along_side(store, cell, "fy", settings_of(along_x(store, cell)))
 
 
@@ -59,14 +59,14 @@ def _along_side(store: PaperStudies, cell: str, path: str, settings: dict[str, A
 
 
 def along_diagonal(store: PaperStudies, cell: str) -> xr.Dataset:
-    """The same along the secondary diagonal, by the resultant."""
+    """Readings under tangential forces along the secondary diagonal, by the resultant."""
     forces = np.linspace(0, paper.TANGENTIAL_LIMIT[cell], DIAGONAL_POINTS)
     settings = settings_of(along_x(store, cell))
     return _tangential(store, f"nominal/{cell}_resultant", cell, "resultant", forces, settings)
 
 
 def settings_of(study: xr.Dataset) -> dict[str, Any]:
-    """The points and the mesh size of a study, for another one."""
+    """Number of points and mesh size of a study, as arguments for another study."""
     mesh_size = study.attrs.get("mesh_size")
     return {"points": int(study.attrs["points"]) or None, "mesh_size": None if mesh_size is None else float(mesh_size)}
 

@@ -53,22 +53,23 @@ PURPOSES: dict[str, tuple[tuple[int, ...], str]] = {
         "x = { fz = -8, fx = [0, 2] }\ny = { fz = -8, fy = [0, 2] }\n",
     ),
 }
-"""By name: the taxels that are read, and the problem."""
+"""Taxels that are read, and optimisation problem, by the name of the purpose."""
 SQUARE = f"square {PROFILE}"
 """A profile whose cells are square from above."""
 PROFILES = (PROFILE, SQUARE)
 LEANING = "leaning parallelepiped"
 """Box-shaped cells whose tops may lie off their axes along x."""
 MOST_LEAN = 0.5 * LEAST_WALL
-"""In mm, by which the tops of outer cells may move into the thinnest wall."""
+"""Largest shift in mm of the tops of outer cells into the thinnest wall."""
 MORE = {"normal": PROFILES, "tangential": (LEANING,)}
 SHAPES = {name: (*paper.CELLS, *MORE.get(name, ())) for name in PURPOSES}
-"""By purpose."""
+"""Shapes of cells that are optimised, by purpose."""
 EFFORT = {("normal", SQUARE): (3, 20)}
-"""Starts, and most evaluations of each, where they are not one and those of :data:`EVALUATIONS`."""
+"""Number of starts, and largest number of evaluations of each, where they differ from 1 and from :data:`EVALUATIONS`.
+"""
 EVALUATIONS = {"normal": 16, "tangential": 16, "resolution": 12}
 RANGE = 20
-"""Of the sensor, in N: how far the best pads are followed under normal force alone."""
+"""Largest normal force in N up to which the best pads are followed."""
 NEARLY = 0.01
 """Relative difference from the best design that counts as close to it."""
 
@@ -123,7 +124,7 @@ def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None) 
 
 
 def _reach(store: PaperStudies, name: str, values: Mapping[str, float]) -> xr.Dataset:
-    """Up to which normal force in N, of `RANGE`, the best pad touches nothing, and what ends it there, if anything."""
+    """Normal force in N, at most `RANGE`, up to which the best pad touches nothing, and the reason for the end, if any."""
     defines = {str(parameter): repr(float(value)) for parameter, value in values.items()}
 
     def compute() -> xr.Dataset:
@@ -200,8 +201,10 @@ def _dataset(optimum: Any) -> xr.Dataset:
 
 
 def _descents(optimum: Any) -> dict[str, tuple[str, np.ndarray]]:
-    """The numbers of designs of each descent, the initial ones excepted, and of those that failed; the seconds of all;
-    the best that is allowed; and how many it took to come within 1 % of the best of all, NaN if it did not."""
+    """Figures of each descent.
+
+    They are the numbers of its designs without the initial ones, and of failed designs; the seconds of all; the best
+    allowed objective; and the number of designs to come within 1 % of the best of all descents, NaN if it did not."""
     history, goal = optimum.history, optimum.figures.figure[0].split(" ", 1)[1]
     sign = -1 if optimum.figures.figure[0].startswith("maximise") else 1
     loss = sign * history[goal].where(history.allowed == True)  # noqa: E712  (others are missing)

@@ -24,7 +24,7 @@ POINTS = 8192
 """Light paths for each reading and randomisation: far from the peak almost no light returns, so a relative target error
 is not useful."""
 NEAR_PEAK = 0.8
-"""Share of the largest reading above which the curve is fitted for its peak."""
+"""Fraction of the largest reading above which the curve is fitted for its peak."""
 
 
 class CurveMaximum(NamedTuple):

@@ -43,7 +43,7 @@ class PaperVariation:
 
     @property
     def cost(self) -> int:
-        """A number by which choices are ordered: random paths take longest, then other pads."""
+        """Rank by which choices are ordered: random paths take longest, then other pads."""
         return 2 * (not self.has_derivatives) + ("c10" in self.values)
 
     @property
@@ -72,7 +72,7 @@ def choices() -> list[PaperVariation]:
 
 
 def both(first: PaperVariation, second: PaperVariation) -> PaperVariation:
-    """Two choices at once."""
+    """Two choices combined."""
     return PaperVariation(f"{first.words}, {second.words}", first.values | second.values, single=False)
 
 

@@ -2,8 +2,7 @@
 
 The roof's meridian is a B-spline in (r^2, z): every such curve that ends on the axis is smooth there, and planes,
 spheres, ellipsoids and paraboloids are represented exactly. The spline is clamped, with evenly spaced knots, of degree
-3
-(or less, with fewer points)."""
+3 (or less, with fewer points)."""
 
 from __future__ import annotations
 

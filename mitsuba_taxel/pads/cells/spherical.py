@@ -10,8 +10,8 @@ class Spherical(Cap, name="spherical", rank=3):
     The cap is flatter than a hemisphere, so its elements shrink by a power of the relative size only. Elements inside
     keep their default size, and the size grows faster from the wall towards them, which leaves far fewer elements.
     `taxel bench domes` shows that readings are accurate enough with them. Light leaves this cell after few reflections,
-    each of which
-    counts; hemispheric mirrors, in which it is reflected more often, need small elements inside as well."""
+    each of which counts; hemispheric mirrors, in which it is reflected more often, need small elements inside as well.
+    """
 
     default_height_words = "1.6"
     finer_power = 0.7

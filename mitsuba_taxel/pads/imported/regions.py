@@ -167,8 +167,7 @@ def _smooth_patches(surface: FacedSurface, pairs: np.ndarray) -> np.ndarray:
     """(T,) number of the smooth patch of each triangle.
 
     Neighbours without a crease between them are in one patch; but an upright wall ends where the surface starts to
-    lean, so
-    that a dome and the wall below it are two patches."""
+    lean, so that a dome and the wall below it are two patches."""
     normal = unit(area_normals(surface.vertices, surface.triangles))
     upright = np.abs(normal[:, 2]) < math.sin(math.radians(UPRIGHT))
     cosine = np.einsum("pk,pk->p", normal[pairs[:, 0]], normal[pairs[:, 1]])

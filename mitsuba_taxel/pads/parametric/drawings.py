@@ -22,8 +22,7 @@ def solids(pad: Pad) -> dict[str, Any]:
     top.
 
     All are ``netgen.occ`` shapes in mm, by name, in their assembled positions: the pad upright, the frame on the base
-    at
-    z = 0."""
+    at z = 0."""
     from netgen.occ import Box, Pnt
 
     width, depth, height = pad.extent

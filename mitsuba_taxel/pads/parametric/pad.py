@@ -278,8 +278,7 @@ class Pad(Kinded, Displayed):
         """Default size of the finite elements in mm, to three digits.
 
         It is proportional to the scale of the pad and to the square root of its relative thickness: along thin walls,
-        elements
-        may be longer than the wall is thick. A moved mesh has the default size of its origin."""
+        elements may be longer than the wall is thick. A moved mesh has the default size of its origin."""
         if self.meshed_as:
             return self._read_origin().default_mesh_size
         scale = self.cell_size / TYPICAL_CELL

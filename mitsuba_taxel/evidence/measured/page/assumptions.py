@@ -1,4 +1,4 @@
-"""A section of the page of measured sensors: what else was assumed of the pad, and what that changed."""
+"""A section of the page of measured sensors: other assumptions of the pad, and their effects."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _shown(means: np.ndarray) -> list[str]:
 
 
 def _own(results: PadComparison) -> str:
-    """Whether the taxel that is missed most is missed alike in the map."""
+    """Sentences that compare the error of the worst predicted taxel with its error in the map."""
     actual, computed, expected = expected_at(results)
     times = f"Pressed itself, taxel {PREDICTED} changes {expected / computed:.2f} times as much as computed"
     if abs(expected - actual) >= abs(computed - actual):

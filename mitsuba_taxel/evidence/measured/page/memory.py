@@ -15,7 +15,7 @@ from mitsuba_taxel.evidence.paper.page.words import paragraph
 ALIKE = 1.1
 """Ratio of widths of loops that counts as agreement."""
 RESOLVED = 2.0
-"""Least width of a loop that is told, relative to its error."""
+"""Least width of a loop that is resolved, relative to its error."""
 
 _LOOPS = (
     ("force at equal travel", "force", measured.FORCE_LOOP),
@@ -131,7 +131,7 @@ def _loop_words(memory: PronyFit) -> str:
 
 
 def _missing() -> str:
-    """What could widen loops that are too narrow."""
+    """Sentences about effects that could widen loops that are too narrow."""
     time, residue = slow_term()
     there = measured_tail()[-1]
     verdict = "does not exclude it"
@@ -148,7 +148,7 @@ def _missing() -> str:
 
 
 def _widths_alone() -> str:
-    """What the measured widths exclude and leave, if changes of voltage and force are proportional to travel."""
+    """Sentences about what the measured widths exclude, if changes of voltage and force are proportional to travel."""
     force, at_travel, at_force = measured.FORCE_LOOP, measured.VOLTAGE_LOOP_AT_TRAVEL, measured.VOLTAGE_LOOP_AT_FORCE
     play = at_travel / 100 * measured.PRESSES[measured.PRESSED].travels[-1]
     lower, higher = abs(force - at_travel), force + at_travel

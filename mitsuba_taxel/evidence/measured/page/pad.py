@@ -14,9 +14,9 @@ from mitsuba_taxel.evidence.measured.taxel_spread import ROUNDING, band
 from mitsuba_taxel.evidence.paper.page.words import paragraph
 
 FORCE_TARGET, CHANGE_TARGET, MAP_TARGET, PREDICTED_TARGET = 5.0, 5.0, 5.0, 10.0
-"""What counts as agreement, set before the fit: in percent of the largest, and points of the map."""
+"""Limits of agreement, set before the fit: in percent of the largest value, and in points of the map."""
 ALIKE = 1.5
-"""Misfit, relative to the least, of pairs of unknowns that the page tells too."""
+"""Misfit, relative to the least, up to which the page shows other pairs of unknowns."""
 
 
 def pad_section(results: PadComparison, pictures: Path) -> str:
@@ -91,7 +91,7 @@ def _unknowns(results: PadComparison) -> list[list[str]]:
 
 
 def _valley(results: PadComparison) -> str:
-    """What else was tried and fits nearly as well."""
+    """Sentences about other pairs of unknowns that fit nearly as well."""
     best = tuple(results.found.unknowns)
     alternatives = [
         f"{height:g} mm with {radius:g} mm ({100 * misfit:.1f} %)"
@@ -139,7 +139,7 @@ rest, {measured.PRESSES[taxel].at_rest:g} V; differences in percent of the large
 
 
 def _spread(results: PadComparison) -> str:
-    """How taxels differ at one force that all reach."""
+    """Sentences about the differences of taxels at a force that all reach."""
     at = min(
         compared.measured.force[np.isfinite(compared.change_at_force)].max() for compared in results.taxels.values()
     )
@@ -168,7 +168,8 @@ def _spread(results: PadComparison) -> str:
 
 
 def _light_at_rest(changes: np.ndarray, volts: np.ndarray) -> str:
-    """What changes relative to rest, and in volts, (2, taxels) measured and here, tell about the light at rest."""
+    """Sentences about the light at rest, from changes relative to rest and in volts, (2, taxels), measured and
+    computed."""
     relative_error, volt_error = (float(np.abs(values[1] / values[0] - 1).max()) for values in (changes, volts))
     if volt_error >= relative_error:
         return "Changes in volts differ no less than those relative to rest, so the light at rest does not explain it."
@@ -192,7 +193,7 @@ def _shown(value: float, form: str) -> str:
 
 
 def _errors(results: PadComparison) -> str:
-    """Numerical errors of the fitted path."""
+    """Sentences about numerical errors of the fitted path."""
     state = results.errors.isel(travel=-1)
     force = 100 * float(state.force_error / state.force)
     shares = (100 * np.abs(state.change_error / state.change)).values.reshape(bench_pad.SIDE, bench_pad.SIDE)
@@ -240,7 +241,7 @@ def _map_words(results: PadComparison) -> str:
 
 
 def _band_words(results: PadComparison) -> str:
-    """What differences between taxels explain of the map."""
+    """Sentences about the part of the map's error that differences between taxels explain."""
     limits, difference = band(results), np.abs(results.moved - np.array(measured.HELD_MAP))
     times = difference / np.maximum(limits.deviation, ROUNDING)
     row, column = np.unravel_index(int(times.argmax()), times.shape)
@@ -264,7 +265,7 @@ def _band_words(results: PadComparison) -> str:
 
 
 def _widest(results: PadComparison) -> str:
-    """What the pads that were tried tell about a map that is too narrow or too wide."""
+    """Sentences about a map that is too narrow or too wide, from the pads that were tried."""
     bench, model = (ring(np.array(values), 1) for values in (measured.HELD_MAP, results.centred))
     height, mean, change = results.widest
     means = f"The mean of the four nearest taxels is {bench:.0f} % measured and {model:.0f} % here."

@@ -75,7 +75,7 @@ A sensor whose packages are turned by 90 degrees has x and y exchanged; Table 1 
 
 
 def _computed(tables: Mapping[str, Any]) -> str:
-    """How many choices are computed, and which are not."""
+    """Sentences with the number of computed choices, and those that are not computed."""
     names = [choice.words for choice in choices() if choice.words not in tables]
     missing = f" Not computed: {'; '.join(names)}." if names else ""
     return paragraph(f"{len(tables)} of {len(choices())} choices and pairs.{missing}")
@@ -98,7 +98,7 @@ def _height(peak: plate.CurveMaximum) -> str:
 
 
 def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) -> str:
-    """The single choices, ranked by their effect on the eight slopes."""
+    """Single choices, ranked by their effect on the eight slopes."""
     nominal = tables[NOMINAL]
 
     def typical_factor(words: str) -> float:

@@ -160,7 +160,7 @@ def _section(purpose: str, shapes: Mapping[str, xr.Dataset]) -> str:
 
 
 def _reach_of(shapes: Mapping[str, xr.Dataset]) -> str:
-    """How far the best pads may be loaded."""
+    """Sentences with the forces up to which the best pads may be loaded."""
     ends = [
         f"the {cell} one to {optimum.attrs['reach']:.3g} N ({optimum.attrs['reach_ended']})"
         for cell, optimum in shapes.items()
@@ -205,7 +205,7 @@ def _values(optimum: xr.Dataset) -> dict[str, float]:
 
 
 def _roof(optimum: xr.Dataset) -> list[str]:
-    """Where the points of a profile are."""
+    """Words with the points of a profile."""
     values = _values(optimum)
     if "r1" not in values:
         return []
@@ -215,7 +215,7 @@ def _roof(optimum: xr.Dataset) -> list[str]:
 
 
 def _lean(optimum: xr.Dataset) -> list[str]:
-    """By how much tops of cells lean."""
+    """Words with the lean of the cells."""
     values = _values(optimum)
     if "top_x" not in values:
         return []
@@ -225,7 +225,7 @@ def _lean(optimum: xr.Dataset) -> list[str]:
 
 
 def _optimal(optimum: xr.Dataset) -> str:
-    """Whether it is a local optimum, or how far from one at most."""
+    """Words for whether the design is a local optimum, or how far it is from one at most."""
     if optimum.attrs["unbalanced"] + optimum.attrs["unbalanced_error"] <= BALANCED:
         return "yes"
     if np.isnan(optimum.attrs["beyond"]):
@@ -236,13 +236,13 @@ def _optimal(optimum: xr.Dataset) -> str:
 
 
 def _left(optimum: xr.Dataset) -> str:
-    """The slope that is left, with its error if more than one gradient is known."""
+    """Words with the slope that constraints do not balance, with its error if several gradients are known."""
     error = optimum.attrs["unbalanced_error"]
     return f"{optimum.attrs['unbalanced']:.1%}{f' ± {error:.1%}' if np.isfinite(error) else ''}"
 
 
 def _descents(purpose: str, cell: str, optimum: xr.Dataset) -> str:
-    """Where each of several descents ended, and whether it could have gone on."""
+    """Words with the end of each descent, and whether more evaluations could improve it."""
     scale, unit = SCALES[purpose]
     _, limit = EFFORT[purpose, cell]
     columns = (optimum[f"descent_{name}"].values for name in ("best", "designs", "failed", "seconds", "close"))
@@ -304,5 +304,5 @@ def _draw_bars(ax: Any, purpose: str, shapes: Mapping[str, xr.Dataset]) -> None:
 
 
 def _short(cell: str) -> str:
-    """Such as ``parall.`` and ``square\nprofile``."""
+    """Short words for a shape, such as ``parall.`` and ``square / profile``."""
     return "\n".join(word if len(word) < 8 else f"{word[:6]}." for word in cell.split())

@@ -2,8 +2,7 @@
 
 The surface is divided into smooth patches. Two patches meet in a curve, three or more in a corner. A node whose
 boundary triangles follow one patch belongs on the patch, a node between two patches on their curve, and a node between
-more at
-their corner."""
+more at their corner."""
 
 from __future__ import annotations
 
