@@ -28,7 +28,7 @@ PRESSED = 13
 
 
 class MeasuredPress(NamedTuple):
-    """Record of a slowly pressed taxel: its voltage at rest in V; force in N, change of the voltage, and travel in mm."""
+    """Record of a slowly pressed taxel: voltage at rest in V; force in N, change of the voltage, and travel in mm."""
 
     at_rest: float
     forces: tuple[float, ...]

@@ -64,7 +64,7 @@ class TaxelBand(NamedTuple):
 
 
 def band(results: PadComparison) -> TaxelBand:
-    """The band of the computed map. Each number of the map is a ratio of two taxels, whose sensitivities both differ."""
+    """The band of the computed map, whose numbers are ratios of two taxels: the sensitivities of both differ."""
     sensitivities = {taxel: own_sensitivity(compared) for taxel, compared in results.taxels.items()}
     spread = float(np.std(np.log(list(sensitivities.values())), ddof=1))
     deviation = np.hypot(math.sqrt(2) * spread * results.moved, ROUNDING)

@@ -124,7 +124,7 @@ def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None) 
 
 
 def _reach(store: PaperStudies, name: str, values: Mapping[str, float]) -> xr.Dataset:
-    """Normal force in N, at most `RANGE`, up to which the best pad touches nothing, and the reason for the end, if any."""
+    """Normal force in N, at most `RANGE`, up to which the best pad touches nothing, and what ends it there."""
     defines = {str(parameter): repr(float(value)) for parameter, value in values.items()}
 
     def compute() -> xr.Dataset:
