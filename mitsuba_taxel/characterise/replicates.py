@@ -12,6 +12,8 @@ from mitsuba_taxel.base.replicates import standard_error
 HALVES = (slice(0, None, 2), slice(1, None, 2))
 DRAWS = 64
 """Samples of the bootstrap: its standard deviation is then accurate to 9 %."""
+FEWEST_SMOOTH = 4
+"""Least number of points that are smoothed."""
 
 
 class Largest(NamedTuple):
@@ -20,12 +22,12 @@ class Largest(NamedTuple):
     Attributes
     ----------
     magnitude : (replicates, channels) ndarray
-        For each replicate, its sample where the mean of the other half of the replicates is largest, times the sign of
-        that mean.
+        For each replicate, its sample where the smoothed mean of the other half of the replicates is largest, times the
+        sign of that mean.
     sign : (channels,) ndarray
-        Sign of the mean of all samples at ``point``.
+        Sign of the smoothed mean of all samples at ``point``.
     point : (channels,) ndarray of int
-        Index where the mean of all samples is largest in magnitude.
+        Index where the smoothed mean of all samples is largest in magnitude.
     choice_error : (channels,) ndarray
         Standard error of the mean of ``magnitude`` due to the choice of the index.
     excess : (channels,) ndarray
@@ -54,9 +56,9 @@ def at_largest(samples: np.ndarray) -> Largest:
 
     The largest of many noisy numbers is biased upwards. Each half of the replicates is therefore evaluated where the
     other half is largest: that choice is independent of its own noise. Halves that choose points of opposite signs
-    agree in the magnitude. Noise may choose a point that is not the largest, so the estimate is low: by up to
-    ``excess`` where numbers differ by no more than their noise, as slopes between neighbouring points may. With one
-    replicate there is no other half, and the bias remains.
+    agree in the magnitude. Noise may choose a point that is not the largest, so the estimate is low, by up to
+    ``excess``. The half that chooses is therefore smoothed along the points: slopes between neighbouring points may
+    differ by less than their noise. With one replicate there is no other half, and the bias remains.
 
     Returns
     -------
@@ -65,20 +67,21 @@ def at_largest(samples: np.ndarray) -> Largest:
     """
     _, replicates, channels = samples.shape
     mean = samples.mean(axis=1)
-    point = np.abs(mean).argmax(axis=0)
-    sign = np.sign(_at(mean, point))
+    smooth = _smooth(mean, _noise(samples))
+    point = np.abs(smooth).argmax(axis=0)
+    sign = np.sign(_at(smooth, point))
     if replicates < 2:
         return Largest(np.abs(_at(mean, point))[None], sign, point, *np.zeros((2, channels)))
 
     # Each half of the replicates, where the mean of the other half is largest.
     magnitude = np.empty((replicates, channels))
     for half, other_half in (HALVES, HALVES[::-1]):
-        reference = samples[:, other_half].mean(axis=1)
+        reference = _smooth(samples[:, other_half].mean(axis=1), _noise(samples[:, other_half]))
         chosen_point = np.abs(reference).argmax(axis=0)
         chosen = samples[chosen_point, :, np.arange(channels)].T * np.sign(_at(reference, chosen_point))
         magnitude[half] = chosen[half]
 
-    excess = np.maximum(np.abs(_at(mean, point)) - magnitude.mean(axis=0), 0.0)
+    excess = np.maximum(np.abs(mean).max(axis=0) - magnitude.mean(axis=0), 0.0)
     return Largest(magnitude, sign, point, _choice_error(samples, magnitude), excess)
 
 
@@ -96,9 +99,56 @@ def _choice_error(samples: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
         return np.zeros(samples.shape[2])
     weights = _resampled(*counts)
     first, second = (np.tensordot(weight, half, axes=(1, 1)) for half, weight in zip(halves, weights, strict=True))
-    estimates = np.average([_at_largest_of(second, first), _at_largest_of(first, second)], axis=0, weights=counts)
+    # A resampled mean has the noise of the mean of its half twice.
+    references = [_smooth(mean, 2 * _noise(half)) for mean, half in zip((first, second), halves, strict=True)]
+    estimates = np.average(
+        [_at_largest_of(references[1], first), _at_largest_of(references[0], second)], axis=0, weights=counts
+    )
     variance = np.var(estimates, axis=0, ddof=1) * np.mean([count / (count - 1) for count in counts])
     return np.sqrt(np.maximum(variance - standard_error(magnitude) ** 2, 0.0))
+
+
+def _smooth(values: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Smooth course of noisy values (..., points, channels).
+
+    The sum of their smoothest modes, as many as have the least expected square of the error: what is left out less the
+    noise in it, and the noise of what is kept (C. L. Mallows, Some comments on C_p, 1973). Values without noise remain.
+
+    Parameters
+    ----------
+    values : (..., points, channels) ndarray
+        Values.
+    noise : (points, channels) ndarray
+        Of :func:`_noise`.
+
+    Returns
+    -------
+    (..., points, channels) ndarray
+        The course.
+    """
+    if len(noise) < FEWEST_SMOOTH or np.isnan(noise).any():
+        return values
+    modes = _modes(len(noise))
+    amplitudes = np.einsum("pm,...pc->...mc", modes, values)
+    gain = amplitudes**2 - 2 * noise
+    last = np.cumsum(gain, axis=-2).argmax(axis=-2)
+    retained = np.arange(len(modes))[:, None] <= last[..., None, :]
+    return np.einsum("pm,...mc->...pc", modes, amplitudes * retained)
+
+
+def _noise(samples: np.ndarray) -> np.ndarray:
+    """(points, channels) variance of the amplitude of each mode of the mean of samples (points, replicates, channels);
+    NaN with one replicate."""
+    amplitudes = np.einsum("pm,prc->mrc", _modes(len(samples)), samples)
+    return standard_error(np.moveaxis(amplitudes, 1, 0)) ** 2
+
+
+@kept(16)
+def _modes(count: int) -> np.ndarray:
+    """(points, modes) orthonormal modes of a bar with free ends, from the straight ones on: those of the squares of
+    second differences."""
+    bends = np.diff(np.eye(count), 2, axis=0)
+    return np.linalg.eigh(bends.T @ bends)[1]
 
 
 @kept(8)

@@ -22,7 +22,7 @@ class Slopes(NamedTuple):
 
     ``max_slope`` : the slope of largest magnitude between neighbouring points, which the literature on this kind of
     sensor calls the sensitivity of a simulated taxel (paper, section 2.3). ``max_slope_at`` : the middle between these
-    points in N.
+    points in N. At an end of a bent run, the curve is steeper by half of the change from one such slope to the next.
 
     ``mean_slope`` : the slope between the ends of the run. The paper's sensitivity of a measured taxel (section 3.1) is
     the mean slope of the force-voltage relation.

@@ -58,11 +58,15 @@ def test_intervals_hold_the_truth(branch, covered, name, replicates):
 @pytest.mark.parametrize("noise", [1e-6, 1e-5, 1e-4])
 @pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
 def test_the_largest_slope_is_not_too_large(branch, covered, curve, noise):
-    """Its bias is below its error, and below half that of the steepest mean reading where noise is large."""
+    """Its bias is below a quarter of its error, and below half that of the steepest mean reading where noise is large.
+
+    Only where a curve's own steepest part is hidden by noise, it may be half an error low.
+    """
     run = branch(curve, STEPS, noise, channels=800, seed=2)
     found, truth = slopes(run), slopes(branch(curve, STEPS)).max_slope[0]
     bias = np.mean((found.max_slope - truth) / truth) * abs(truth) / found.max_slope_error.mean()
-    assert -0.6 < bias < 5 / np.sqrt(800)
+    hidden = curve is CURVES["s-shaped"] and noise == 1e-4
+    assert -(0.5 if hidden else 0.25) < bias < 5 / np.sqrt(800)
     covered(found.max_slope, found.max_slope_error, truth, 32, at_least=0.93)
     naive = np.abs(np.diff(run.value, axis=0) / np.diff(run.force)[:, None]).max(axis=0).mean()
     if noise == 1e-4:
