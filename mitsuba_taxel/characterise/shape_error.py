@@ -2,9 +2,8 @@
 
 Small displacements and their errors are linear in the load, so that a coarse mesh changes all readings of a path by
 nearly the same fraction of their change from rest, which the deviation of a second mesh gives. At finite strains the
-fraction changes along the path: from the first load to the last by 8 % of its size, in the root mean square over sweeps
-of strains up to 0.11 (docs/theory/errors.md). The course of that change is unknown and is therefore modelled as random.
-With the stated size s(F) of a reading's error, the error is
+fraction changes along the path, by some percent of its size (docs/figures.md). The course of that change is unknown and
+is therefore modelled as random. With the stated size s(F) of a reading's error, the error is
 
     s(F) (c z + sqrt(1 - c^2) g(F)),    c^2 = (1 - r^2) a^2,
 

@@ -16,6 +16,7 @@ from numpy.polynomial import Chebyshev
 
 from mitsuba_taxel.base.convergence import ORDER
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise import characteristics, simulated_experiments
 from mitsuba_taxel.evidence.coverage.figure_row import FIGURES, TARGETS, FigureRow
 from mitsuba_taxel.mechanics import MooneyRivlin, NeoHookean, Viscoelastic
@@ -39,6 +40,8 @@ STRAINS = (0.008, 0.04)
 """Range of the largest pressure, relative to Young's modulus."""
 STEP = math.sqrt(2)
 """Ratio of the two element sizes from which the truth is extrapolated."""
+LARGER, FACTOR = (5, 6, 11, 12), 4
+"""Scenes, one for each shape of cells, that are also read under so many times their loads."""
 FINE = 0.6
 """Largest size in mm of the finest elements of the truth."""
 POINTS = 1 << 14
@@ -74,14 +77,16 @@ class FigureCase:
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder) / "scene.xml"
                 self.sensor.scene().write_xml(file)
+                studies = {}
                 for target, error in TARGETS.items():
-                    study = sweep(file, self.vary, together=self.together, target_error=error)
+                    study = studies[target] = sweep(file, self.vary, together=self.together, target_error=error)
                     for figure, (value, error) in _figures(study).items():
                         numbers |= {f"{figure}_{target}_value": value, f"{figure}_{target}_error": error}
                 seconds = time.process_time() - start
                 size = study.attrs.get("mesh_size") or self.sensor.pad.default_mesh_size
                 fine = min(size / STEP, FINE)
-                numbers |= self._truth(file, fine, study)
+                true_numbers, limit = self._truth(file, fine, study)
+                numbers |= {**true_numbers, **path_of_error(studies["default"], limit)}
         except (ComputationError, InputError) as error:
             return FigureRow(self.name, str(error))
         return FigureRow(self.name, "", seconds, time.process_time() - start - seconds, fine, **numbers)
@@ -90,8 +95,9 @@ class FigureCase:
         """The row of a process that returned none."""
         return FigureRow(self.name, end)
 
-    def _truth(self, file: Path, fine: float, study: xr.Dataset) -> dict[str, float]:
-        """Figures in the limit of small elements, and their change by extrapolation from elements of ``fine`` mm."""
+    def _truth(self, file: Path, fine: float, study: xr.Dataset) -> tuple[dict[str, float], xr.DataArray]:
+        """Figures in the limit of small elements, and their change by extrapolation from elements of ``fine`` mm; and
+        the readings in that limit."""
         random = POINTS if study.attrs["points"] else None
         seed = OTHER_SEED if random else 0
         power = []
@@ -108,7 +114,34 @@ class FigureCase:
         numbers = {f"{name}_further": true[name][0] - finest[name][0] for name in true}
         for name, (value, noise) in true.items():
             numbers |= {f"{name}_true": value, f"{name}_noise": noise}
-        return numbers
+        return numbers, limit
+
+
+def path_of_error(study: xr.Dataset, limit: xr.DataArray) -> dict[str, float]:
+    """How the true error of readings changes along the path, relative to that stated, and the largest strain.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Of a sweep without random numbers.
+    limit : xr.DataArray
+        Its readings (..., replicate, taxel) in the limit of small elements.
+
+    Returns
+    -------
+    dict[str, float]
+        ``course``: true over stated error of the first taxel's reading at the largest force, less that at the first
+        load at which an error is stated; NaN with random numbers, whose noise is no error of elements. ``strain``.
+    """
+    strain = float(study.largest_strain.max())
+    if study.attrs["points"]:
+        return {"strain": strain}
+    error = (study.replicate_power - limit).mean("replicate").isel(taxel=0)
+    ratio = (error / study.mechanics_error.isel(taxel=0)).values
+    squares = sum((study[name] ** 2 for name in FORCES if name in study.coords), xr.DataArray(0.0))
+    largest = int(squares.values.argmax())
+    known = np.flatnonzero(np.isfinite(ratio[: largest + 1]))
+    return {"strain": strain, "course": float(ratio[largest] - ratio[known[0]]) if len(known) else math.nan}
 
 
 def _figures(study: xr.Dataset) -> dict[str, tuple[float, float]]:
@@ -138,7 +171,15 @@ def _true_figures(study: xr.Dataset, smooth: bool) -> dict[str, tuple[float, flo
 def figure_cases(seed: int = SEED) -> list[FigureCase]:
     """The rows of the table, in its order; the same for a seed."""
     random = np.random.default_rng(seed)
-    return [*(_drawn(random, number) for number in range(1, CASES + 1)), _thin_roof()]
+    cases = [*(_drawn(random, number) for number in range(1, CASES + 1)), _thin_roof()]
+    return [*cases, *(_larger_loads(number, cases[of - 1]) for number, of in enumerate(LARGER, len(cases) + 1))]
+
+
+def _larger_loads(number: int, case: FigureCase) -> FigureCase:
+    """A scene under larger loads, at whose strains the course of the error is larger."""
+    loads = [round(FACTOR * load, 5) for load in case.vary["fz"]]
+    name = f"{number} larger loads: {case.name.partition(': ')[2].rpartition(', ')[0]}, {loads[-1]:g} N"
+    return FigureCase(name, case.sensor, {"fz": loads}, {})
 
 
 def _thin_roof() -> FigureCase:

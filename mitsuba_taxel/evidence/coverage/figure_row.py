@@ -51,6 +51,8 @@ FigureRow = make_dataclass(
         ("seconds", "float", field(default=math.nan)),
         ("true_seconds", "float", field(default=math.nan)),
         ("fine", "float", field(default=math.nan)),
+        ("course", "float", field(default=math.nan)),
+        ("strain", "float", field(default=math.nan)),
         *((f"{figure}_{kind}", "float", field(default=math.nan)) for figure in FIGURES for kind in _TRUE),
         *(
             (f"{figure}_{target}_{kind}", "float", field(default=math.nan))

@@ -21,15 +21,18 @@ def test_scenes_are_of_every_kind_and_the_same_for_a_seed():
     cases = figure_cases.figure_cases()
     names = [case.name for case in cases]
     assert names == [case.name for case in figure_cases.figure_cases()]
-    assert names != [case.name for case in figure_cases.figure_cases(1)] and len(set(names)) == 41
+    assert names != [case.name for case in figure_cases.figure_cases(1)] and len(set(names)) == 45
     # A change of the draw would choose other scenes after results are known.
-    assert hashlib.sha256("\n".join(names).encode()).hexdigest()[:16] == "9e0582ba99378a59"
+    assert hashlib.sha256("\n".join(names[:41]).encode()).hexdigest()[:16] == "9e0582ba99378a59"
     kinds = [name[3:].partition(":")[0] for name in names]
     assert {kind: kinds.count(kind) for kind in kinds} == {
         "normal force": 28, "tangential force": 4, "random paths": 4, "viscoelastic": 4, "thin roof": 1,
+        "larger loads": 4,
     }  # fmt: skip
     assert len({case.sensor.pad.cell for case in cases}) == 4 and any(case.sensor.pad.columns == 2 for case in cases)
     assert {len(case.vary[name]) for case in cases for name in case.vary} == {figure_cases.LOADS}
+    assert cases[41].vary["fz"][-1] == 4 * cases[4].vary["fz"][-1] and cases[41].sensor is cases[4].sensor
+    assert {case.sensor.pad.cell for case in cases[41:]} == {case.sensor.pad.cell for case in cases}
 
 
 def made_up_study(case, size, stated=0.0):
@@ -40,6 +43,8 @@ def made_up_study(case, size, stated=0.0):
     variables = {
         "replicate_power": (dims, np.broadcast_to(power[:, None, None], shape)),
         "deviation": (["fz", "taxel"], (stated * (power - 1e-3) / ERROR_SHARE)[:, None]),
+        "mechanics_error": (["fz", "taxel"], (stated * (power - 1e-3))[:, None]),
+        "largest_strain": ("fz", 0.1 * force / force[-1]),
     }
     coords = {"fz": force, "taxel": [1]}
     return xr.Dataset(variables, coords, {"curve": "fz", "seed": 0, "points": 0, "mesh_size": size})
@@ -61,6 +66,21 @@ def test_the_truth_is_the_limit_of_small_elements(monkeypatch):
     assert row.mean_slope_further == pytest.approx(2e-5 * 0.6**1.5 / length, rel=1e-6)
     assert row.mean_slope_default_value == pytest.approx(-2.7e-4 / length, rel=1e-9)
     assert row.deviation("mean_slope", "default") == pytest.approx(-2e-5 / (0.1 * 2.7e-4), rel=0.02)
+    # The true error is 0.02 of the load, that stated a tenth of the change.
+    first, last = (
+        0.02 / (0.022 + 0.005 * (force / case.vary["fz"][-1]) ** 2) for force in np.array(case.vary["fz"])[[1, -1]]
+    )
+    assert row.course == pytest.approx(last - first, rel=1e-6) and row.strain == pytest.approx(0.1)
+
+
+def test_the_course_is_compared_with_that_taken():
+    """At a strain of 0.04, 0.2 of the stated error; its difference over the largest load is 0.887 times as large."""
+    case = figure_cases.figure_cases()[0]
+    rows = [made_up_row(case, 1.0, course=course, strain=0.04) for course in (-0.17, 0.18, 0.36)]
+    assert figures.courses([*rows, made_up_row(case, 1.0)]) == (
+        "It is known of 3 scenes without random numbers, of strains up to 0.04: 0.180 in the median and 0.36 at most. "
+        "Of these, 1 are within once and 2 within twice what is taken."
+    )
 
 
 def test_slopes_of_the_truth_are_those_of_its_curve():
