@@ -90,7 +90,7 @@ Errors of the figures of each scene over both errors, and the error of the truth
 - **course**: see above; **strain**: the largest.
 - **03**: its truth is off. Beyond 0.06 N on elements of 0.6 mm, neighbouring points of the dome fall below each other's
   horizons, and the light between them is cut, step by step: 8e-5 of the reading at last. On elements of 0.85 and
-  0.42 mm readings are smooth up to 0.15 N at least; these two give a truth of 0.248 %, 1.4 stated errors from the sweep.
+  0.42 mm readings are smooth up to 0.15 N at least; these give a truth of 0.248 %, 1.4 stated errors from the sweep.
   The scene is counted as a miss.
 - **truth [mm]**: its finest elements. **CPU s**: of all processors.
 """
