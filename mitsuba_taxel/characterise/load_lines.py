@@ -106,7 +106,10 @@ def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Br
     power = power.transpose(*other_dims, line.dim, "replicate", "taxel")
     tangents = _tangents(study, line, other_dims)
     for index in np.ndindex(power.shape[: len(other_dims)]):
-        where = {str(dim): _plain(study, dim, number) for dim, number in zip(other_dims, index, strict=True)}
+        where = {
+            str(dim): study[dim].values[number].item() if dim in study.coords else number
+            for dim, number in zip(other_dims, index, strict=True)
+        }
         samples = power.values[index]
         finite = np.isfinite(samples).all(axis=(1, 2))
         tangent = None if tangents is None else tangents.part(index).part(finite)
@@ -249,8 +252,3 @@ def force_name(direction: np.ndarray) -> str:
         return components[0][1]
     words = [f"{'-' if number < 0 else '+'} {abs(number):.3g} {name}" for number, name in components]
     return " ".join(words).removeprefix("+ ")
-
-
-def _plain(study: xr.Dataset, dim: Any, number: int) -> Any:
-    """Value of a dimension at an index, as a Python object; the index if the dimension has no values."""
-    return study[dim].values[number].item() if dim in study.coords else number

@@ -140,15 +140,12 @@ def with_forces_named(study: xr.Dataset) -> xr.Dataset:
         study = study.rename({name: new_names[name] for name in group if name in study.coords or name in study.dims})
 
     # Tables in the attributes are keyed by the new names.
-    values = {name: _negative(word) if signs.get(name, 1) < 0 else word for name, word in parameters.items()}
+    values = {
+        name: f"{-float(word) + 0.0:.12g}" if signs.get(name, 1) < 0 else word for name, word in parameters.items()
+    }
     tables: dict[str, Mapping[str, Any]] = {"parameters": values}
     tables |= {name: json.loads(study.attrs[name]) for name in ("units", "roles") if name in study.attrs}
     for title, table in tables.items():
         study.attrs[title] = json.dumps({new_names.get(name, name): value for name, value in table.items()})
     study.attrs["curve"] = new_names.get(study.attrs.get("curve", ""), study.attrs.get("curve", ""))
     return study
-
-
-def _negative(word: str) -> str:
-    """The text of a number with its sign changed."""
-    return f"{-float(word) + 0.0:.12g}"

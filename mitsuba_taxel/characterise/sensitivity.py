@@ -82,9 +82,13 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
     changed_studies = changed_by_shape(study) if lines else {}
     for line in lines:
         result = _slopes_along(study, line, changed_studies)
-        names = {name: f"{name}_{_suffix(study, name)}" for name in map(str, result)}
+        suffixes = {name: _unit(study, name).replace("%", "percent").replace("/", "_per_") for name in map(str, result)}
+        names = {name: f"{name}_{suffix}" for name, suffix in suffixes.items()}
         table = result.to_dataframe().reset_index()
-        table["remark"] = [_remark(*row) for row in table[["max_slope", "max_slope_error", "mean_slope"]].to_numpy()]
+        table["remark"] = [
+            NOT_RESOLVED if abs(largest) <= error else NOT_ABOVE if abs(largest) < abs(mean) else ""
+            for largest, error, mean in table[["max_slope", "max_slope_error", "mean_slope"]].to_numpy()
+        ]
         table = table.rename(columns=names).assign(force=line.name, **line.constant)
         varied = [*line.constant, *(str(dim) for dim in result.max_slope.dims)]
         tables.append(table[["force", *varied, *names.values(), "remark"]])
@@ -132,13 +136,6 @@ def _all_slopes(run: Branch) -> tuple[np.ndarray, ...]:
     return (*run_slopes, *relative_slope(run, run_slopes, run.samples[np.abs(run.force).argmin()]))
 
 
-def _remark(largest: float, error: float, mean: float) -> str:
-    return NOT_RESOLVED if abs(largest) <= error else NOT_ABOVE if abs(largest) < abs(mean) else ""
-
-
 def _unit(study: xr.Dataset, name: str) -> str:
+    """Unit of a figure of a study."""
     return "N" if name == "max_slope_at" else "%/N" if name.startswith("relative") else f"{unit_of(study)}/N"
-
-
-def _suffix(study: xr.Dataset, name: str) -> str:
-    return _unit(study, name).replace("%", "percent").replace("/", "_per_")

@@ -264,15 +264,14 @@ def values_of(instance: Any) -> dict[str, Any]:
     dict[str, Any]
         Values by name; parameters that are None are left out.
     """
-    values = [(parameter, getattr(instance, name)) for name, parameter in parameters_of(type(instance)).items()]
-    return {parameter.name: _written(parameter, value) for parameter, value in values if value is not None}
-
-
-def _written(parameter: Parameter, value: Any) -> Any:
-    """A value as an entry of a Mitsuba dictionary."""
-    if isinstance(parameter, Nested):
-        return value.to_dict()
-    return list(value) if isinstance(value, tuple) else value
+    entries: dict[str, Any] = {}
+    for name, parameter in parameters_of(type(instance)).items():
+        value = getattr(instance, name)
+        if isinstance(parameter, Nested) and value is not None:
+            entries[parameter.name] = value.to_dict()
+        elif value is not None:
+            entries[parameter.name] = list(value) if isinstance(value, tuple) else value
+    return entries
 
 
 def _specification_of(props: Any, parameter: Nested) -> Any:

@@ -65,15 +65,12 @@ def circuit_of_part(part: Part) -> Circuit:
 
     # The load resistance from the largest current at the distance of the largest current.
     brightest = max([current for _, current in part.distance_curve], default=1.0)
-    current_at_distance = _current_at(part, distance) if part.distance_curve else brightest
+    current_at_distance = brightest
+    if part.distance_curve:
+        heights, currents = zip(*sorted(part.distance_curve), strict=True)
+        current_at_distance = float(np.interp(distance, heights, currents))
     largest = figures.get("collector_current_most_A", typical) * brightest / current_at_distance
     return replace(circuit, load_resistance=standard_resistance(circuit.limit / circuit.buffer_gain / largest))
-
-
-def _current_at(part: Part, distance: float) -> float:
-    """Current at a distance in mm relative to the largest current, by linear interpolation of the curve."""
-    heights, currents = zip(*sorted(part.distance_curve), strict=True)
-    return float(np.interp(distance, heights, currents))
 
 
 def standard_resistance(resistance: float) -> float:

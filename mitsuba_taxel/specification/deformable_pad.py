@@ -382,12 +382,8 @@ class DeformablePad(Specification, Kinded):
         values: dict[str, Any] = {load.quantity: value if load.components == 3 else value[0], **settings}
         values.update(self_contact=load.self_contact, load=load.name, **load.scene_values())
         if finish is not None:
-            values.update(finish=_word(FINISHES, finish), **values_of(finish))
+            kind_of_finish = next(word for word, kind in FINISHES.items() if type(finish) is kind)
+            values.update(finish=kind_of_finish, **values_of(finish))
         values.update(material=material.name)
         constants = {name: getattr(material, name) for name in material.parameters}
         return cls(**values_of(pad), **constants, **values)
-
-
-def _word(kinds: dict[str, Any], finish: Any) -> str:
-    """Name of the kind of a finish."""
-    return next(word for word, kind in kinds.items() if type(finish) is kind)

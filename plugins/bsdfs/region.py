@@ -47,7 +47,7 @@ class Region(mi.BSDF):
         if not self.walls:
             raise InputError(f"region: it has no BSDF: at least one of {', '.join(ALL_REGIONS)} is needed.")
         self.specification = Parameters.read(props)
-        components = [flag for wall in self.walls.values() for flag in _components(wall)]
+        components = [int(wall.flags(i)) for wall in self.walls.values() for i in range(wall.component_count())]
         self.m_components = components
         self.m_flags = 0
         for flag in components:
@@ -123,8 +123,3 @@ class Region(mi.BSDF):
 
     def to_string(self) -> str:
         return f"Region[{', '.join(self.walls)}]"
-
-
-def _components(wall: mi.BSDF) -> list[int]:
-    """Flags of the components of a BSDF."""
-    return [int(wall.flags(i)) for i in range(wall.component_count())]

@@ -51,7 +51,7 @@ def replacing(file: Path) -> Iterator[Path]:
         if the file cannot be written.
     """
     try:
-        handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=file.suffix, dir=file.parent)
+        handle, name = tempfile.mkstemp(prefix=f"{PREFIX}{_host()}-{os.getpid()}-", suffix=file.suffix, dir=file.parent)
         os.close(handle)
         temporary = Path(name)
         try:
@@ -132,11 +132,6 @@ def remove_stale(folder: Path) -> None:
         owner = re.match(rf"{re.escape(PREFIX)}{re.escape(_host())}-(\d+)-", file.name)
         if owner and not file.is_dir() and not _is_alive(int(owner[1])):
             file.unlink(missing_ok=True)
-
-
-def _prefix() -> str:
-    """Prefix of temporary files of this process."""
-    return f"{PREFIX}{_host()}-{os.getpid()}-"
 
 
 def _host() -> str:
