@@ -45,7 +45,7 @@ def test_render_with_derivatives(taxel):
 
 def test_a_study_file_and_another_circuit(taxel, tmp_path):
     told = taxel("sweep", "study.toml", "-o", "out")
-    assert told.returncode == 0 and "mean_slope_counts_per_N" in told.stdout, told.stderr
+    assert told.returncode == 0 and "As the circuit shows it, fz:" in told.stdout, told.stderr
     study = open_study(tmp_path / "out")
     assert (tmp_path / "out" / "voltage.png").is_file()
     assert study.voltage.dims == ("fz", "taxel") and study.attrs["circuit"]
