@@ -159,9 +159,8 @@ def _ends_of(props: mi.Properties) -> tuple[mi.Emitter, mi.Sensor]:
     for kind, plugin, plural in ((mi.Emitter, "annular_led", "emitters"), (mi.Sensor, "phototransistor", "sensors")):
         nested = [value for _, value in props.objects() if isinstance(value, kind)]
         if len(nested) != 1 or kind_of(nested[0]) != plugin:
-            raise InputError(
-                f"photo_reflector: {len(nested)} {plural} are nested in it: exactly one {plugin} is needed."
-            )
+            there = ", ".join(kind_of(value) for value in nested) or f"no {plural}"
+            raise InputError(f"photo_reflector: nested in it: {there}; exactly one {plugin} is needed.")
         ends += nested
     return ends[0], ends[1]
 

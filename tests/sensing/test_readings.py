@@ -49,3 +49,6 @@ def test_the_answer_of_several_taxels_holds_the_worst_error():
     assert readings_answer(dark) == "Power on 3 phototransistors: 0.000e+00 to 4.000e-03 W, each ± 2.0e-05 W or less."
     one = SimpleNamespace(power=np.zeros(1), total_error=np.array([1e-9]))
     assert readings_answer(one) == "Power on the phototransistor: 0.0000e+00 ± 1.0e-09 W."
+    for number in (1, 3):
+        unknown = SimpleNamespace(power=power[:number], total_error=np.full(number, np.nan))
+        assert readings_answer(unknown).endswith(" W; the error is unknown.")

@@ -13,6 +13,7 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE, FACETS_SHARE
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.files.text_table import text_table
 from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.base.units import in_percent
 from mitsuba_taxel.sensing.reading.derivative_values import Derivatives, derivatives_text
 from mitsuba_taxel.sensing.reading.wording import budget_line, stage_line
 
@@ -378,13 +379,19 @@ def readings_answer(readings: Readings) -> str:
         Such as ``Power on 9 phototransistors: 4.149e-03 to 4.158e-03 W, each ± 0.23 % or less.``
     """
     power, error = readings.power, readings.total_error
-    if len(power) == 1:
-        relative = f" ({error[0] / power[0]:.2%})" if power[0] > 0 else ""
-        return f"Power on the phototransistor: {power[0]:.4e} ± {error[0]:.1e} W{relative}."
-    values = f"Power on {len(power)} phototransistors: {power.min():.3e} to {power.max():.3e} W"
+    count = len(power)
+    if count == 1:
+        answer = f"Power on the phototransistor: {power[0]:.4e}"
+    else:
+        answer = f"Power on {count} phototransistors: {power.min():.3e} to {power.max():.3e}"
+    if not np.isfinite(error).all():
+        return f"{answer} W; the error is unknown."
+    if count == 1:
+        share = f" ({error[0] / power[0]:.2%})" if power[0] > 0 else ""
+        return f"{answer} ± {error[0]:.1e} W{share}."
     if (power <= 0).any():
-        return f"{values}, each ± {error.max():.1e} W or less."
-    return f"{values}, each ± {(error / power).max():.2%} or less."
+        return f"{answer} W, each ± {error.max():.1e} W or less."
+    return f"{answer} W, each ± {(error / power).max():.2%} or less."
 
 
 def readings_columns(readings: Readings) -> dict[str, list[str]]:
@@ -411,7 +418,7 @@ def readings_columns(readings: Readings) -> dict[str, list[str]]:
     if readings.geometry_error.any():
         columns["geometry error [W]"] = [f"{error:.1e}" for error in readings.geometry_error]
     pairs = zip(readings.power, readings.total_error, strict=True)
-    columns["total"] = [f"{error / power:.2%}" if power > 0 else "-" for power, error in pairs]
+    columns["total"] = [in_percent(error / power) if power > 0 else "-" for power, error in pairs]
     if readings.photocurrent is not None:
         columns["photocurrent [A]"] = [f"{current:.6e}" for current in readings.photocurrent]
     return columns
