@@ -109,22 +109,23 @@ def _choice_error(samples: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
 
 
 def _smooth(values: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Smooth course of noisy values (..., points, channels).
+    """Smooth noisy values along the points.
 
-    The sum of their smoothest modes, as many as have the least expected square of the error: what is left out less the
-    noise in it, and the noise of what is kept (C. L. Mallows, Some comments on C_p, 1973). Values without noise remain.
+    The result is the sum of the smoothest modes. Their number has the least expected squared error: the square of the
+    removed modes less their noise, plus the noise of the retained modes (C. L. Mallows, Some comments on C_p, 1973).
+    Values without noise are unchanged.
 
     Parameters
     ----------
     values : (..., points, channels) ndarray
-        Values.
+        Noisy values.
     noise : (points, channels) ndarray
-        Of :func:`_noise`.
+        Variances of the amplitudes of modes, as of :func:`_noise`.
 
     Returns
     -------
     (..., points, channels) ndarray
-        The course.
+        Smoothed values.
     """
     if len(noise) < FEWEST_SMOOTH or np.isnan(noise).any():
         return values
@@ -137,16 +138,20 @@ def _smooth(values: np.ndarray, noise: np.ndarray) -> np.ndarray:
 
 
 def _noise(samples: np.ndarray) -> np.ndarray:
-    """(points, channels) variance of the amplitude of each mode of the mean of samples (points, replicates, channels);
-    NaN with one replicate."""
+    """Variance (modes, channels) of the amplitude of each mode of the mean of samples (points, replicates, channels).
+
+    The result is NaN with one replicate.
+    """
     amplitudes = np.einsum("pm,prc->mrc", _modes(len(samples)), samples)
     return standard_error(np.moveaxis(amplitudes, 1, 0)) ** 2
 
 
 @kept(16)
 def _modes(count: int) -> np.ndarray:
-    """(points, modes) orthonormal modes of a bar with free ends, from the straight ones on: those of the squares of
-    second differences."""
+    """Orthonormal modes (points, modes) of the sum of squared second differences, the smoothest first.
+
+    They are the modes of a bar with free ends; the first two are straight lines.
+    """
     bends = np.diff(np.eye(count), 2, axis=0)
     return np.linalg.eigh(bends.T @ bends)[1]
 
