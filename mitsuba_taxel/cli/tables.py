@@ -151,11 +151,18 @@ def _print_shown_derivatives(shown) -> None:
 
 
 def print_pads(rows: Sequence[Mapping]) -> None:
-    """Print deformed pads: their load, and the quality of the solution."""
+    """Print deformed pads: how many there are and the largest error of their roofs, then their load and quality."""
 
     def number(value: float | None, form: str) -> str:
         return "unknown" if value is None else format(value, form)
 
+    count = "1 deformed pad" if len(rows) == 1 else f"{len(rows)} deformed pads"
+    errors = [(row["roof_error_mm"], row["slope_error_degrees"]) for row in rows]
+    if all(None not in pair for pair in errors):
+        height, slope = (max(column) for column in zip(*errors, strict=True))
+        say(f"{count}: roofs are right to {height:.1e} mm and {slope:.2f} degrees.\n")
+    else:
+        say(f"{count}: the error of the roofs is unknown.\n")
     quantity, unit = rows[0]["quantity"], rows[0]["unit"]
     headings = ("file", f"{quantity} [{unit}]", "min J", "residual", "stable", "roof error [mm]", "slope error [deg]")
     print_table(

@@ -18,3 +18,19 @@ def test_lines_fit_the_terminal_and_stay_whole_in_a_pipe(monkeypatch, capsys, wi
     shown = capsys.readouterr().out.splitlines()
     assert shown[-2:] == ["", row] and " ".join(shown[:-2]).split() == PROSE.split()
     assert len(shown) == 3 if width is None else max(map(len, shown)) <= width < len(PROSE)
+
+
+@pytest.mark.parametrize(
+    ("heights", "answer"),
+    [
+        ([9e-4], "1 deformed pad: roofs are right to 9.0e-04 mm and 0.33 degrees."),
+        ([1e-4, 2e-3], "2 deformed pads: roofs are right to 2.0e-03 mm and 0.33 degrees."),
+        ([1e-4, None], "2 deformed pads: the error of the roofs is unknown."),
+    ],
+)
+def test_the_answer_on_deformed_pads_is_the_largest_error(capsys, heights, answer):
+    row = {"quantity": "force", "unit": "N", "value": [0, 0, -1], "min_jacobian": 0.9, "residual": 1e-9, "stable": True}
+    row |= {"imbalance": 1e-9, "time_s": None, "slope_error_degrees": 0.33}
+    tables.print_pads([{**row, "file": "a.ply", "roof_error_mm": height} for height in heights])
+    first, blank, heading, *_ = capsys.readouterr().out.splitlines()
+    assert (first, blank, heading.split()[0]) == (answer, "", "file")
