@@ -120,9 +120,10 @@ def tangential_map(experiment: Experiment, rows: int, columns: int) -> Tangentia
 def symmetric_pairs(maps: Iterable[TangentialMap]) -> pandas.DataFrame:
     """Pairs of taxels at mirrored positions, and the difference of their changes.
 
-    There are two mirrors. Across the load, a symmetric and linear pad has opposite changes: under a load along the
-    secondary diagonal of a square of nine (the paper's Fig. 10), taxels 3 and 7 differ most, 2 and 4 as well as 6 and 8
-    less. Along the load, such a pad has equal changes. There are no pairs if the grid is not symmetric, as for a
+    Taxels are mirrored in two planes. In the plane perpendicular to the load (``across``), mirrored taxels of a
+    symmetric and linear pad change by opposite amounts: under a load along the secondary diagonal of a square of nine
+    (the paper's Fig. 10), taxels 3 and 7 differ most, 2 and 4 as well as 6 and 8 less. In the plane that contains the
+    load (``along``), mirrored taxels change by equal amounts. There are no pairs if the grid is not symmetric, as for a
     diagonal load on different numbers of rows and columns. Equal pitches in x and y are assumed.
 
     Parameters

@@ -163,7 +163,7 @@ def _check(plan: FitPlan) -> None:
     if plan.data.unit == "V" and plan.circuit is None and "gain" not in names:
         raise InputError("data in volts are not allowed without a table [circuit] or an unknown gain, in V/W.")
     if plan.data.unit == "W" and plan.circuit is not None:
-        raise InputError("data in watts are not allowed with a circuit.")
+        raise InputError("data in watts are not allowed with a circuit: give data in volts, or leave the circuit out.")
     count = plan.data.readings.size
     if count <= len(names):
         raise InputError(f"{count} readings are not enough for {len(names)} unknowns.")

@@ -149,7 +149,7 @@ def readable_starts(optimiser: Optimiser, initial: list[Design]) -> list[Design]
             return [design]
     if not readable:
         why = next(iter(optimiser.designs.failures.values()))
-        raise ComputationError(f"none of {len(optimiser.history)} designs can be read to begin with: {why}")
+        raise ComputationError(f"the search cannot start: none of {len(optimiser.history)} designs can be read: {why}")
     return readable
 
 

@@ -112,7 +112,7 @@ class PadFile(Displayed):
 
     @property
     def placement(self) -> Placement:
-        """How the geometry of the file becomes that of the pad."""
+        """Transformation (scale and upward direction) from the coordinates of the file to those of the pad."""
         return Placement(self.scale, self.up)
 
     @cached_property

@@ -38,13 +38,13 @@ class ResponseSurface:
     degrees : (terms, parameters) ndarray
         Degrees of the Legendre polynomials whose product is a term.
     reach : (parameters,) ndarray
-        Standardised parameters at which their argument is 1.
+        Values of the standardised parameters at which the argument of the Legendre polynomials is 1.
     coefficients : (terms, outputs) ndarray
         Coefficients of the fit.
     explained : (outputs,) ndarray
         Share of the variance that is predicted in leave-one-out cross-validation.
     redrawn : (resamples, terms, outputs) ndarray
-        Coefficients of fits to outputs with resampled residuals.
+        Coefficients of repeated fits, to outputs with resampled residuals (bootstrap).
     """
 
     degrees: np.ndarray

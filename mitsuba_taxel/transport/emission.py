@@ -346,12 +346,12 @@ def _clipped(
 
 
 def _tips(corners: np.ndarray, heights: np.ndarray) -> tuple[tuple, tuple]:
-    """Rules for pieces (M, 3, 2) with one lit corner and two dark ones, or vice versa.
+    """Quadrature rules for pieces (M, 3, 2) with one lit corner and two dark ones, or vice versa.
 
-    They cover the area between this corner, the tip, and the edge of the light, along rays from the tip, on which
-    heights (M, 6) are quadratic. The area of a dark tip is subtracted from the entire piece.
+    The single corner is the tip. The points cover the area between the tip and the edge of the light, along rays from
+    the tip; heights (M, 6) are quadratic along these rays. The area of a dark tip is subtracted from the entire piece.
 
-    Returned are the number of points of a piece, the points and the weights, inside the light and at its edge.
+    Returns the number of points per piece, and the points and weights inside the light, then those at its edge.
     """
     # Corners and heights in the order that begins with the tip; heights have the sign of the tip.
     up = heights[:, :3] >= 0

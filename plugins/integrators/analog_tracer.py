@@ -50,7 +50,10 @@ class AnalogTracer(mi.CppADIntegrator):
 
     @dr.syntax
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
-        """Power [W] of a ray from each LED of ``led_index`` that reaches the phototransistor of ``index``."""
+        """Trace one random ray for each pair: from LED number ``led_index`` to phototransistor number ``index``.
+
+        Returns the power in W that reaches the phototransistor.
+        """
         led, sensor = pair.led, pair.sensor
         clearance = clearance_of(scene, pair)
         detector = mi.ShapePtr(sensor.get_shape())

@@ -140,7 +140,7 @@ def test_studies_have_their_own_circuits():
     found = compare({"x": own[0], "y": own[1]}, "mean_slope")
     np.testing.assert_allclose(found.table.mean_slope, [-0.02, -0.005], rtol=1e-3)
     assert list(found.volts.study) == ["x", "y"] and list(found.volts)[:2] == ["force", "study"]
-    with pytest.raises(InputError, match="^x in volts and z in watts cannot be compared: a circuit for all is needed"):
+    with pytest.raises(InputError, match="^x in volts and z in watts cannot be compared: give a circuit for all"):
         compare({"x": own[0], "z": plain})
     both = compare({"x": own[0], "z": plain}, "mean_slope", up_to=5, circuit=circuits[1])
     np.testing.assert_allclose(both.table.mean_slope, -0.005, rtol=1e-3)

@@ -115,8 +115,8 @@ def test_mirrors_have_derivatives_by_random_paths(of_cylinder):
         (("--derivatives", "roof"), "roof = 'lambertian' has no derivative: it is not a number."),
         (
             ("--derivatives", "hight"),
-            "hight has no derivative: it is no number of the scene, which has parameters fz; numbers of its parts "
-            "cell_height, cell_size, ",
+            "hight has no derivative: it is not a numeric parameter of the scene. Allowed are parameters fz; "
+            "numbers of its parts cell_height, cell_size, ",
         ),
     ],
 )

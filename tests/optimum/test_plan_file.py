@@ -68,7 +68,7 @@ def test_a_plan(plan):
             WHOLE.replace("start = 3", 'only = { cell = "cube" }') + '[optimise.choices]\ncell = ["spherical"]\n',
             "only.cell = 'cube' is not allowed: some of spherical",
         ),
-        (WHOLE.replace("[0, -1, -2]", "[0, -1, -1]"), "must rise or fall"),
+        (WHOLE.replace("[0, -1, -2]", "[0, -1, -1]"), "values must only rise, or only fall"),
         (WHOLE.replace("[0, -1, -2]", "-2"), "one list of two numbers"),
         (WHOLE.replace("fx = ", "fw = "), "fw is no <default>"),
         (WHOLE + CONSTRAINT + 'figure = "rest"\n', "a number for least, most or both"),

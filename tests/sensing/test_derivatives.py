@@ -293,10 +293,10 @@ def test_readings_and_slopes_do_not_depend_on_the_patches_of_the_light(cell, mon
 @pytest.mark.parametrize(
     ("scene", "name", "words"),
     [
-        (lambda: pad_scene(), "hight", "it is no number of the scene"),
-        (lambda: pad_scene(), "rows", "it is no number of the scene"),
-        (lambda: pad_scene(), "power.led", "it is no number of the scene"),
-        (lambda: pad_scene(load="pressure", pressure=0.01), "fz", "it is no number of the scene"),
+        (lambda: pad_scene(), "hight", "it is not a numeric parameter of the scene"),
+        (lambda: pad_scene(), "rows", "it is not a numeric parameter of the scene"),
+        (lambda: pad_scene(), "power.led", "it is not a numeric parameter of the scene"),
+        (lambda: pad_scene(load="pressure", pressure=0.01), "fz", "it is not a numeric parameter of the scene"),
         (lambda: Scene.from_file("pad.xml"), "cell", "it is not a number"),
     ],
 )

@@ -262,5 +262,5 @@ def test_what_changes_nothing_has_no_slope_and_what_is_no_number_none():
     assert max(abs(found.values[0, 0]), found.standard_errors[0, 0]) < 1e-15  # W/mm: rounding at most
     with pytest.raises(InputError, match=r"^law = 'uniform_solid_angle' has no derivative: it is not a number"):
         measure(scene, points=64, derivatives=("law",))
-    with pytest.raises(InputError, match=r"^fz has no derivative: it is no number of the scene"):
+    with pytest.raises(InputError, match=r"^fz has no derivative: it is not a numeric parameter of the scene"):
         measure(scene, points=64, derivatives=("fz",))

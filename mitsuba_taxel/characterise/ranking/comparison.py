@@ -198,7 +198,8 @@ def _circuits(studies: Mapping[str, xr.Dataset | xr.DataTree], circuit: Circuit 
     if circuits and len(circuits) < len(of_study):
         without = next(name for name in of_study if name not in circuits)
         raise InputError(
-            f"{next(iter(circuits))} in volts and {without} in watts cannot be compared: a circuit for all is needed."
+            f"{next(iter(circuits))} in volts and {without} in watts cannot be compared: give a circuit "
+            "for all studies, or for none."
         )
     return circuits
 

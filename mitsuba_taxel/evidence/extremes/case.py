@@ -205,7 +205,7 @@ def _solve_figures(state: State) -> dict[str, float | str]:
 
 
 def _figures(case: ExtremeCase, path: PadPath) -> dict[str, float | str]:
-    """Figures of the steps of a path, and the first load at which an element is inverted at a node."""
+    """Effort, quality and stability of a path, and the first load that inverts an element at a node."""
     segments = list(path.segments.known.values())
     branches = path.segments.branches.values()
     curves = [segment for branch in branches for segment in (branch.curve, branch.onwards) if segment]

@@ -84,8 +84,9 @@ def least(slope: Sensitivity) -> float:
 
 
 def against_table_one(table: Mapping[str, Mapping[str, Sensitivity]]) -> CommonFactorFit:
-    """All eight numbers of Table 1 as one common factor times ours, of equal weight: they differ by much more than our
-    errors."""
+    """Fit all eight numbers of Table 1 by one common factor times ours.
+
+    All have equal weight, as they differ from ours by much more than our errors."""
     pairs = [(PUBLISHED[kind][cell], least(slope)) for kind in PUBLISHED for cell, slope in table[kind].items()]
     published, slopes = np.array(pairs).T
     return common_scale(published, slopes, np.ones(len(slopes)))

@@ -59,7 +59,7 @@ def _along_side(store: PaperStudies, cell: str, path: str, settings: dict[str, A
 
 
 def along_diagonal(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Readings under tangential forces along the secondary diagonal, by the resultant."""
+    """Readings over the magnitude of a tangential force along the secondary diagonal."""
     forces = np.linspace(0, paper.TANGENTIAL_LIMIT[cell], DIAGONAL_POINTS)
     settings = settings_of(along_x(store, cell))
     return _tangential(store, f"nominal/{cell}_resultant", cell, "resultant", forces, settings)

@@ -23,12 +23,16 @@ it leads one as far, and none to 1.5."""
 
 
 class SolvedStates:
-    """States of the path of one problem in contact, and beside those under normal forces, in memory and on disk.
+    """Solved states of the load path of one contact problem, in memory and on disk.
+
+    States beside the path, under purely normal forces, are kept too.
 
     Parameters
     ----------
     path : PathProblem
+        The pad, its material and its load.
     segments : PathSegments
+        Segments of the load path that have been followed.
     state_under : Callable[[ndarray], tuple[ndarray, ndarray]] or None
         Displacement and pressure under a force (3,) along z; None where all segments are followed.
     """

@@ -47,9 +47,14 @@ def linearise(state: State) -> LinearisedState:
     """
     require("state", state, State, "a State, as load_path returns it,")
     if state.memory is not None:
-        raise InputError("derivatives of a viscoelastic silicone are not available: leave prony out, or vary steps.")
+        raise InputError(
+            "derivatives of a viscoelastic silicone are not available: remove prony, "
+            "or vary the parameter in a sweep."
+        )
     if rubs(state.load):
-        raise InputError("derivatives with friction are not available: leave friction out, or vary steps.")
+        raise InputError(
+            "derivatives with friction are not available: remove friction, or vary the parameter in a sweep."
+        )
     load, value, kind = state.load, state.value, LinearisedState
     if load.driven is not None:
         assert state.indenter_moved is not None

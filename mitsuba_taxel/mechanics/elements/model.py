@@ -178,7 +178,10 @@ class Model:
 
     @cached_property
     def may_press(self) -> np.ndarray:
-        """(m,) whether the node of each contact pressure can move: antisymmetric states have none on their mirror."""
+        """(m,) whether the node of each contact pressure can move along z.
+
+        In antisymmetric states, nodes on the mirror plane cannot.
+        """
         return self.numbering.unknown[3 * self.indentation.node + 2] >= 0
 
     def over_unknowns(self, rows: sparse.csr_array) -> sparse.csr_array:

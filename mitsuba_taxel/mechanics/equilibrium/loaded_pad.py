@@ -147,10 +147,11 @@ class LoadedPad(MeshedPad):
             raise singular(failure) from failure
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve`, at rest or between stable states of a path.
+        """Solve as :meth:`solve` does, and return the linearised pad as well.
 
-        Displacements without the symmetry of the load are not checked again, and the linearised pad is that of a state
-        within `NEAR`.
+        It is for the pad at rest, and between states of a path that are known to be stable: stability against
+        displacements that break the symmetry of the load is not tested again. The pad may be linearised at a nearby
+        state, at most `NEAR` away from the solution.
 
         Parameters
         ----------

@@ -65,7 +65,7 @@ class PushedPath(TimedPath):
         if not left:
             raise ComputationError(
                 f"the indenter does not settle between {before.time:.4g} and {time:.4g} s: the load path ends there. "
-                "Smaller steps of the force may do."
+                "Smaller steps of the force may help."
             )
         first = self._halved(before, halves[0], first, allowed, left - 1)
         return self._halved(first, halves[1], self._pushed(first, halves[1]), allowed, left - 1)

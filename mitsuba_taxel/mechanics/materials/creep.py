@@ -94,7 +94,10 @@ class CreepResponse:
         return Measures(responding, even if moves else None)
 
     def _growth(self, memory: np.ndarray, rate: np.ndarray, duration: float) -> Growth | None:
-        """The component of the response in a step along its change, scaled to 1; None without a change."""
+        """Course of the response within a step, projected on its total change and divided by it, so that it ends at 1.
+
+        None if nothing changes.
+        """
         transients = self.amplitudes[:, None] * (rate - self.rates[:, None] * memory)
         steady = self.lasting * rate
         total = steady * duration - (np.expm1(-self.rates * duration) / self.rates) @ transients

@@ -222,7 +222,7 @@ def chosen_cells(mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish |
     Raises
     ------
     InputError
-        if they are not allowed.
+        if a finish excludes a choice of cells, or the pad does not have one of them.
     """
     if cells is None:
         return None

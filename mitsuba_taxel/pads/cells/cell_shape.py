@@ -352,7 +352,7 @@ class CellShape(Kind, family="cell"):
         InputError
             if the shape has no equivalent profile.
         """
-        raise InputError(f"cell = {self.name!r} is not allowed here: it has no equivalent profile.")
+        raise InputError(f"cell = {self.name!r} is not allowed: a cell that can be written as a profile is needed.")
 
     @abstractmethod
     def outline(self) -> np.ndarray:

@@ -130,7 +130,7 @@ def _section_path(pad: Pad, centres: Iterable[float], view: _PlaneView) -> str:
 
 
 def _plan_path(pad: Pad, view: _PlaneView) -> str:
-    """Outline of the pad and of each cell."""
+    """Outline of the pad and of each cell seen from above, as the data of an SVG path."""
     length, depth, _ = (view.scale * extent for extent in pad.extent)
     path = f"M{_pair(view.at(-0.5 * pad.extent[0], 0.5 * pad.extent[1]))}h{length:.2f}v{depth:.2f}h{-length:.2f}Z"
     size, radius = view.scale * pad.cell_size, 0.5 * view.scale * pad.cell_size

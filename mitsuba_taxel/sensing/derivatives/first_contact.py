@@ -175,7 +175,9 @@ class _Touching:
         """Change of ``along`` up to the contact with bodies, after the nodes have moved with another parameter."""
         distance = self._ahead.after(step * nodal.velocity, step * nodal.displacement, bodies)
         if not np.isfinite(distance):
-            raise ComputationError("the first contact cannot be computed: the faces that touch were not found again.")
+            raise ComputationError(
+            "the first contact cannot be computed: the faces that touch first were not found; try another mesh_size."
+        )
         return self._sign * distance
 
 

@@ -172,7 +172,8 @@ def _parameter(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Para
         allowed = [f"parameters {', '.join(of_scene)}"] if of_scene else []
         allowed += [f"numbers of its parts {', '.join(of_parts)}"] if of_parts else []
         raise InputError(
-            f"{name} has no derivative: it is no number of the scene, which has {'; '.join(allowed) or 'none'}."
+            f"{name} has no derivative: it is not a numeric parameter of the scene. Allowed are "
+            f"{'; '.join(allowed) or 'none'}."
         )
     if len(nodes) > 1:
         plugins = ", ".join(sorted({plugin for _, plugin, _, _ in nodes}))

@@ -157,7 +157,7 @@ class DiffuseCells:
     def _cell(
         self, taxel: Taxel, fractions: dict[int, tuple[float, float]], scatters: np.ndarray, pad_cells: _PadCells
     ) -> CellWalls:
-        """The cell nearest to a taxel, from the light that regions scatter and the mesh faces (F,) that do."""
+        """Build the cell nearest to a taxel, from the laws of regions that scatter and the mesh faces (F,) that do."""
         nearest = np.linalg.norm(pad_cells.centres - taxel.middle, axis=1).argmin()
         faces = np.flatnonzero(scatters & (self._mesh.face_cell == pad_cells.drawn[nearest]))
         if not len(faces):

@@ -158,8 +158,8 @@ def _refuse_unseen_indenters(scene: mi.Scene) -> None:
             wall = wall_at(shape.bsdf(), region)
             if wall is not None and wall.flags() & (mi.BSDFFlags.Transmission | mi.BSDFFlags.Null):
                 raise InputError(
-                    f"bsdf {region} of a pad under an indenter lets light through, which would pass the indenter: "
-                    "an opaque wall is needed."
+                    f"bsdf {region} of a pad under an indenter is not allowed: it lets light through, and the indenter "
+                    "would not block it; an opaque wall is needed."
                 )
 
 

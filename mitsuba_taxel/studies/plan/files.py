@@ -45,7 +45,9 @@ def make_empty_folder(folder: Path) -> None:
     """
     make_folder(folder)
     if any(folder.iterdir()):
-        raise InputError(f"output folder {folder} is not empty: results of two studies would mix.")
+        raise InputError(
+            f"output folder {folder} is not empty: results of two studies would mix; choose an empty folder."
+        )
 
 
 def check_new_file(file: Path, *suffixes: str) -> None:

@@ -56,7 +56,8 @@ def histories(
         return None
     if history not in parameters:
         raise InputError(
-            "steps with a column time need a scene with the parameter history, which receives the earlier loads."
+            "steps with a column 'time' need a scene with a parameter named 'history', which receives the loads of "
+            "earlier steps: add it, or remove the column."
         )
 
     # The load's components: those that are columns of the steps, else those that are parameters of the scene.

@@ -68,7 +68,7 @@ def keep_to_share(sharing: int) -> None:
 
 
 def _begin(sharing: int) -> None:
-    """Prepare a worker process: signals, its end with the parent, warnings, threads."""
+    """Prepare a worker process: set up signals, warnings and threads, and let it end when its parent ends."""
     for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to all processes; the parent ends this one
         signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()

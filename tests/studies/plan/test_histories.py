@@ -31,7 +31,7 @@ def test_other_loads_and_steps_without_times():
 @pytest.mark.parametrize(
     ("steps", "scene", "varied", "words"),
     [
-        ({"time": ["1"]}, {"fz": "0"}, (), "the parameter history"),
+        ({"time": ["1"]}, {"fz": "0"}, (), "a parameter named 'history'"),
         ({"time": ["1"], "fz": ["-1"]}, SCENE, ("fx",), "fx cannot be varied"),
         ({"time": ["1"], "fz": ["much"]}, SCENE, (), "finite numbers for time, fx, fy, fz"),
         ({"time": ["0", "2", "1"]}, SCENE, (), r"time = 1 s in row 3 is not allowed: at least 2 s is needed"),
