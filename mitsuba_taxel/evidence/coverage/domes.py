@@ -75,14 +75,14 @@ For users of spherical and hemispheric cells.
 
 Written by `{command}`; do not edit by hand.
 
-Readings of domes, and of every other shape of cells that is not in the paper, at the default settings, compared with
-independent references. Unloaded roofs are known exactly: the reference is a quadrature for diffuse walls, and ray
-tracing on the exact roof for mirrors; neither uses elements, triangles or a renderer
-(`mitsuba_taxel/evidence/coverage/sphere_light.py` and `flat_roof_light.py`). The profile is that of the hemisphere; a
-shape with a roof that is neither spherical nor flat is compared with smaller elements. Loaded cells are compared with
-elements of {fine[1]:g} mm (1 x 1 cells), {aside[1]:g} mm (1 x 1 under tangential forces) or {fine[3]:g} mm (3 x 3); the
-default is 0.625 to 0.75 mm for domes. Stability of 3 x 3 cells under tangential forces is judged on elements of
-{judge:g} mm in both.
+This page compares readings at the default settings with independent references. It covers domes, and all cell shapes
+that are not in the paper. The shape of an unloaded roof is known exactly. The reference is then a quadrature for
+diffuse walls, or ray tracing on the exact roof for mirrors. Neither uses finite elements, triangles or a renderer
+(`mitsuba_taxel/evidence/coverage/sphere_light.py` and `flat_roof_light.py`). The cell `profile` has the profile of the
+hemisphere. A shape whose roof is neither spherical nor flat has no such reference: it is compared with a simulation on
+smaller elements. Loaded cells are compared with elements of {fine[1]:g} mm (1 x 1 cells), {aside[1]:g} mm (1 x 1 under
+tangential forces) or {fine[3]:g} mm (3 x 3); the default is 0.625 to 0.75 mm for domes. For 3 x 3 cells under
+tangential forces, both simulations test stability on elements of {judge:g} mm.
 
 **{summary}**
 

@@ -28,9 +28,10 @@ For users who ask whether light without random numbers is right for their optics
 
 Written by `{command}`; do not edit by hand.
 
-Unloaded and loaded pads of one cell, of every registered shape, with laws of the LED (cones of 0.05 to 90 degrees,
-powers of the cosine up to a million, tables), responses, walls, sizes and dies drawn at random from a seed. Each is
-read at the default settings, and by random paths alone, which need neither patches nor their quadrature.
+The cases are pads of one cell, unloaded or loaded, in every registered shape. All else is drawn at random from a seed:
+the law of the LED (cones of 0.05 to 90 degrees, powers of the cosine up to a million, tables), the response of the
+phototransistor, walls, sizes and dies. Each case is read twice: at the default settings, and by random paths alone. The
+second way does not use the patches and the quadrature of the first, so it is an independent check.
 
 **{summary}**
 
@@ -49,12 +50,12 @@ read at the default settings, and by random paths alone, which need neither patc
 {missing}
 
 ## What no row shows
-No wall of these configurations is a mirror. Mirrors need random paths, and these meet a phototransistor by way of a
-mirror by chance alone: they are not aimed at its images. With a mirror as roof (reflectance 0.9) and Lambertian sides
-(0.9), the error of a box at rest falls as the root of the number of paths (`taxel render FILE.xml --points 1024`:
-2.3 %, and by default 0.42 % with 32768 points); under a Lambertian roof, 1024 points give 0.23 %, and beside absorbing
-sides under the mirror 0.46 %. So 0.1 % takes some 600 000 points per taxel and randomisation, minutes instead of
-seconds.
+No wall of these configurations is a mirror. Mirrors need random paths. A path that is reflected by a mirror meets the
+phototransistor only by chance, because paths are not aimed at the images of the phototransistor. With a mirror as roof
+(reflectance 0.9) and Lambertian sides (0.9), the error of a box at rest falls as the root of the number of paths
+(`taxel render FILE.xml --points 1024`: 2.3 %, and by default 0.42 % with 32768 points); under a Lambertian roof, 1024
+points give 0.23 %, and beside absorbing sides under the mirror 0.46 %. So 0.1 % takes some 600 000 points per taxel and
+randomisation, minutes instead of seconds.
 """
 
 
