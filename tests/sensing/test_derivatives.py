@@ -126,8 +126,14 @@ def test_a_derivative_between_two_sides_has_their_distance_as_error():
 def test_what_is_asked_for_again_is_not_computed_again(monkeypatch):
     """As studies do, of a state in which they looked for steps and meshes; strain and clearance are left out there."""
     scene, solved = flat_at(0, 0, -0.7), []
-    own = Cell._gradient
-    monkeypatch.setattr(Cell, "_gradient", lambda cell, wider: solved.append(wider) or own(cell, wider))
+    own = Cell.gradient
+
+    def gradient(cell, wider=1.0):
+        if wider not in cell._gradients:
+            solved.append(wider)
+        return own(cell, wider)
+
+    monkeypatch.setattr(Cell, "gradient", gradient)
     first = derivatives_by([rates(scene, "fz")], scene.load(), of_light_alone=True)
     assert sorted(solved) == [1, 1, 1, 2]  # finer, coarser and on the second mesh, and with the wider horizon
     again = derivatives_by([rates(scene, "fz")], scene.load())
