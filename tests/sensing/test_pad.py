@@ -32,7 +32,7 @@ def test_light_must_not_leave_a_pad_to_an_indenter(llvm_mono, tmp_path, region):
         <vector name="displacement" value="$fx, $fy, $fz"/> <bsdf type="region"> <bsdf name="REGION" type="null"/>"""
     force = '<vector name="force" value="$fx, $fy, $fz"/>\n        <bsdf type="region">'
     path = edited(tmp_path, "clear.xml", (force, load.replace("REGION", region)))
-    with pytest.raises(InputError, match=f"bsdf {region} of a pad under an indenter lets light through"):
+    with pytest.raises(InputError, match=f"bsdf {region} of a pad under an indenter is not allowed: it lets light"):
         prepare(path)
 
 
