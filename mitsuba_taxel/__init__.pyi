@@ -58,6 +58,9 @@ from .mechanics import (
     RandomRoughness as RandomRoughness,
 )
 from .mechanics import (
+    SeparateFinish as SeparateFinish,
+)
+from .mechanics import (
     SpreadForce as SpreadForce,
 )
 from .mechanics import (

@@ -40,8 +40,8 @@ def put_own_libraries_first(resolver: mi.FileResolver) -> None:
         scene = [Path(str(folder)) for folder in resolver]
     except UnicodeDecodeError as error:
         raise InputError(
-                "the scene's folder is not allowed: a name in UTF-8 is needed; rename it, or move the scene."
-            ) from error
+            "the scene's folder is not allowed: a name in UTF-8 is needed; rename it, or move the scene."
+        ) from error
     resolver.clear()
     for folder in dict.fromkeys((_mitsuba_folder(), *scene, *_trusted_folders())):
         resolver.append(str(folder))

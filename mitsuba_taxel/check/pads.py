@@ -11,6 +11,7 @@ from mitsuba_taxel.pads import Pad, PadFile
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.surface.finish import Finish
+    from mitsuba_taxel.mechanics.surface.wall_finishes import SeparateFinish
 
 
 def extents_in_file(pad: PadFile, mesh_size: float | None) -> tuple[np.ndarray, np.ndarray]:
@@ -55,7 +56,7 @@ def extents_in_file(pad: PadFile, mesh_size: float | None) -> tuple[np.ndarray, 
     return extents_of(surface.vertices[surface.triangles], surface.cell)
 
 
-def refuse_finish(pad: Pad, mesh_size: float | None, finish: Finish, subdivision: int) -> None:
+def refuse_finish(pad: Pad, mesh_size: float | None, finish: Finish | SeparateFinish, subdivision: int) -> None:
     """Refuse a finish that a pad cannot have; the number of triangles follows from the mesh.
 
     Failures of meshing itself are not reported here.
@@ -66,7 +67,7 @@ def refuse_finish(pad: Pad, mesh_size: float | None, finish: Finish, subdivision
         The pad.
     mesh_size : float or None
         Mesh size in mm, None for the default of the pad.
-    finish : Finish
+    finish : Finish or SeparateFinish
         Roughness or texture of its surface.
     subdivision : int
         Subdivision of the surface triangles.

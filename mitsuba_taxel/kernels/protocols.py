@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.materials.laws import Material
     from mitsuba_taxel.mechanics.surface.finish import Finish
     from mitsuba_taxel.mechanics.surface.tessellation import Surface
+    from mitsuba_taxel.mechanics.surface.wall_finishes import SeparateFinish
     from mitsuba_taxel.pads import Pad, PadFile
     from mitsuba_taxel.parts import Side
     from mitsuba_taxel.specification.annular_led import AnnularLed
@@ -129,7 +130,7 @@ class PadShape(Protocol):
     prony: tuple[tuple[float, float], ...]
     mesh_size: float | None
     mesh_tolerance: float | None
-    finish: Finish | None
+    finish: Finish | SeparateFinish | None
     read_cells: Sequence[int] | None
     remembers: bool
     state: State

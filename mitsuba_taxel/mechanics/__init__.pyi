@@ -112,9 +112,6 @@ from .surface.finish import (
 from .surface.finish import (
     RandomRoughness as RandomRoughness,
 )
-from .surface.finish import (
-    check_finish as check_finish,
-)
 from .surface.surface_rates import (
     surface_gradient as surface_gradient,
 )
@@ -129,4 +126,10 @@ from .surface.tessellation import (
 )
 from .surface.tessellation import (
     tessellate as tessellate,
+)
+from .surface.wall_finishes import (
+    SeparateFinish as SeparateFinish,
+)
+from .surface.wall_finishes import (
+    check_finish as check_finish,
 )

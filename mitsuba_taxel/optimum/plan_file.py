@@ -162,8 +162,8 @@ def _line(name: str, definition: Any, base: Mapping[str, str]) -> tuple[str, lis
     values = np.array(definition[along], dtype=float)
     if not (np.all(np.diff(values) > 0) or np.all(np.diff(values) < 0)):
         raise InputError(
-                f"loads {name}: {along} = {definition[along]} is not allowed: values must only rise, or only fall."
-            )
+            f"loads {name}: {along} = {definition[along]} is not allowed: values must only rise, or only fall."
+        )
     fixed = {key: str(value) for key, value in definition.items() if key != along}
     for key in definition:
         _default(key, base)

@@ -42,6 +42,8 @@ class Parameter:
         Description of the default, where its value is not clear by itself.
     when : tuple[str, ...]
         Name of another parameter, followed by its values for which this parameter applies; empty if it always applies.
+    choosers : tuple[str, ...]
+        Names of further parameters that may have one of these values instead.
     without, needs : str
         Name of another parameter that this parameter excludes, or requires; empty for none.
     """
@@ -52,6 +54,7 @@ class Parameter:
     default: Any = None
     default_words: str = ""
     when: tuple[str, ...] = ()
+    choosers: tuple[str, ...] = ()
     without: str = ""
     needs: str = ""
 
@@ -98,7 +101,7 @@ class Parameter:
         """Meaning, allowed values and conditions."""
         *values, last = [f"`{word}`" for word in self.when[1:]] or [""]
         words = f"{', '.join(values)} or {last}" if values else last
-        condition = f"for {self.when[0]} {words}" if self.when else ""
+        condition = f"for {' or '.join((self.when[0], *self.choosers))} {words}" if self.when else ""
         dependence = f"with {self.needs}" if self.needs else f"instead of {self.without}" if self.without else ""
         facts = "; ".join(filter(None, (self.range.removeprefix("of "), condition, dependence)))
         return f"{self.doc} {facts[0].upper()}{facts[1:]}." if facts else self.doc
@@ -124,8 +127,8 @@ class Parameter:
 
     def conflict(self, instance: Any) -> str:
         """Message on why the parameter is not allowed with the other values of an object; empty if it is allowed."""
-        if self.when and (chosen := getattr(instance, self.when[0])) not in self.when[1:]:
-            words = ", ".join(map(repr, self.when[1:]))
+        if self.when and all(getattr(instance, name) not in self.when[1:] for name in (self.when[0], *self.choosers)):
+            words, chosen = ", ".join(map(repr, self.when[1:])), getattr(instance, self.when[0])
             return f"{self.name} is not allowed for {self.when[0]} = {chosen!r}, only for {words}."
         if self.without and getattr(instance, self.without) is not None:
             return f"{self.shown} and {self.without} exclude each other: one of them is needed."
@@ -479,13 +482,13 @@ def text(default: str | None, doc: str, what: str = "text", **conditions: Any) -
     return parameter_field(Text(default=default, what=what, doc=doc, **conditions))
 
 
-def choice(default: str, allowed: Mapping[str, str] | Sequence[str], doc: str, **conditions: Any) -> Any:
+def choice(default: str | None, allowed: Mapping[str, str] | Sequence[str], doc: str, **conditions: Any) -> Any:
     """A field for a word from a list; see `Choice` and `Parameter`.
 
     Parameters
     ----------
-    default : str
-        Default, an allowed word.
+    default : str or None
+        Default, an allowed word; None if the parameter may be absent.
     allowed : Mapping[str, str] or sequence of str
         The allowed words, with their meanings if these are not obvious.
     doc : str

@@ -19,6 +19,7 @@ from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
 from mitsuba_taxel.mechanics.materials.silicones import HARDNESS, SILICONES, from_shore_a, silicone
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic, prony_of
 from mitsuba_taxel.mechanics.surface.finish import Finish, Grooves, LayerSteps, RandomRoughness
+from mitsuba_taxel.mechanics.surface.wall_finishes import SeparateFinish
 from mitsuba_taxel.pads import Pad, PadFile
 from mitsuba_taxel.parameters import (
     REQUIRED,
@@ -40,7 +41,8 @@ from mitsuba_taxel.parameters import (
 from mitsuba_taxel.specification.region import Region
 from mitsuba_taxel.specification.specification import Specification
 
-FINISHES: dict[str, type[Finish]] = {"layer_steps": LayerSteps, "grooves": Grooves, "random": RandomRoughness}
+FINISHES: dict[str, type[LayerSteps | Grooves | RandomRoughness]] = {"layer_steps": LayerSteps, "grooves": Grooves, "random": RandomRoughness}
+WALL_FINISHES = ("roof_finish", "side_finish")
 
 MOST_TRACTION = 10.0
 """Largest force per area of a patch, relative to Young's modulus: above it, elements fold however small a step is."""
@@ -58,7 +60,7 @@ def _of_indenter(field: str) -> Any:
 
 
 def _of_finish(word: str, field: str) -> Any:
-    return field_of(FINISHES[word], field, when=("finish", word))
+    return field_of(FINISHES[word], field, when=("finish", word), choosers=WALL_FINISHES)
 
 
 @dataclass(frozen=True)
@@ -202,8 +204,16 @@ class DeformablePad(Specification, Kinded):
     )
 
     finish: str = choice("smooth", ("smooth", *FINISHES), "Texture left by the mould on roof and side of the cells.")
+    roof_finish: str | None = choice(
+        None,
+        ("smooth", *FINISHES),
+        "Texture of the roof, if it differs from `finish`. A kind has the same parameters on both walls.",
+        default_words="as finish",
+    )
+    side_finish: str | None = choice(None, ("smooth", *FINISHES), "The same for the side.", default_words="as finish")
     layer_height: float | None = _of_finish("layer_steps", "layer_height")
     print_direction: tuple[float, ...] | None = _of_finish("layer_steps", "direction")
+    layer_offset: float | None = _of_finish("layer_steps", "offset")
     groove_pitch: float | None = _of_finish("grooves", "pitch")
     groove_depth: float | None = _of_finish("grooves", "depth")
     groove_direction: tuple[float, ...] | None = _of_finish("grooves", "direction")
@@ -214,6 +224,7 @@ class DeformablePad(Specification, Kinded):
         LayerSteps,
         "refinement",
         when=("finish", *FINISHES),
+        choosers=WALL_FINISHES,
         default=None,
         default_words=f"{LayerSteps.refinement:g}; random {RandomRoughness.refinement:g}",
     )
@@ -223,11 +234,18 @@ class DeformablePad(Specification, Kinded):
     )
 
     def _check(self) -> None:
-        if self.filename is not None and self.finish != "smooth":
+        for name in ("finish", *WALL_FINISHES):
+            if self.filename is not None and getattr(self, name) not in ("smooth", None):
+                raise InputError(
+                    f"filename is not allowed with {name} = {getattr(self, name)!r}: a finish needs a pad of this "
+                    "package's cells, without filename."
+                )
+        if self.finish != "smooth" and self.roof_finish is not None and self.side_finish is not None:
             raise InputError(
-                f"filename is not allowed with finish = {self.finish!r}: a finish needs a pad of this package's cells, "
-                "without filename."
+                f"finish = {self.finish!r} is not allowed with both roof_finish and side_finish, which leave no wall "
+                "for it."
             )
+        self.build_finish()
         self.cell_numbers()
         terms, (times, values) = prony_of(self.prony), self.build_history()
         if self.rate is not None and self.time:
@@ -312,12 +330,13 @@ class DeformablePad(Specification, Kinded):
             arguments["file"] = str(find(self.indenter_file))
         return Indenter(at=position, **arguments)
 
-    def build_finish(self) -> Finish | None:
-        """The finish of the cells; None if it is smooth."""
-        if self.finish == "smooth":
-            return None
-        kind = FINISHES[self.finish]
-        return kind(**self._own(kind))
+    def build_finish(self) -> Finish | SeparateFinish | None:
+        """The finish of the cells; None if both walls are smooth."""
+        roof, side = (wall or self.finish for wall in (self.roof_finish, self.side_finish))
+        kinds = {word: FINISHES[word](**self._own(FINISHES[word])) for word in {roof, side} - {"smooth"}}
+        if roof == side:
+            return kinds.get(roof)
+        return SeparateFinish(kinds.get(roof), kinds.get(side))
 
     def cell_numbers(self) -> tuple[int, ...] | None:
         """Numbers of the cells that are read; None for all."""
@@ -337,7 +356,13 @@ class DeformablePad(Specification, Kinded):
 
     @classmethod
     def of(
-        cls, pad: Pad, material: Material | Viscoelastic, load: Load, value: Any, finish: Finish | None, **settings: Any
+        cls,
+        pad: Pad,
+        material: Material | Viscoelastic,
+        load: Load,
+        value: Any,
+        finish: Finish | SeparateFinish | None,
+        **settings: Any,
     ) -> DeformablePad:
         """The specification of a pad, material, load and finish.
 
@@ -351,7 +376,7 @@ class DeformablePad(Specification, Kinded):
             The load.
         value : sequence of float
             Components of the load.
-        finish : Finish or None
+        finish : Finish or SeparateFinish or None
             Finish of the cells.
         **settings : Any
             Other parameters, by name.
@@ -359,8 +384,8 @@ class DeformablePad(Specification, Kinded):
         Raises
         ------
         InputError
-            if the material or the load has no name, so that a scene cannot contain it, or ``value`` does not suit the
-            load.
+            if the material or the load has no name, so that a scene cannot contain it, ``value`` does not suit the
+            load, or finishes of roof and side have refinements that a scene cannot contain.
         """
         if isinstance(material, Viscoelastic):
             settings["prony"] = "; ".join(f"{weight!r} {time!r}" for weight, time in material.prony)
@@ -381,9 +406,30 @@ class DeformablePad(Specification, Kinded):
             )
         values: dict[str, Any] = {load.quantity: value if load.components == 3 else value[0], **settings}
         values.update(self_contact=load.self_contact, load=load.name, **load.scene_values())
-        if finish is not None:
-            kind_of_finish = next(word for word, kind in FINISHES.items() if type(finish) is kind)
-            values.update(finish=kind_of_finish, **values_of(finish))
+        values.update(_finish_values(finish))
         values.update(material=material.name)
         constants = {name: getattr(material, name) for name in material.parameters}
         return cls(**values_of(pad), **constants, **values)
+
+
+def _finish_values(finish: Finish | SeparateFinish | None) -> dict[str, Any]:
+    """Parameters of a finish, by their names in a scene."""
+    if finish is None:
+        return {}
+    words: dict[Any, str] = {kind: word for word, kind in FINISHES.items()}
+    if not isinstance(finish, SeparateFinish):
+        return {"finish": words[type(finish)], **values_of(finish)}
+    walls = {name: wall for name, wall in (("roof", finish.roof), ("side", finish.side)) if wall is not None}
+    values: dict[str, Any] = {}
+    for name, wall in walls.items():
+        values.update({f"{name}_finish": words[type(wall)], **values_of(wall)})
+    # A scene has a single finish_refinement; without it, each kind has its default.
+    refinements = {wall.refinement for wall in walls.values()}
+    if all(wall.refinement == type(wall).refinement for wall in walls.values()):
+        del values["finish_refinement"]
+    elif len(refinements) > 1:
+        raise InputError(
+            f"finish_refinement = {' and '.join(f'{value:g}' for value in sorted(refinements))} for roof and side is "
+            "not allowed: the same number for both is needed, or the default of each."
+        )
+    return values

@@ -59,11 +59,12 @@ class DeformablePad(mi.Mesh):
     :monosp:`roof_size`.
 
     A finish is applied to the undeformed cells and moves with the deformation. Layer steps are treads at multiples of
-    the layer height along the print direction, measured from the centre of the pad's bottom, with risers midway
-    between them. Walls along that direction are unchanged; a flat roof across it moves to the nearest level, by up to
-    half a layer. Grooves are V-shaped, with ridges where the distance from that centre along groove_direction is a
-    multiple of the pitch. Random heights are Gaussian, with the correlation exp(-r^2 / correlation_length^2). Heights
-    of grooves and random finishes are measured along the normal of the smooth wall, and are 0 on average.
+    the layer height along the print direction, measured from the layer offset, with risers midway between them. The
+    offset is measured from the centre of the pad's bottom, at the height of the cells' mouths. Walls along that
+    direction are unchanged; a flat roof across it moves to the nearest level, by up to half a layer. Grooves are
+    V-shaped, with ridges where the distance from that centre along groove_direction is a multiple of the pitch.
+    Random heights are Gaussian, with the correlation exp(-r^2 / correlation_length^2). Heights of grooves and random
+    finishes are measured along the normal of the smooth wall, and are 0 on average.
 
     .. tabs::
         .. code-tab:: xml

@@ -33,7 +33,7 @@ NEEDED = {
     ("deformable_pad", "pressure"): {"load": "pressure"},
     **{
         ("deformable_pad", name): {"finish": "layer_steps", "layer_height": 0.1}
-        for name in ("layer_height", "print_direction", "finish_refinement")
+        for name in ("layer_height", "print_direction", "layer_offset", "finish_refinement")
     },
     **{
         ("deformable_pad", name): {"finish": "grooves", "groove_pitch": 0.1, "groove_depth": 0.01}

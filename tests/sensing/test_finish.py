@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import AnnularLed, Pad, PadSensor, PhotoReflector, Scene, Wall, measure
-from mitsuba_taxel.mechanics import Grooves, LayerSteps, RandomRoughness
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.mechanics import Grooves, LayerSteps, RandomRoughness, SeparateFinish
 from mitsuba_taxel.sensing.reading.mechanics_error import moved
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
@@ -98,10 +99,23 @@ def test_a_roof_moved_by_half_a_layer_reads_as_a_cell_of_that_height(llvm_mono, 
 
 
 @pytest.mark.parametrize(
-    "finish", [LayerSteps(0.3, (0, 0.6, 0.8)), Grooves(0.4, 0.05, (1, 1, 0)), RandomRoughness(0.02, 0.5, 7, 2.0)]
+    "finish",
+    [
+        LayerSteps(0.3, (0, 0.6, 0.8), offset=-0.1),
+        Grooves(0.4, 0.05, (1, 1, 0)),
+        RandomRoughness(0.02, 0.5, 7, 2.0),
+        SeparateFinish(LayerSteps(0.2), RandomRoughness(0.02, 0.5)),
+        SeparateFinish(side=Grooves(0.4, 0.05, refinement=0.5)),
+    ],
 )
 def test_a_finish_from_python_written_as_xml_reads_the_same_to_the_bit(llvm_mono, tmp_path, finish):
     scene = sensor("hemispheric", finish, fz=-1).scene()
     scene.write_xml(tmp_path / "rough.xml")
     ours, theirs = (measure(s, points=256, seed=4) for s in (scene, Scene.from_file(tmp_path / "rough.xml")))
     assert np.array_equal(ours.replicates, theirs.replicates)
+
+
+def test_refinements_that_a_scene_cannot_state_are_refused():
+    finish = SeparateFinish(LayerSteps(0.2, refinement=2.0), RandomRoughness(0.02, 0.5))
+    with pytest.raises(InputError, match="finish_refinement = 2 and 4 for roof and side is not allowed"):
+        sensor("hemispheric", finish)

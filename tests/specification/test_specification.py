@@ -153,6 +153,10 @@ def test_scenes_say_what_objects_say(llvm_mono, tmp_path, plugin, data):
         (DeformablePad, {"pressure": 1.0}),
         (DeformablePad, {"read_cells": "one"}),
         (DeformablePad, {"finish": "grooves", "groove_pitch": 0.1, "groove_depth": 0.1, "groove_direction": [0, 0, 0]}),
+        (DeformablePad, {"finish": "layer_steps", "layer_height": 0.1, "layer_offset": 0.2}),
+        (DeformablePad, {"finish": "layer_steps", "roof_finish": "smooth", "side_finish": "smooth"}),
+        (DeformablePad, {"side_finish": "grooves", "layer_height": 0.1}),
+        (DeformablePad, {"finish": "layer_steps", "layer_height": 0.1, "side_finish": "random", "rms_height": 0.01}),
     ],
 )
 def test_python_refuses_in_the_words_of_the_plugin(llvm_mono, kind, parameters):

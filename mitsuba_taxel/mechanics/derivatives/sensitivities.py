@@ -48,8 +48,7 @@ def linearise(state: State) -> LinearisedState:
     require("state", state, State, "a State, as load_path returns it,")
     if state.memory is not None:
         raise InputError(
-            "derivatives of a viscoelastic silicone are not available: remove prony, "
-            "or vary the parameter in a sweep."
+            "derivatives of a viscoelastic silicone are not available: remove prony, or vary the parameter in a sweep."
         )
     if rubs(state.load):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Surface finish of roof and side of the cells, from a printed mould: layer steps, grooves, or random roughness."""
+"""Surface finishes of the walls of cells, from a printed mould: layer steps, grooves, or random roughness."""
 
 from __future__ import annotations
 
@@ -11,16 +11,10 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.surfaces.slices import sliced
-from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.surface.layers import stepped
+from mitsuba_taxel.mechanics.surface.layers import is_vertical, stepped
 from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
-from mitsuba_taxel.pads.parametric.pad import Pad
-from mitsuba_taxel.pads.regions import REGIONS
 from mitsuba_taxel.parameters import REQUIRED, Checked, number, vector, whole
 
-MOST_TRIANGLES = 20_000_000
-LARGEST_AMPLITUDE = 0.5
-"""Largest displacement of a wall, relative to the smallest distance to another wall."""
 RANDOM_WAVES = 256
 """Number of plane waves of random roughness."""
 STANDARD_DEVIATIONS = 4
@@ -54,17 +48,16 @@ class Finish(Hashable, Protocol):
         """Name of the parameter that limits the displacement of walls, and its maximum in mm."""
 
     def relief(self, smooth: SmoothSurface) -> Relief:
-        """The rough surface, relative to the smooth one."""
+        """The rough surface, relative to the smooth surface of which some walls get the finish."""
 
 
 @dataclass(frozen=True)
 class LayerSteps(Checked):
     """The steps of a mould printed in layers.
 
-    Layer k fills the heights k to k + 1 times the layer height along the direction, counted from the centre of the
-    pad's bottom, with the cell's cross-section at its middle. A tread thus lies at the multiple of the layer height
-    nearest to the smooth wall (half-way: the next higher). Walls along the direction do not change; a flat roof across
-    it moves to the nearest level.
+    Layer k fills the heights k to k + 1 times the layer height along the direction, counted from the offset, with the
+    cell's cross-section at its middle. A tread thus lies at the level nearest to the smooth wall (half-way: the next
+    higher). Walls along the direction do not change; a flat roof across it moves to the nearest level.
 
     """
 
@@ -77,8 +70,22 @@ class LayerSteps(Checked):
         name="print_direction",
     )
     refinement: float = _refinement(1.0)
+    offset: float = number(
+        0.0,
+        "mm",
+        "Start of the first layer, along the print direction from the centre of the cells' mouths (z = 0 and the "
+        "pad's centre); at most one layer height in either direction.",
+        name="layer_offset",
+    )
 
     cuts: ClassVar[int] = 1
+
+    def _check(self) -> None:
+        if abs(self.offset) > self.layer_height:
+            raise InputError(
+                f"layer_offset = {self.offset:g} is not allowed: a number from {-self.layer_height:g} to "
+                f"{self.layer_height:g} mm, one layer_height, is needed."
+            )
 
     @property
     def detail(self) -> tuple[str, float]:
@@ -88,8 +95,13 @@ class LayerSteps(Checked):
     def amplitude(self) -> tuple[str, float]:
         return "layer_height", 0.5 * self.layer_height
 
+    @property
+    def is_vertical(self) -> bool:
+        """Whether layers are horizontal."""
+        return is_vertical(_unit(self.direction))
+
     def relief(self, smooth: SmoothSurface) -> Relief:
-        return stepped(smooth, self.layer_height, _unit(self.direction))
+        return stepped(smooth, self.layer_height, self.offset, _unit(self.direction))
 
 
 @dataclass(frozen=True)
@@ -126,7 +138,7 @@ class Grooves(Checked):
     def relief(self, smooth: SmoothSurface) -> Relief:
         """The grooved surface, cut along ridges and valleys, so that each flank on a flat wall is plane."""
         phase = smooth.vertices @ _unit(self.direction) / (0.5 * self.pitch)
-        pieces = sliced(phase, smooth.triangles, smooth.in_cell)
+        pieces = sliced(phase, smooth.triangles, smooth.rough)
         height = 0.5 * self.depth * (1 - 2 * np.abs((pieces.height + 1) % 2 - 1))
         unit = smooth.unit_offset
         unit = unit[pieces.low] + pieces.fraction[:, None] * (unit[pieces.high] - unit[pieces.low])
@@ -161,13 +173,10 @@ class RandomRoughness(Checked):
         return "rms_height", STANDARD_DEVIATIONS * self.rms_height
 
     def relief(self, smooth: SmoothSurface) -> Relief:
-        vertices = np.arange(len(smooth.vertices))
-        in_cells = np.unique(smooth.triangles[smooth.in_cell])
+        on_walls = np.unique(smooth.triangles[smooth.rough])
         offset = np.zeros_like(smooth.vertices)
-        offset[in_cells] = self.heights(smooth.vertices[in_cells])[:, None] * smooth.unit_offset[in_cells]
-        return Relief(
-            vertices, vertices, np.zeros(len(vertices)), offset, smooth.triangles, np.arange(len(smooth.triangles))
-        )
+        offset[on_walls] = self.heights(smooth.vertices[on_walls])[:, None] * smooth.unit_offset[on_walls]
+        return Relief.of_vertices(smooth, offset)
 
     def heights(self, points: np.ndarray) -> np.ndarray:
         """Heights of the rough surface.
@@ -194,74 +203,6 @@ class RandomRoughness(Checked):
             # Single precision is accurate to 1e-4 of the height, and several times faster.
             total[here] = np.cos((points[here] @ waves + phases).astype(np.float32)).sum(axis=1)
         return self.rms_height * math.sqrt(2 / RANDOM_WAVES) * total
-
-
-def check_finish(finish: Finish, pad: Pad, mesh: VolumeMesh, subdivision: int) -> None:
-    """Refuse a finish that is so rough that walls would touch, or so fine that it needs too many triangles.
-
-    Parameters
-    ----------
-    finish : Finish
-        Of the mould.
-    pad : Pad
-        The pad with the walls.
-    mesh : VolumeMesh
-        Of the undeformed pad.
-    subdivision : int
-        Of the edges of elements.
-
-    Raises
-    ------
-    InputError
-        naming the parameter to change.
-    """
-    gaps = [pad.side_height, 0.5 * pad.cell_size, pad.thinnest_wall, pad.height - pad.top_of_cell]
-    if pad.rows * pad.columns > 1:
-        gaps.append(pad.pitch - pad.cell_size)
-    allowed = LARGEST_AMPLITUDE * min(gaps)
-    name, amplitude = finish.amplitude
-    if amplitude > allowed:
-        raise InputError(
-            f"{name}: walls of the cells would move by up to {amplitude:.3g} mm, where at most {allowed:.3g} mm is "
-            f"allowed for this pad; choose a smaller {name}."
-        )
-    fine_subdivision(mesh, finish, subdivision)
-
-
-def fine_subdivision(mesh: VolumeMesh, finish: Finish, least: int) -> int:
-    """Number of triangles along an edge of a cell's face that resolves a finish.
-
-    Parameters
-    ----------
-    mesh : VolumeMesh
-        Of the undeformed pad.
-    finish : Finish
-        Of the mould.
-    least : int
-        Least number.
-
-    Returns
-    -------
-    int
-        At least ``least``.
-
-    Raises
-    ------
-    InputError
-        if the surface would have more than `MOST_TRIANGLES`.
-    """
-    corners = mesh.points[mesh.faces[np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"])), :3]]
-    longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
-    name, detail = finish.detail
-    subdivision = max(float(least), float(np.ceil(longest * finish.refinement / detail)))
-    # A plane cuts a triangle into three, and adds two along the cut.
-    triangles = len(corners) * subdivision * (subdivision + 4 * finish.cuts * longest / detail)
-    if triangles > MOST_TRIANGLES:
-        raise InputError(
-            f"{name} = {detail:g} is not allowed with finish_refinement = {finish.refinement:g}: the surface would "
-            f"have up to {triangles:.1e} triangles, more than {MOST_TRIANGLES:.0e}; choose a larger {name}."
-        )
-    return int(subdivision)
 
 
 def _unit(direction: Sequence[float]) -> np.ndarray:

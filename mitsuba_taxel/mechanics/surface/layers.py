@@ -13,20 +13,22 @@ ALONG = 1e-6
 """Sides inclined by less than this to the print direction count as parallel to it, in radians."""
 
 
-def stepped(smooth: SmoothSurface, layer_height: float, direction: np.ndarray) -> Relief:
+def stepped(smooth: SmoothSurface, layer_height: float, layer_offset: float, direction: np.ndarray) -> Relief:
     """The stepped walls of the cells of a mould printed in layers.
 
-    Walls are cut half-way between levels, which are multiples of the layer height, and each piece moves along the
-    direction to the nearest level; risers join pieces on different levels. Sides along the direction are not cut but
-    stretched, to meet the edge of the roof at its level. Other sides keep their edge at the board, and a riser joins it
-    to the first piece.
+    Walls are cut half-way between levels, and each piece moves along the direction to the nearest level; risers join
+    pieces on different levels. In a vertical print, sides that are vertical, or have no steps, are not cut but
+    stretched, to meet the edge of the roof at its level. Other walls keep their edges, and a riser joins an edge to the
+    first piece.
 
     Parameters
     ----------
     smooth : SmoothSurface
         The undeformed surface.
     layer_height : float
-        In mm.
+        Distance between levels in mm.
+    layer_offset : float
+        Position of a level along the direction in mm.
     direction : (3,) ndarray
         Unit vector along which the mould was printed.
 
@@ -36,25 +38,35 @@ def stepped(smooth: SmoothSurface, layer_height: float, direction: np.ndarray) -
         Treads and risers.
     """
     height = smooth.vertices @ direction / layer_height
-    upright = np.hypot(direction[0], direction[1]) < ALONG
-    chosen = smooth.region == REGIONS["roof"] if upright else smooth.in_cell
-    cut = sliced(height - 0.5, smooth.triangles, chosen)
+    first = layer_offset / layer_height
+    stretched = is_vertical(direction) and (smooth.vertical_sides or "side" not in smooth.walls)
+    chosen = smooth.rough & ((smooth.region == REGIONS["roof"]) | (not stretched))
+    if not chosen.any():
+        return Relief.of_vertices(smooth, np.zeros_like(smooth.vertices))
+
+    # Layer of each corner of each piece, and the movement in layers of vertices of walls that are not cut.
+    cut = sliced(height - first - 0.5, smooth.triangles, chosen)
     fixed = int(np.floor(cut.height.min())) - 1  # marks vertices that are in no layer
     layer = np.where(chosen[cut.parents], cut.band, fixed)[:, None].repeat(3, axis=1)
     move = np.zeros(len(height))
-    if upright:
+    if stretched:
         side = smooth.triangles[smooth.region == REGIONS["side"]]
         eaves = np.intersect1d(smooth.triangles[chosen], side)
         at_eaves = np.isin(cut.triangles, eaves) & (smooth.region[cut.parents] == REGIONS["side"])[:, None]
         layer[at_eaves] = np.floor(cut.height[cut.triangles[at_eaves]]).astype(np.int64)
-        level = np.floor(cut.height[eaves[0]]) + 1
+        level = np.floor(cut.height[eaves[0]]) + 1 + first
         on_side = np.unique(side)
         move[on_side] = height[on_side] * (level / height[eaves[0]] - 1)
-    return _assembled(smooth, cut, layer, fixed, move, layer_height * direction)
+    return _assembled(smooth, cut, layer, fixed, move, layer_height * direction, first)
+
+
+def is_vertical(direction: np.ndarray) -> bool:
+    """Whether a unit vector is vertical."""
+    return bool(np.hypot(direction[0], direction[1]) < ALONG)
 
 
 def _assembled(
-    smooth: SmoothSurface, cut: Slices, layer: np.ndarray, fixed: int, move: np.ndarray, step: np.ndarray
+    smooth: SmoothSurface, cut: Slices, layer: np.ndarray, fixed: int, move: np.ndarray, step: np.ndarray, first: float
 ) -> Relief:
     """Pieces moved along the vector ``step`` of one layer, and the risers between them.
 
@@ -64,6 +76,8 @@ def _assembled(
         Layer of each corner of each piece, or ``fixed``.
     move : (V',) ndarray
         Movement in layers of the vertices of the smooth surface that are in no layer.
+    first : float
+        Position of a level, in layers.
     """
     lowest = int(layer.min())
     layers = int(layer.max()) - lowest + 1
@@ -75,10 +89,12 @@ def _assembled(
     points = smooth.vertices[low] + fraction[:, None] * (smooth.vertices[high] - smooth.vertices[low])
     is_fixed = layer_of == fixed
     smooth_move = move[low] + fraction * (move[high] - move[low])
-    offset = np.where(is_fixed, smooth_move, layer_of + 1 - points @ step / (step @ step))[:, None] * step
+    level = layer_of + 1 + first
+    if is_vertical(step / np.linalg.norm(step)):  # no tread lies below the board
+        level = np.maximum(level * np.sign(step[2]), 0) * np.sign(step[2])
+    offset = np.where(is_fixed, smooth_move, level - points @ step / (step @ step))[:, None] * step
 
-    in_cell = np.isin(smooth.region[cut.parents], (REGIONS["roof"], REGIONS["side"]))
-    risers, neighbour = _risers(vertex, pieces, in_cell)
+    risers, neighbour = _risers(vertex, pieces, smooth.rough[cut.parents])
     triangles = np.concatenate([pieces, risers])
     parents = np.concatenate([cut.parents, cut.parents[neighbour]])
     gaps, of_vertex = _gaps(vertex, triangles)
@@ -96,7 +112,7 @@ def _risers(vertex: np.ndarray, pieces: np.ndarray, moved: np.ndarray) -> tuple[
     low, high = np.minimum(vertex[start], vertex[end]), np.maximum(vertex[start], vertex[end])
     order = np.argsort(low * size + high, kind="stable").reshape(-1, 2)
     first, second = order[:, 0], order[:, 1]
-    swap = moved[second // 3] & ~moved[first // 3]  # region and cell are those of the neighbour in a cell
+    swap = moved[second // 3] & ~moved[first // 3]  # region and cell are those of the rough neighbour
     first, second = np.where(swap, second, first), np.where(swap, first, second)
     separated = (start[first] != end[second]) | (end[first] != start[second])
     first, second = first[separated], second[separated]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,25 +12,39 @@ from mitsuba_taxel.pads.regions import REGIONS
 
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
-    """The closed surface of an undeformed pad, with fields as in :class:`Surface`."""
+    """The closed surface of an undeformed pad, with fields as in :class:`Surface`.
+
+    Attributes
+    ----------
+    vertical_sides : bool
+        Whether the sides of the cells are vertical.
+    walls : tuple[str, ...]
+        Regions that get a finish.
+    """
 
     vertices: np.ndarray
     triangles: np.ndarray
     region: np.ndarray
+    vertical_sides: bool = True
+    walls: tuple[str, ...] = ("roof", "side")
+
+    def with_rough(self, walls: tuple[str, ...]) -> SmoothSurface:
+        """The same surface of which these regions get a finish."""
+        return replace(self, walls=walls)
 
     @cached_property
-    def in_cell(self) -> np.ndarray:
-        """(T,) whether each triangle belongs to a roof or side."""
-        return np.isin(self.region, (REGIONS["roof"], REGIONS["side"]))
+    def rough(self) -> np.ndarray:
+        """(T,) whether each triangle belongs to a wall that gets a finish."""
+        return np.isin(self.region, [REGIONS[wall] for wall in self.walls])
 
     @cached_property
     def unit_offset(self) -> np.ndarray:
-        """(V, 3) movement of each vertex of a cell if its walls move by 1 out of the silicone; 0 elsewhere.
+        """(V, 3) movement of each vertex of the rough walls if they move by 1 out of the silicone; 0 elsewhere.
 
         On a smooth wall it is the angle-weighted normal; at an edge both walls stay plane. The edge at the board moves
         along the board.
         """
-        triangles = self.triangles[self.in_cell]
+        triangles = self.triangles[self.rough]
         corner = self.vertices[triangles]
         edge_vectors = np.roll(corner, -1, axis=1) - corner
         edge_vectors /= np.linalg.norm(edge_vectors, axis=2, keepdims=True)
@@ -42,7 +56,7 @@ class SmoothSurface:
             weighted = (angle * normal[:, axis, None]).ravel()
             mean[:, axis] = np.bincount(triangles.ravel(), weights=weighted, minlength=len(mean))
         total = np.bincount(triangles.ravel(), weights=angle.ravel(), minlength=len(mean))
-        mean[self.vertices[:, 2] == 0, 2] = 0
+        mean[self.triangles[self.region == REGIONS["bottom"]], 2] = 0
         used = total > 0
         mean[used] /= total[used, None]
         mean[used] /= np.einsum("vi,vi->v", mean[used], mean[used])[:, None]
@@ -63,6 +77,8 @@ class Relief:
         Vertex numbers.
     parents : (T,) ndarray
         Triangle of the smooth surface of which each has the region and cell.
+    base : Relief, optional
+        The relief of whose vertices ``low`` and ``high`` are numbers; by default those of the smooth surface.
     """
 
     low: np.ndarray
@@ -71,6 +87,18 @@ class Relief:
     offset: np.ndarray
     triangles: np.ndarray
     parents: np.ndarray
+    base: Relief | None = None
+
+    @classmethod
+    def of_vertices(cls, smooth: SmoothSurface, offset: np.ndarray) -> Relief:
+        """A relief with the triangles of the smooth surface, whose vertices move by ``offset`` (V', 3), in mm."""
+        number = np.arange(len(smooth.vertices))
+        return cls(number, number, np.zeros(len(number)), offset, smooth.triangles, np.arange(len(smooth.triangles)))
+
+    def then(self, other: Relief) -> Relief:
+        """This relief, followed by another one that is relative to its surface."""
+        offset = other.offset + other.between(self.offset)
+        return replace(other, offset=offset, parents=self.parents[other.parents], base=self)
 
     def carried(self, position: np.ndarray, gradient: np.ndarray) -> np.ndarray:
         """The deformed rough surface: x = x_smooth + F (X_rough - X_smooth).
@@ -92,5 +120,6 @@ class Relief:
 
     def between(self, values: np.ndarray) -> np.ndarray:
         """(V, ...) values at the vertices from those at the vertices of the smooth surface (V', ...)."""
+        values = values if self.base is None else self.base.between(values)
         fraction = self.fraction.reshape(-1, *(1,) * (values.ndim - 1))
         return values[self.low] + fraction * (values[self.high] - values[self.low])

@@ -20,15 +20,16 @@ from mitsuba_taxel.mechanics.cutting import cut_faces, in_cells, weighted
 from mitsuba_taxel.mechanics.locate import displacement_gradient
 from mitsuba_taxel.mechanics.results.contact_pressure import contact_pressure
 from mitsuba_taxel.mechanics.surface.curvature import Corners, smooth_sheets
-from mitsuba_taxel.mechanics.surface.finish import (
-    MOST_TRIANGLES,
-    Finish,
-    Grooves,
-    LayerSteps,
-    RandomRoughness,
-    fine_subdivision,
-)
+from mitsuba_taxel.mechanics.surface.finish import Finish
 from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
+from mitsuba_taxel.mechanics.surface.wall_finishes import (
+    KINDS,
+    MOST_TRIANGLES,
+    SeparateFinish,
+    fine_subdivision,
+    has_vertical_sides,
+    relief_of,
+)
 from mitsuba_taxel.pads.imported import round_faces
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad
@@ -83,7 +84,7 @@ class Surface:
 def tessellate(
     state: State,
     subdivision: int = 12,
-    finish: Finish | None = None,
+    finish: Finish | SeparateFinish | None = None,
     cells: Sequence[int] | None = None,
     pad: Pad | PadFile | None = None,
     cut_of: VolumeMesh | None = None,
@@ -98,7 +99,7 @@ def tessellate(
         Segments into which the longest edge of a face of ``cells`` is divided; other edges have segments that are no
         longer. Other faces are divided into 4 triangles, as required by their mid-edge nodes, or more where they touch
         a cell, so that the surface is closed.
-    finish : LayerSteps or Grooves or RandomRoughness, optional
+    finish : LayerSteps or Grooves or RandomRoughness or SeparateFinish, optional
         Relief on the faces of the undeformed cells, subdivided as finely as it needs, that moves with the deformation:
         see :class:`Relief`.
     cells : sequence of int, optional
@@ -124,7 +125,7 @@ def tessellate(
     if not (is_whole(subdivision) and 1 <= subdivision <= MOST_TRIANGLES):
         raise refusal("subdivision", subdivision, "a whole number above 0 is needed")
     if finish is not None:
-        require("finish", finish, (LayerSteps, Grooves, RandomRoughness), "LayerSteps, Grooves or RandomRoughness")
+        require("finish", finish, (*KINDS, SeparateFinish), "LayerSteps, Grooves, RandomRoughness or SeparateFinish")
     if pad is not None:
         require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
     if cut_of is not None:
@@ -171,7 +172,7 @@ def tessellate(
 def contact_pressure_at_vertices(
     state: State,
     subdivision: int,
-    finish: Finish | None = None,
+    finish: Finish | SeparateFinish | None = None,
     cells: Sequence[int] | None = None,
     pad: Pad | PadFile | None = None,
 ) -> np.ndarray:
@@ -183,7 +184,7 @@ def contact_pressure_at_vertices(
         Under an indenter.
     subdivision : int
         As for :func:`tessellate`.
-    finish : Finish, optional
+    finish : Finish or SeparateFinish, optional
         As for :func:`tessellate`.
     cells : sequence of int, optional
         As for :func:`tessellate`.
@@ -202,7 +203,9 @@ def contact_pressure_at_vertices(
     return pressure if finish is None else _relief(state.mesh, subdivision, finish, pad).between(pressure)
 
 
-def chosen_cells(mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish | None) -> tuple[int, ...] | None:
+def chosen_cells(
+    mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish | SeparateFinish | None
+) -> tuple[int, ...] | None:
     """The numbers of the cells to be subdivided finely.
 
     Parameters
@@ -211,7 +214,7 @@ def chosen_cells(mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish |
         Of the undeformed pad.
     cells : Sequence[int] or None
         As for :func:`tessellate`.
-    finish : Finish or None
+    finish : Finish or SeparateFinish or None
         As for :func:`tessellate`.
 
     Returns
@@ -239,10 +242,11 @@ def chosen_cells(mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish |
 
 
 @kept(2)  # the states of a path share their mesh
-def _relief(mesh: VolumeMesh, subdivision: int, finish: Finish, pad: Pad | PadFile | None) -> Relief:
+def _relief(mesh: VolumeMesh, subdivision: int, finish: Finish | SeparateFinish, pad: Pad | PadFile | None) -> Relief:
     cut = cut_faces(mesh, subdivision)
     positions = _walls(mesh, subdivision, None, pad).vertices
-    return finish.relief(SmoothSurface(positions, cut.triangles, mesh.face_region[cut.faces]))
+    is_vertical = not isinstance(pad, Pad) or has_vertical_sides(pad)
+    return relief_of(finish, SmoothSurface(positions, cut.triangles, mesh.face_region[cut.faces], is_vertical))
 
 
 def _on_walls(mesh: VolumeMesh) -> np.ndarray:

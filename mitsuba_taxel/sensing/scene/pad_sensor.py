@@ -19,6 +19,7 @@ from mitsuba_taxel.mechanics import (
     Material,
     NeoHookean,
     RandomRoughness,
+    SeparateFinish,
     SpreadForce,
     Viscoelastic,
 )
@@ -52,7 +53,7 @@ class PadSensor(Displayed):
     history : sequence of (float, sequence of float)
         Earlier times and values of the load, linear in between, for such a material or
         an indenter with friction.
-    finish : LayerSteps or Grooves or RandomRoughness, optional
+    finish : LayerSteps or Grooves or RandomRoughness or SeparateFinish, optional
         Texture of roof and side; None is smooth.
 
     Raises
@@ -68,7 +69,7 @@ class PadSensor(Displayed):
     photo_reflector: PhotoReflector = field(default_factory=PhotoReflector)
     roof: Wall = ISOTROPIC
     side: Wall = ABSORBING
-    finish: LayerSteps | Grooves | RandomRoughness | None = None
+    finish: LayerSteps | Grooves | RandomRoughness | SeparateFinish | None = None
     time: float = 0.0
     history: Sequence[tuple[float, Sequence[float]]] = ()
 
@@ -81,7 +82,10 @@ class PadSensor(Displayed):
             photo_reflector=(PhotoReflector, "a PhotoReflector"),
             roof=(Wall, "a Wall"),
             side=(Wall, "a Wall"),
-            finish=((LayerSteps, Grooves, RandomRoughness, NoneType), "LayerSteps, Grooves, RandomRoughness or None"),
+            finish=(
+                (LayerSteps, Grooves, RandomRoughness, SeparateFinish, NoneType),
+                "LayerSteps, Grooves, RandomRoughness, SeparateFinish or None",
+            ),
         )
         if not is_row(self.force, is_number):
             raise refusal("force", self.force, "a row of finite numbers is needed")

@@ -1,0 +1,183 @@
+"""Finishes of the walls of a pad: which wall has which finish, what is refused, and the rough surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import refusal
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.surface.finish import Finish, Grooves, LayerSteps, RandomRoughness
+from mitsuba_taxel.mechanics.surface.layers import ALONG
+from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
+from mitsuba_taxel.pads.parametric.pad import Pad
+from mitsuba_taxel.pads.regions import REGIONS
+
+MOST_TRIANGLES = 20_000_000
+LARGEST_AMPLITUDE = 0.5
+"""Largest displacement of a wall, relative to the smallest distance to another wall."""
+KINDS = (LayerSteps, Grooves, RandomRoughness)
+"""Finishes in the order in which they are applied: steps cut the smooth walls, random heights move vertices."""
+
+
+@dataclass(frozen=True)
+class SeparateFinish:
+    """Different finishes of roof and side of the cells.
+
+    Parameters
+    ----------
+    roof, side : LayerSteps or Grooves or RandomRoughness, optional
+        Finish of the wall; None is smooth. The two are of different kinds: one mould is printed with one layer height.
+
+    Raises
+    ------
+    InputError
+        if a finish is of another type, or both are of the same kind.
+    """
+
+    roof: LayerSteps | Grooves | RandomRoughness | None = None
+    side: LayerSteps | Grooves | RandomRoughness | None = None
+
+    def __post_init__(self) -> None:
+        for name, finish in (("roof", self.roof), ("side", self.side)):
+            if finish is not None and not isinstance(finish, KINDS):
+                raise refusal(name, finish, "LayerSteps, Grooves, RandomRoughness or None is needed")
+        if type(self.roof) is type(self.side):
+            raise refusal(
+                "SeparateFinish",
+                (self.roof, self.side),
+                "finishes of two kinds, or one finish and None, are needed; a finish of both walls is stated by itself",
+            )
+
+
+def by_walls(finish: Finish | SeparateFinish) -> list[tuple[Finish, tuple[str, ...]]]:
+    """The finishes of a mould, in the order in which they are applied.
+
+    Parameters
+    ----------
+    finish : Finish or SeparateFinish
+        Of the mould.
+
+    Returns
+    -------
+    list[tuple[Finish, tuple[str, ...]]]
+        Each finish, and the regions that have it.
+    """
+    if not isinstance(finish, SeparateFinish):
+        return [(finish, ("roof", "side"))]
+    walls: list[tuple[Finish, tuple[str, ...]]] = [
+        (kind, (name,)) for name, kind in (("roof", finish.roof), ("side", finish.side)) if kind is not None
+    ]
+    return sorted(walls, key=lambda wall: [isinstance(wall[0], kind) for kind in KINDS].index(True))
+
+
+def relief_of(finish: Finish | SeparateFinish, smooth: SmoothSurface) -> Relief:
+    """The rough surface of a pad.
+
+    Parameters
+    ----------
+    finish : Finish or SeparateFinish
+        Of the mould.
+    smooth : SmoothSurface
+        The undeformed surface.
+
+    Returns
+    -------
+    Relief
+        Relative to ``smooth``.
+    """
+    (first, walls), *others = by_walls(finish)
+    relief = first.relief(smooth.with_rough(walls))
+    # A further finish is applied to the surface that is already rough on the other wall.
+    for other, walls in others:
+        vertices = relief.between(smooth.vertices) + relief.offset
+        surface = replace(
+            smooth, vertices=vertices, triangles=relief.triangles, region=smooth.region[relief.parents]
+        ).with_rough(walls)
+        relief = relief.then(other.relief(surface))
+    return relief
+
+
+def has_vertical_sides(pad: Pad) -> bool:
+    """Whether the sides of the cells of a pad are vertical all around."""
+    inwards, down = pad.shape.wall_tangents()[0]
+    return abs(inwards) < ALONG * abs(down) and not any(pad.slope)
+
+
+def check_finish(finish: Finish | SeparateFinish, pad: Pad, mesh: VolumeMesh, subdivision: int) -> None:
+    """Refuse a finish that is so rough that walls would touch, or so fine that it needs too many triangles.
+
+    Parameters
+    ----------
+    finish : Finish or SeparateFinish
+        Of the mould.
+    pad : Pad
+        The pad with the walls.
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    subdivision : int
+        Of the edges of elements.
+
+    Raises
+    ------
+    InputError
+        naming the parameter to change.
+    """
+    gaps = [pad.side_height, 0.5 * pad.cell_size, pad.thinnest_wall, pad.height - pad.top_of_cell]
+    if pad.rows * pad.columns > 1:
+        gaps.append(pad.pitch - pad.cell_size)
+    allowed = LARGEST_AMPLITUDE * min(gaps)
+    for kind, walls in by_walls(finish):
+        name, amplitude = kind.amplitude
+        if amplitude > allowed:
+            raise InputError(
+                f"{name}: walls of the cells would move by up to {amplitude:.3g} mm, where at most {allowed:.3g} mm is "
+                f"allowed for this pad; choose a smaller {name}."
+            )
+        if isinstance(kind, LayerSteps) and walls == ("side",) and kind.is_vertical and has_vertical_sides(pad):
+            raise InputError(
+                f"print_direction = {', '.join(f'{x:g}' for x in kind.direction)} is not allowed with layer steps on "
+                "the side alone: they would change nothing, as the side of these cells lies along that direction."
+            )
+    fine_subdivision(mesh, finish, subdivision)
+
+
+def fine_subdivision(mesh: VolumeMesh, finish: Finish | SeparateFinish, least: int) -> int:
+    """Number of triangles along an edge of a cell's face that resolves a finish.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    finish : Finish or SeparateFinish
+        Of the mould.
+    least : int
+        Least number.
+
+    Returns
+    -------
+    int
+        At least ``least``.
+
+    Raises
+    ------
+    InputError
+        if the surface would have more than `MOST_TRIANGLES`.
+    """
+    corners = mesh.points[mesh.faces[np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"])), :3]]
+    longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
+    kinds = [kind for kind, _ in by_walls(finish)]
+    subdivision = max(float(least), *(np.ceil(longest * kind.refinement / kind.detail[1]) for kind in kinds))
+    # A plane cuts a triangle into three, and adds two along the cut.
+    cuts = sum(4 * kind.cuts * longest / kind.detail[1] for kind in kinds)
+    triangles = len(corners) * subdivision * (subdivision + cuts)
+    if triangles > MOST_TRIANGLES:
+        finest = max(kinds, key=lambda kind: kind.refinement / kind.detail[1])
+        name, detail = finest.detail
+        raise InputError(
+            f"{name} = {detail:g} is not allowed with finish_refinement = {finest.refinement:g}: the surface would "
+            f"have up to {triangles:.1e} triangles, more than {MOST_TRIANGLES:.0e}; choose a larger {name}."
+        )
+    return int(subdivision)
