@@ -1,4 +1,8 @@
-"""Default size of the finite elements of loaded domes, chosen for the accuracy of the light."""
+"""Default size of the finite elements of loaded cells, chosen for the accuracy of the light.
+
+Light sees the curvature of domes, and a flat mirror that a load bends has a focal length: on elements of the default
+size of a pad, the curvature of a bent roof is off by a third.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ MOST_CELLS = 16
 
 
 def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> float | None:
-    """Size of the elements of a pad with domed cells whose walls reflect light.
+    """Size of the elements of a pad whose light needs smaller ones: of domes, and of cells with mirrors.
 
     Parameters
     ----------
@@ -36,7 +40,7 @@ def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> floa
     """
     if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or load.indenter is not None:
         return None
-    sizes = pad.shape.light_sizes
+    sizes, relative = pad.shape.light_sizes, None
     if sizes is None:
         return None
     if any(map(mirrors, walls)):
@@ -44,25 +48,29 @@ def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> floa
     elif any(regions_with(wall, mi.BSDFFlags.Diffuse) for wall in walls):
         relative = sizes.diffuse
     else:
-        return None
-    return relative * pad.default_mesh_size
+        relative = None
+    return None if relative is None else relative * pad.default_mesh_size
 
 
-def fewer_triangles(subdivision: int, ratio: float) -> int:
-    """Triangles along the edges of smaller elements on domes, for triangles no larger than on default elements.
+def fewer_triangles(subdivision: int, pad: Pad, mesh_size: float) -> int:
+    """Triangles along the edges of smaller elements, for triangles no larger than on default elements.
 
-    Edges on domes are proportional to the square of the ratio of sizes, as the ratio is at least `FINER_DOMES`.
+    Edges on domes are proportional to the square of the ratio of sizes, as the ratio is at least `FINER_DOMES`; on
+    other walls, to the ratio itself.
 
     Parameters
     ----------
     subdivision : int
         Triangles along the edges of elements of the default size.
-    ratio : float
-        Size of the elements, relative to the default.
+    pad : Pad
+        The pad.
+    mesh_size : float
+        Size of its elements, mm.
 
     Returns
     -------
     int
         At least 1.
     """
-    return math.ceil(ratio**2 * subdivision)
+    power = 2 if "roof" in pad.shape.round_regions else 1
+    return math.ceil((mesh_size / pad.default_mesh_size) ** power * subdivision)

@@ -45,6 +45,7 @@ from .elements.loads import (
     SpreadForce as SpreadForce,
 )
 from .elements.solvers import available_solvers as available_solvers
+from .errors.mesh_sizes import chosen_size as chosen_size
 from .errors.mesh_sizes import mesh_size_for as mesh_size_for
 from .errors.second_state import second_state as second_state
 from .load_paths import load_path as load_path
@@ -100,6 +101,12 @@ from .results.fields import (
     nodal_fields as nodal_fields,
 )
 from .results.vtu import write_vtu as write_vtu
+from .surface.bending import (
+    bent_normals as bent_normals,
+)
+from .surface.bending import (
+    curvature_errors as curvature_errors,
+)
 from .surface.finish import (
     Finish as Finish,
 )

@@ -160,7 +160,7 @@ def without_random_numbers(ready: Prepared, mechanics_error: bool = True) -> Sha
 
 
 def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> MechanicsEstimate:
-    """Error of a scene's readings by the mechanics, from three short traces.
+    """Error of a scene's readings by the mechanics, from three short traces, or four with mirrors.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, toler
         if changes is None:
             return MechanicsEstimate(np.full_like(power, math.nan), math.nan)
         deviation = combined(changes.mean(axis=1))
-        noise = mechanics_share(np.hypot(*map(standard_error, changes)), power)
+        noise = mechanics_share(np.linalg.norm(list(map(standard_error, changes)), axis=0), power)
         error = mechanics_share(deviation, power)
         # A dark taxel below a roof that rests on a package: its error is the light that the paths may have missed.
         dark = ~(before.any(axis=0) | changes.any(axis=(0, 1)))

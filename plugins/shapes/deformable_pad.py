@@ -12,6 +12,7 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import make_plugin, resolved_path
 from mitsuba_taxel.base.caches import kept
+from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.dome_elements import fewer_triangles, size_for_light
@@ -110,12 +111,12 @@ class DeformablePad(mi.Mesh):
         self.mirrors = [code for wall in walls for code in mirrors(wall)]
         check_mirrors(self.pad, self.mirrors, self.subdivision)
 
-        # Elements and triangles of loaded domes are chosen by the light unless a mesh size is set.
+        # Elements and triangles of loaded cells are chosen by the light unless a mesh size is set.
         if self.is_loaded and not (self.remembers or self.mesh_size or self.mesh_tolerance):
             self.mesh_size = size_for_light(self.pad, self.load, walls)
             if self.mesh_size is not None:
                 self.judged_on = self.pad.default_mesh_size
-                self.subdivision = fewer_triangles(self.subdivision, self.mesh_size / self.judged_on)
+                self.subdivision = fewer_triangles(self.subdivision, self.pad, self.mesh_size)
 
         # The deformed surface becomes the mesh.
         self.surface = self._solve(waits=packages_follow and self.load.self_contact)
@@ -181,12 +182,32 @@ class DeformablePad(mi.Mesh):
         return _undeformed(self.state.mesh, self.subdivision, self.finish, cells, self.pad, pose)
 
     def deviating_places(self, fraction: float = 1.0) -> list[Places] | None:
-        """Vertices displaced by a fraction of each of `State.deviations`; None if these are unknown."""
+        """Vertices displaced by a fraction of each of `State.deviations`; None if these are unknown.
+
+        Of pads with mirrors, a further deviation is that of the curvature of the walls alone.
+        """
         if self.state.deviations is None:
             return None
         displaced = (self.state.displacement + fraction * deviation for deviation in self.state.deviations)
         surfaces = (self._tessellated(replace(self.state, displacement=u), self.pad) for u in displaced)
-        return [self._kept_in_contact(surface) for surface in surfaces]
+        deviating = [self._kept_in_contact(surface) for surface in surfaces]
+        if self.mirrors:
+            bend = fraction / ERROR_SHARE * self.curvature_errors(self.state.displacement)
+            deviating.append(self._bent(self.surface, self.surface.facing, bend))
+        return deviating
+
+    def curvature_errors(self, displacement: np.ndarray) -> np.ndarray:
+        """Typical errors of the curvature of walls, as `bent_normals` takes them, under a displacement (N, 3) in mm."""
+        from mitsuba_taxel.mechanics import chosen_size, curvature_errors
+
+        size = chosen_size(self.pad, self.material, self.load, self.loaded_mesh_size, self.mesh_tolerance)
+        return curvature_errors(self.state.mesh, displacement, size, self.pad.default_mesh_size)
+
+    def _bent(self, surface: Surface, vertices: np.ndarray, curvature: np.ndarray) -> Places:
+        """Vertices, and normals with the curvature of walls changed, in 1/mm."""
+        from mitsuba_taxel.mechanics import bent_normals
+
+        return self._places(replace(surface, normals=bent_normals(surface, curvature)), vertices)
 
     def _kept_in_contact(self, surface: Surface) -> Places:
         """Vertices of a surface that is displaced by an error; vertices in contact with a package stay in place."""
@@ -196,7 +217,9 @@ class DeformablePad(mi.Mesh):
         surface = replace(surface, touches=surface.touches | touches)
         return self._places(surface, np.where(touches[:, None], self.surface.facing, surface.facing))
 
-    def moved_places(self, state: State, pad: Pad | PadFile, chords: bool = False) -> Places:
+    def moved_places(
+        self, state: State, pad: Pad | PadFile, chords: bool = False, curvature: np.ndarray | None = None
+    ) -> Places:
         """Vertices of a state with slightly changed displacement or nodes, and of a pad with changed dimensions.
 
         Parameters
@@ -207,6 +230,8 @@ class DeformablePad(mi.Mesh):
             The pad of that state.
         chords : bool
             Whether vertices lie on the curved walls, so that triangles are chords.
+        curvature : ndarray, optional
+            Change of the curvature of the walls as mirrors see it, as `bent_normals` takes it.
 
         Returns
         -------
@@ -214,7 +239,8 @@ class DeformablePad(mi.Mesh):
             Vertices and normals.
         """
         surface = self._tessellated(state, pad)
-        return self._places(surface, surface.vertices if chords else surface.facing)
+        vertices = surface.vertices if chords else surface.facing
+        return self._places(surface, vertices) if curvature is None else self._bent(surface, vertices, curvature)
 
     @property
     def is_curved(self) -> bool:

@@ -49,20 +49,27 @@ class Dimensions(Protocol):
 class LightSizes:
     """Element sizes of loaded cells for accurate readings, relative to the default size of their pad.
 
-    With them the error of readings is about 0.03 % for diffuse walls, and 0.3 % for mirrors and rough mirrors
+    With them the error of readings is about 0.03 % for diffuse walls of domes, and 0.3 % for mirrors and rough mirrors
     (`taxel bench domes`).
 
     Attributes
     ----------
-    diffuse, mirrors : float
-        For cells whose walls are all diffuse; for cells with a mirror or a glossy wall.
+    diffuse : float or None
+        For cells whose walls are all diffuse; None if the default size is accurate enough for them.
+    mirrors : float
+        For cells with a mirror or a glossy wall.
     mirrors_side_by_side : float
         As ``mirrors``, in pads of several cells.
     """
 
-    diffuse: float
+    diffuse: float | None
     mirrors: float
     mirrors_side_by_side: float
+
+
+FLAT_ROOF = LightSizes(diffuse=None, mirrors=0.5, mirrors_side_by_side=0.5)
+"""For flat roofs: a mirror that a load bends is a lens, whose curvature is off by a third on elements of the default
+size, and by some 2 % on elements of half the size."""
 
 
 class CellShape(Kind, family="cell"):
@@ -93,7 +100,7 @@ class CellShape(Kind, family="cell"):
     finer_inside : bool
         Whether elements inside keep their default size on such meshes.
     light_sizes : LightSizes or None
-        None if the default size is accurate enough for light.
+        None if the default size is accurate enough for all light.
     """
 
     default_height_words: ClassVar[str]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.pads.cells.cell_shape import ON_ROUND_WALLS
+from mitsuba_taxel.pads.cells.cell_shape import FLAT_ROOF, ON_ROUND_WALLS
 from mitsuba_taxel.pads.cells.meridian import Meridian, flat_meridian, of_quadric
 from mitsuba_taxel.pads.cells.meridian_cell import MeridianCell
 from mitsuba_taxel.parameters import Number, Parameter
@@ -24,7 +24,7 @@ class Frustum(MeridianCell, name="frustum", rank=6):
     face_refinement = ON_ROUND_WALLS
     least_elements = 400
     has_curved_rim = False
-    light_sizes = None
+    light_sizes = FLAT_ROOF
 
     @classmethod
     def own_parameters(cls) -> Mapping[str, Parameter]:

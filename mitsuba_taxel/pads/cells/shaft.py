@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mitsuba_taxel.pads.cells.cell_shape import ON_ROUND_WALLS, CellShape, Difference, LightSizes
+from mitsuba_taxel.pads.cells.cell_shape import FLAT_ROOF, ON_ROUND_WALLS, CellShape, Difference, LightSizes
 from mitsuba_taxel.pads.cells.meridian import SAMPLES, as_text, of_quadric, roof_meridian
 from mitsuba_taxel.pads.cells.silicone_shifts import Rays, region_planes, shifts_along_rays
 
@@ -20,7 +20,7 @@ class Shaft(CellShape):
     has_curved_rim = False
     has_sharp_rim = True
     has_ridges = False
-    light_sizes: ClassVar[LightSizes | None] = None
+    light_sizes: ClassVar[LightSizes | None] = FLAT_ROOF
 
     @property
     def default_height(self) -> float:

@@ -45,11 +45,14 @@ class MovingWalls:
         Their rates with the parameter.
     chords : bool
         Whether triangles are chords of curved walls.
+    bent : bool
+        Whether mirrors have a curvature that is off by its typical error.
     """
 
     displacement: np.ndarray
     nodal: Nodal
     chords: bool = False
+    bent: bool = False
 
 
 def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWalls:
@@ -128,7 +131,23 @@ class MovedScene:
             pad = pad.changed(**{name: pad.dimensions[name] + offset * rate for name, rate in nodal.dimensions.items()})
             state = replace(state, mesh=replace(state.mesh, points=state.mesh.points + offset * nodal.velocity))
         state = replace(state, displacement=walls.displacement + offset * nodal.displacement)
-        return self._pad.moved_places(state, pad, walls.chords)
+        curvature = self._curvature_errors(offset, walls) if walls.bent else None
+        return self._pad.moved_places(state, pad, walls.chords, curvature)
+
+    def _curvature_errors(self, offset: float, walls: MovingWalls) -> np.ndarray:
+        """Typical errors of the curvature of walls in 1/mm, which grow or fall with the displacement."""
+        assert self._pad is not None
+        errors, rates, ahead = (
+            self._pad.curvature_errors(displacement)
+            for displacement in (
+                walls.displacement,
+                walls.nodal.displacement,
+                walls.displacement + walls.nodal.displacement,
+            )
+        )
+        # The sign of the product of displacement and rate, by the law of cosines; positive at rest.
+        growing = np.where(ahead**2 >= errors**2 + rates**2, 1.0, -1.0)
+        return errors + offset * growing * rates
 
     def _scene(self, offset: float) -> mi.Scene:
         """The loaded scene with its other parts changed, and with the guides that pilot runs have found."""

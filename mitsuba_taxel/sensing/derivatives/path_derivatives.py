@@ -240,7 +240,11 @@ class _AlongWithPad(_Along):
             return math.nan
         on_second = differences.over(chosen.step, walls_on(self._mesh, linear, linear.nodal(self._change)))
         least = second.least * mean(self._through_displacement(chosen, derivative))
-        return max(second.share * mean(on_second - derivative), least)
+        error = max(second.share * mean(on_second - derivative), least)
+        if not self._pad.pad.mirrors:
+            return error
+        bent = MovingWalls(self._moving.displacement, self._moving.nodal, bent=True)
+        return math.hypot(error, mean(differences.over(chosen.step, bent) - derivative))
 
     def _through_displacement(self, chosen: _Chosen, derivative: np.ndarray) -> np.ndarray:
         """(R, T) derivative through the displacement of the pad alone."""

@@ -1,13 +1,14 @@
 """Error of readings by the mechanics: light is traced again through pads displaced by each component of this error.
 
 All traces have the same random numbers, so that few points resolve a small change. A reading may rise with one
-component and fall with the other. Their sizes are known but not their signs, so that a sum could cancel by chance.
+component and fall with another. Their sizes are known but not their signs, so that a sum could cancel by chance.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import mitsuba as mi
@@ -40,7 +41,7 @@ def roof_errors(scene: mi.Scene) -> list[RoofError | None]:
 
 
 def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray | None]:
-    """Powers, and their changes by the two components of the deviation of coarser finite elements.
+    """Powers, and their changes by the components of the deviation of coarser finite elements.
 
     Parameters
     ----------
@@ -53,27 +54,29 @@ def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> t
     -------
     before : (R, T) ndarray
         Powers in W.
-    changes : (2, R, T) ndarray or None
-        In W; None if the error of a pad is unknown.
+    changes : (C, R, T) ndarray or None
+        In W, by two components, and by a third where a pad has mirrors; None if the error of a pad is unknown.
     """
     pads = loaded_pads(scene)
     with stages.stage("mechanics"):
         fraction = min(pad.state.probed_share for pad in pads)
-        surfaces = [pad.deviating_places(fraction) for pad in pads]
+        surfaces = [pad.deviating_places(fraction) or [] for pad in pads]
     before = powers()
-    if any(surface is None for surface in surfaces):
+    if not all(surfaces):
         return before, None
+    # A pad without mirrors has no third component: it stays where it is.
     changes = []
+    undisturbed = [places_of(pad)._replace(region=pad.changing_region()) for pad in pads]
     with restored(scene, pads):
-        for component in zip(*surfaces, strict=True):
-            move(scene, pads, list(component))
+        for component in zip_longest(*surfaces):
+            move(scene, pads, [places or rest for places, rest in zip(component, undisturbed, strict=True)])
             changes.append((powers() - before) / fraction)
     return before, np.array(changes)
 
 
 def combined(changes: np.ndarray) -> np.ndarray:
-    """The root of the sum of the squares of changes (2, ...), with the sign of the first."""
-    return np.copysign(np.hypot(*changes), changes[0])
+    """The root of the sum of the squares of changes (C, ...), with the sign of the first."""
+    return np.copysign(np.linalg.norm(changes, axis=0), changes[0])
 
 
 @contextmanager
