@@ -41,7 +41,11 @@ from mitsuba_taxel.parameters import (
 from mitsuba_taxel.specification.region import Region
 from mitsuba_taxel.specification.specification import Specification
 
-FINISHES: dict[str, type[LayerSteps | Grooves | RandomRoughness]] = {"layer_steps": LayerSteps, "grooves": Grooves, "random": RandomRoughness}
+FINISHES: dict[str, type[LayerSteps | Grooves | RandomRoughness]] = {
+    "layer_steps": LayerSteps,
+    "grooves": Grooves,
+    "random": RandomRoughness,
+}
 WALL_FINISHES = ("roof_finish", "side_finish")
 
 MOST_TRACTION = 10.0

@@ -176,7 +176,8 @@ class _Touching:
         distance = self._ahead.after(step * nodal.velocity, step * nodal.displacement, bodies)
         if not np.isfinite(distance):
             raise ComputationError(
-                "the first contact cannot be computed: the faces that touch first were not found; try another mesh_size."
+                "the first contact cannot be computed: the faces that touch first were not found; "
+                "try another mesh_size."
             )
         return self._sign * distance
 
