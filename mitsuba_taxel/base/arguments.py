@@ -144,7 +144,7 @@ def table_of(name: str, value: object, what: str) -> Mapping[str, Any]:
     """
     table: Any = {} if value is None else value
     if not isinstance(table, Mapping) or not all(isinstance(key, str) for key in table):
-        raise refusal(name, value, f"a mapping of names of parameters to {what} is needed")
+        raise refusal(name, value, f"a dictionary from parameter names to {what} is needed")
     return table
 
 
@@ -379,7 +379,7 @@ def names_of(name: str, value: object) -> tuple[str, ...]:
         if the value is not a sequence of names; a single text is not.
     """
     if not is_row(value, lambda item: isinstance(item, str)):
-        raise refusal(name, value, "a row of names of parameters is needed")
+        raise refusal(name, value, "a list of parameter names is needed")
     return tuple(value)  # type: ignore[arg-type]
 
 

@@ -51,7 +51,7 @@ def hysteresis(increasing: Branch, decreasing: Branch, largest_change: np.ndarra
         if the branches do not have opposite directions or share no range of force.
     """
     if not increasing.loading or decreasing.loading:
-        raise InputError("hysteresis compares a branch of growing force with one of falling force.")
+        raise InputError("hysteresis needs a branch of growing force and a branch of falling force, in this order.")
     return _deviation(*_difference(increasing, decreasing), largest_change)
 
 
@@ -76,7 +76,7 @@ def repeatability(first: Branch, second: Branch, largest_change: np.ndarray) -> 
         if the branches have opposite directions or share no range of force.
     """
     if first.loading != second.loading:
-        raise InputError("repeatability compares two branches of growing force, or two of falling force.")
+        raise InputError("repeatability needs two branches of growing force, or two branches of falling force.")
     return _deviation(*_difference(first, second), largest_change)
 
 
@@ -137,7 +137,9 @@ def _difference(first: Branch, second: Branch) -> tuple[np.ndarray, np.ndarray]:
     """Forces (points,) of both branches, and the difference of the branches there; it is linear in between."""
     low, high = _overlap(first, second)
     if not low < high:
-        raise InputError("the two branches share no range of force: nothing can be compared.")
+        raise InputError(
+            "the forces of the two branches do not overlap: branches with a common range of force are needed."
+        )
     force = np.unique(np.concatenate([first.force, second.force]))
     force = force[(force >= low) & (force <= high)]
     return force, first.at(force) - second.at(force)

@@ -58,10 +58,13 @@ class Branch:
                 "(points, replicates, channels) and (points,) are needed."
             )
         if not (np.isfinite(self.force).all() and np.isfinite(self.samples).all()):
-            raise InputError("a branch holds numbers that are not finite: leave such points out.")
+            raise InputError("a branch contains numbers that are not finite: leave these points out.")
         steps = np.diff(self.force)
         if not ((steps > 0).all() or (steps < 0).all()):
-            raise InputError("the force of a branch turns or stands still: it must only rise or only fall.")
+            raise InputError(
+                "the force of a branch must only rise or only fall: divide the branch where the force "
+                "turns, and leave out points of equal force."
+            )
 
     @property
     def value(self) -> np.ndarray:

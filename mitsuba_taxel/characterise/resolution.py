@@ -41,7 +41,10 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
     """
     require("study", study, xr.Dataset, "the results of one scene")
     if "derivative" not in study:
-        raise InputError("a resolution needs a study with derivatives, such as by fx, fy, fz, patch_x and patch_y.")
+        raise InputError(
+            "a resolution needs a study with derivatives with respect to its unknowns, such as fx, fy, "
+            "fz, patch_x and patch_y."
+        )
     circuit = circuit or circuit_of_study(study)
     if noise is None and circuit is None:
         raise InputError("a resolution needs a circuit, or the noise of readings in W.")

@@ -107,10 +107,10 @@ def _read(path: Path, around: tuple[Path, ...], numbers: Iterator[int]) -> Eleme
     except expat.ExpatError as error:
         line = getattr(error, "lineno", 0)
         reason = expat.errors.messages.get(error.code, str(error))
-        raise Unreadable(Finding("error", f"it does not parse as XML: {reason}.", path.name, line)) from error
+        raise Unreadable(Finding("error", f"the file is not valid XML: {reason}.", path.name, line)) from error
     except (OSError, LookupError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
-        raise Unreadable(Finding("error", f"it cannot be read: {why}.", path.name, 0)) from error
+        raise Unreadable(Finding("error", f"the file cannot be read: {why}.", path.name, 0)) from error
     # Included files become children of their <include> element.
     assert reader.root is not None
     around = (*around, path.resolve())
@@ -124,14 +124,18 @@ def _included(element: Element, around: tuple[Path, ...], numbers: Iterator[int]
     name = element.attributes.get("filename", "")
     inner = element.file.parent / name
     if not is_file(inner):
-        raise Unreadable(element.finding("error", f"filename = {name!r} does not exist: a file beside this is needed."))
+        raise Unreadable(
+            element.finding(
+                "error", f"filename = {name!r} does not exist: a file in the folder of this file is needed."
+            )
+        )
     if inner.resolve() in around:
         raise Unreadable(element.finding("error", f"filename = {name!r} is not allowed: the file includes itself."))
     if len(around) > DEEPEST_INCLUDE:
         message = f"filename = {name!r} is not allowed: more than {DEEPEST_INCLUDE} files include one another."
         raise Unreadable(element.finding("error", message))
     if next(numbers) > MOST_INCLUDED:
-        message = f"filename = {name!r} is not allowed: more than {MOST_INCLUDED} files are included, one by another."
+        message = f"filename = {name!r} is not allowed: more than {MOST_INCLUDED} files are included in total."
         raise Unreadable(element.finding("error", message))
     return _read(inner, around, numbers)
 
@@ -191,7 +195,7 @@ class _Reader:
         line, offset = self.parser.CurrentLineNumber, self.parser.CurrentByteIndex
         element = Element(tag, attributes, self.path, line, offset)
         if len(self.open) >= DEEPEST:
-            raise Unreadable(element.finding("error", f"more than {DEEPEST} elements lie one in the other."))
+            raise Unreadable(element.finding("error", f"elements are nested more than {DEEPEST} deep."))
         if self.open:
             self.open[-1].children.append(element)
         else:

@@ -50,7 +50,7 @@ def _in_a_box(face: Faces, box: Boxes) -> Iterator[Finding]:
     outwards = direction[axis] * np.sign(positions[np.arange(len(positions)), axis])
     if np.any(np.abs(positions).max(axis=1) <= 1 - _ON_SURFACE):
         yield face.obj.finding(
-            "warning", f"{plugin} lies inside {box_name}, where light hardly comes: move one of them."
+            "warning", f"{plugin} lies inside {box_name}, where hardly any light arrives: move one of them."
         )
     elif np.any(on_surface & (outwards < 0)):
         yield face.obj.finding("warning", f"{plugin} lies on {box_name} and looks into it: turn it round.")
@@ -66,7 +66,7 @@ def _nothing_in_front(faces: list[Faces], objects: SceneObjects) -> Iterator[Fin
         distances = [np.max((corners - face.centres[0]) @ face.normal) for corners in other_corners]
         if all(distance <= ROUNDING * face.side for distance in distances):
             message = f"nothing lies in front of the {face.obj.plugin}"
-            yield face.obj.finding("warning", f"{message}: turn it round, or add what is to reflect light.")
+            yield face.obj.finding("warning", f"{message}: turn it round, or add a surface that reflects light.")
 
 
 def _corners(obj: SceneObject) -> np.ndarray | None:
@@ -195,7 +195,7 @@ def _other_pitch(body: Boxes, pad: SceneObject) -> Iterator[Finding]:
     pitch = scale * reflector.pitch
     if comparable and abs(pitch - shape.pitch) > 1e-4 * shape.pitch:
         message = f"pitch = {pitch:g} of photo_reflector is not that of the {PAD}, {shape.pitch:g}"
-        yield body.obj.finding("warning", f"{message}: packages stand off the middle of their cells.", "pitch")
+        yield body.obj.finding("warning", f"{message}: packages are not centred in their cells.", "pitch")
 
 
 def _cells_not_read(body: Boxes, pad: SceneObject, numbers: np.ndarray) -> Iterator[Finding]:
@@ -203,4 +203,4 @@ def _cells_not_read(body: Boxes, pad: SceneObject, numbers: np.ndarray) -> Itera
     unread = sorted(set(numbers.tolist()) - set(pad.instance.read_cells or numbers.tolist()))
     if unread:
         message = f"read_cells leaves out cell {', '.join(map(str, unread))}, where a photo_reflector stands"
-        yield pad.finding("warning", f"{message}: add it, or its surface is cut too coarsely.", "read_cells")
+        yield pad.finding("warning", f"{message}: add it, or its triangles are too large.", "read_cells")

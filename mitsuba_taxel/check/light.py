@@ -33,10 +33,12 @@ def check_light(objects: SceneObjects) -> Iterator[Finding]:
     yield from _nothing_comes_back(objects)
     for led in objects.of("annular_led"):
         if float(led.instance.power[0]) == 0:
-            yield led.finding("warning", "power = 0 of annular_led is no light: all readings are 0.", "power")
+            yield led.finding("warning", "power = 0 of annular_led: it emits no light, so all readings are 0.", "power")
     integrators = [obj for obj in objects.roots if obj.kind == "integrator" and obj.valid]
     for integrator in integrators[1:]:
-        yield integrator.finding("error", "a scene takes one integrator, and this is another: take one of them out.")
+        yield integrator.finding(
+            "error", "a scene must have one integrator, and this is a second one: take one of them out."
+        )
     for integrator in integrators:
         yield from _integrator(integrator, objects)
     yield from _tables(objects)
@@ -123,21 +125,26 @@ def _walls(shape: SceneObject) -> Iterator[Finding]:
         has_endpoint = bool(shape.nested("emitter") or shape.nested("sensor"))
         yield shape.finding(
             "note" if has_endpoint else "warning",
-            f"{shape.plugin} has no bsdf, and Mitsuba makes it a grey that returns half of the light: give it a wall.",
+            f"{shape.plugin} has no bsdf, so Mitsuba makes it a grey surface that reflects half of the light: give "
+            f"it a wall.",
         )
     for cover in covers:
         if not is_region(cover.instance):
             continue
         if not has_regions and not (shape.instance.is_mesh() and shape.instance.has_attribute("face_region")):
             yield cover.finding(
-                "warning", f"{shape.plugin} has no regions, and all of it absorbs: give it a wall instead of a region."
+                "warning",
+                f"{shape.plugin} has no regions, so all of its surface absorbs light: give it a wall "
+                f"instead of a region.",
             )
             continue
         if has_regions:
             names = REGIONS if shape.plugin == PAD else BODY_REGIONS
             for name in set(cover.instance.walls) - set(names):
                 yield cover.children.get(name, cover).finding(
-                    "warning", f"{name} is no region of {shape.plugin}, and covers nothing: {', '.join(names)} are."
+                    "warning",
+                    f"{name} is not a region of {shape.plugin}, so its BSDF has no effect: allowed are "
+                    f"{', '.join(names)}.",
                 )
 
 
@@ -149,7 +156,7 @@ def _nothing_comes_back(objects: SceneObjects) -> Iterator[Finding]:
     for pad in pads:
         absorbing = [name for name in ("roof", "side") if absorbs(_cover(pad, name))]
         if "roof" in absorbing:
-            sides = "and so do its sides" if "side" in absorbing else "and only its sides return light"
+            sides = "and so do its sides" if "side" in absorbing else "and only its sides reflect light"
             message = f"the roof of {PAD} absorbs, {sides}: give the roof of its region a wall that reflects."
             yield pad.finding("warning", message)
     # Without pads, photo-reflectors need something that reflects. Other carriers of LEDs are not judged.
@@ -158,7 +165,7 @@ def _nothing_comes_back(objects: SceneObjects) -> Iterator[Finding]:
         return
     reflectors = [obj for obj in objects.shapes() if obj not in carriers]
     if reflectors and all(absorbs(_cover(obj, "")) for obj in reflectors):
-        yield reflectors[0].finding("warning", "nothing that an LED shines at reflects: all readings are 0.")
+        yield reflectors[0].finding("warning", "no surface in the light of the LEDs reflects: all readings are 0.")
 
 
 def _cover(shape: SceneObject, region: str) -> Any:

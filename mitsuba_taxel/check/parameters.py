@@ -35,7 +35,7 @@ def check_names(root: Element, parameters: Mapping[str, str]) -> Iterator[Findin
     for element in root.walk():
         yield from _references(element, parameters)
         if element.tag not in _TAGS:
-            message = f"<{element.tag}> is no element of a Mitsuba scene{did_you_mean(element.tag, _TAGS)}."
+            message = f"<{element.tag}> is not an element of a Mitsuba scene{did_you_mean(element.tag, _TAGS)}."
             yield element.finding("error", message)
         if element.tag in KINDS and "type" in element.attributes:
             yield from _of_object(element, parameters)
@@ -147,7 +147,7 @@ def error_in(child: Element, specification: type[Specification], parameters: Map
         return specification.unknown_value(name)
     allowed = ELEMENTS[values[name].type]
     if child.tag not in allowed:
-        return f"{name} of {specification.plugin} stands in a <{child.tag}>: a <{allowed[0]}> is needed."
+        return f"{name} of {specification.plugin} is given by a <{child.tag}>: a <{allowed[0]}> is needed."
     return ""
 
 

@@ -235,7 +235,7 @@ class _Maker:
         # Objects with nested pads, with failed children or of unknown plugins cannot be created.
         for child in obj.children.values():
             if child.plugin == PAD:
-                message = f"{PAD} stands in a {obj.plugin}: take it out, into the scene itself."
+                message = f"{PAD} is nested in a {obj.plugin}: move it to the top level of the scene."
                 self.findings.append(child.finding("error", message))
                 return False
         if any(child.instance is None for child in obj.children.values()):
@@ -309,7 +309,7 @@ class _Maker:
         numbers, specification = pad.read_cells or (), pad.specification
         finish = specification.build_finish()
         if numbers and finish is not None:
-            message = "read_cells is not allowed with a finish: it is laid on all cells."
+            message = "read_cells is not allowed with a finish, which applies to all cells."
             self.findings.append(obj.finding("error", message, "read_cells"))
         # Sizes are judged by lower bounds, without a mesh; only a pad from a file is read for its cells.
         wall = pad.bsdf()

@@ -140,9 +140,9 @@ def _size(quantity: str, value: np.ndarray, pad: UndeformedPad) -> str:
     strain = size / (1 if quantity == "pressure" else x * y) / modulus
     smaller, larger, unit = ("mN", "kN", "N") if quantity == "force" else ("Pa or kPa", "GPa", "MPa")
     if strain > LARGEST_STRAIN:
-        cause = f"{strain:.2g} times Young's modulus on its top, which no pad stands"
+        cause = f"{strain:.2g} times Young's modulus on its top, which no pad bears"
         return f"is {cause}; if it is in {smaller}, write it in {unit}"
     if strain < SMALLEST_STRAIN:
-        cause = f"{strain:.1g} of Young's modulus on its top, which no reading shows"
+        cause = f"{strain:.1g} of Young's modulus on its top, which changes no reading visibly"
         return f"is {cause}; if it is in {larger}, write it in {unit}"
     return ""

@@ -156,7 +156,7 @@ def _describe(error: Exception) -> tuple[str, int]:
     if type(error) is ImportError and error.name is None:  # our own messages on the installation
         return str(error), 1
     if isinstance(error, MemoryError):
-        return "there is not enough memory for it: fewer or smaller pads, points or workers need less.", 1
+        return "there is not enough memory for this command: fewer or smaller pads, points or workers need less.", 1
     if isinstance(error, UnicodeEncodeError):  # of the name of a folder above, say
         culprit = error.object[max(error.start - 40, 0) : error.end + 40]
         return f"{culprit!a} cannot be written: names in UTF-8, and a locale that has their letters, are needed.", 2

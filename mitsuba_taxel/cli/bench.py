@@ -263,14 +263,14 @@ def accuracy_command(scene: str | None, defines: dict[str, str], folder: Path, s
 
     if scene is None:
         if defines:
-            raise click.UsageError("-D is for a SCENE, and none is given.")
+            raise click.UsageError("-D is not allowed without a SCENE.")
         curves = settings_accuracy(folder, seconds, _say)
         print_text_table(POINT_HEADINGS, [row for curve in curves for row in point_cells(curve)])
-        click.echo("Seconds are of all processors together; compilation is not in them.")
+        click.echo("Seconds are CPU time of all processors, without compilation.")
         return
     curves = accuracy(Scene.from_file(scene, **defines), folder, seconds, _say)
     print_text_table(HEADINGS, map(cells, curves))
-    click.echo("Seconds are of all processors together; compilation is not in them.")
+    click.echo("Seconds are CPU time of all processors, without compilation.")
     if any(curve.part == "mechanics" and curve.points for curve in curves):
         click.echo(ELEMENTS)
     click.echo(PEERS)

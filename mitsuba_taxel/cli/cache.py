@@ -8,7 +8,7 @@ from .options import debug_option, json_option
 
 
 @click.command(short_help="Solved deformations on disk.")
-@click.option("--clear", is_flag=True, help="Remove them all, but those that a program computes now.")
+@click.option("--clear", is_flag=True, help="Remove all of them, except those that a program is computing.")
 @json_option
 @debug_option
 def command(clear: bool, as_json: bool) -> None:

@@ -96,8 +96,8 @@ def _require_ranked(comparison: Comparison) -> None:
             f"{name} at most {limit:g} {comparison.unit[name]}" for name, limit in comparison.limits.items()
         )
         raise ComputationError(
-            f"no variant is within the limits ({limits}), so none is ranked: the probability of the first in the "
-            f"table is {closest.allowed:.1%}."
+            f"no variant is within the limits ({limits}), so none is ranked: the first one of the table is within "
+            f"them with a probability of {closest.allowed:.1%}."
         )
 
 

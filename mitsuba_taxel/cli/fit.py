@@ -52,5 +52,5 @@ def _show(result) -> None:
     say("Errors: one standard deviation, of the data and of the model (light, finite elements, surfaces), and of both.")
     count, wide = len(result.residuals), int((result.residuals.in_errors.abs() > 2).sum())
     of = "" if result.misfit != result.misfit else f" Mean square of the residuals, in errors: {result.misfit:.3g}."
-    say(f"{count} readings, {wide} of them more than two errors off.{of}")
+    say(f"{count} readings, {wide} of them more than two errors from the model.{of}")
     print_notes(result)

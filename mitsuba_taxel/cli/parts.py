@@ -100,7 +100,7 @@ def _show_edges(edges: dict[str, list[float]], height: float) -> None:
     from .tables import print_table, say
 
     rows = ((word, *(f"{position:.3f}" for position in positions)) for word, positions in edges.items())
-    say(f"\nEdge of a mirror at {height:g} mm that lies below it, from the middle of the body")
+    say(f"\nPosition of the edge of a mirror at {height:g} mm, from the middle of the body")
     print_table(("along", "10 % [mm]", "50 % [mm]", "90 % [mm]"), rows)
 
 
@@ -150,4 +150,4 @@ def _show(part) -> None:
         for other in REFLECTORS:
             under_other = _largest_difference(_curve(replace(part, distance_reflector=other)))
             if under_other < difference - CLEARLY:
-                say(f"It is {under_other:.1%} if the curve is of a {other}: distance_reflector = {other!r} says so.")
+                say(f"With distance_reflector = {other!r}, for a curve of a {other}, it would be {under_other:.1%}.")

@@ -142,7 +142,7 @@ def command(
 def _refuse_options_of_a_scene(ctx: click.Context) -> None:
     for name in OF_A_SCENE:
         if ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"{name} is not allowed with a study file, which says it itself.")
+            raise click.UsageError(f"{name} is not allowed with a study file: write it into the file.")
 
 
 def _as_json(study) -> dict[str, object]:

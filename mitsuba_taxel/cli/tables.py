@@ -160,7 +160,7 @@ def print_pads(rows: Sequence[Mapping]) -> None:
     errors = [(row["roof_error_mm"], row["slope_error_degrees"]) for row in rows]
     if all(None not in pair for pair in errors):
         height, slope = (max(column) for column in zip(*errors, strict=True))
-        say(f"{count}: roofs are right to {height:.1e} mm and {slope:.2f} degrees.\n")
+        say(f"{count}: the error of the roofs is {height:.1e} mm and {slope:.2f} degrees.\n")
     else:
         say(f"{count}: the error of the roofs is unknown.\n")
     quantity, unit = rows[0]["quantity"], rows[0]["unit"]
@@ -183,9 +183,9 @@ def print_pads(rows: Sequence[Mapping]) -> None:
     timed = [row for row in rows if row["time_s"] is not None]
     if timed:
         first, last, error = timed[0]["time_s"], timed[-1]["time_s"], max(row["time_error"] for row in timed)
-        say(f"From {first:.4g} s to {last:.4g} s; the stress is off by {error:.0e} of it for the steps of time.")
+        say(f"From {first:.4g} s to {last:.4g} s; the time steps cause a relative error of the stress of {error:.0e}.")
     worst = max(row["imbalance"] for row in rows)
-    say(f"The board's reaction balances the load to {worst:.0e} of it, at worst.")
+    say(f"Reaction of the board and load differ by {worst:.0e} of the load at most.")
     if quantity == "displacement":
         say("Force by which the board holds the pad, in N:")
         for row in rows:

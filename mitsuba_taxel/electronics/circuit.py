@@ -114,8 +114,8 @@ class Circuit(Checked):
         for name in ("led_drift", "transfer_drift"):
             if self._grown(getattr(self, name)) <= 0:
                 raise InputError(
-                    f"{name} = {getattr(self, name):g} is not allowed at temperature = {self.temperature:g}: nothing "
-                    "would be left."
+                    f"{name} = {getattr(self, name):g} is not allowed at temperature = {self.temperature:g}: a value "
+                    f"that leaves a factor above 0 is needed."
                 )
 
     def _grown(self, drift: float) -> float:

@@ -85,7 +85,9 @@ def read_data(file: Path, parameters: Collection[str] = ()) -> MeasuredData:
             continue
         kind, factor = UNITS.get(column.unit, ("", "1"))
         if kind != ("V" if match["kind"] in "vV" else "W"):
-            raise InputError(f"{label}, column {column.heading}: volts of v, and watts of p, are needed.")
+            raise InputError(
+                f"{label}, column {column.heading}: volts for v1, v2, ..., and watts for p1, p2, ..., are needed."
+            )
         units.add(kind)
         into = errors if match["error"] else readings
         into[int(match["taxel"])] = float(factor) * table.numbers(column)
@@ -94,7 +96,10 @@ def read_data(file: Path, parameters: Collection[str] = ()) -> MeasuredData:
     if not table.lines:
         raise InputError(f"{label} is not allowed: a heading and at least one row are needed.")
     if not readings or len(units) > 1:
-        raise InputError(f"{label} is not allowed: columns such as v1_V, or p1_W, of one kind are needed.")
+        raise InputError(
+            f"{label} is not allowed: columns of readings are needed, all in volts (v1_V, ...) or all "
+            f"in watts (p1_W, ...)."
+        )
     if errors and errors.keys() != readings.keys():
         raise InputError(f"{label} is not allowed: errors of all readings, or of none, are needed.")
     if any((deviations <= 0).any() for deviations in errors.values()):

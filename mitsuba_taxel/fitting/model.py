@@ -143,7 +143,9 @@ class ReadingModel:
         self.calls += 1
         study = run_batch(batch, self._pool, None)
         if study.attrs["failures"]:
-            raise ComputationError(f"the scene cannot be read there: {study.attrs['failures'].splitlines()[0]}")
+            raise ComputationError(
+                f"the scene cannot be read with these values of the unknowns: {study.attrs['failures'].splitlines()[0]}"
+            )
         return study
 
     def _batch(self, unknowns: np.ndarray) -> Batch:
@@ -162,7 +164,7 @@ class ReadingModel:
         """A variable of a study as (..., settings, taxels), for the taxels with data."""
         missing = set(self._plan.data.taxels) - set(study.taxel.values)
         if missing:
-            raise ComputationError(f"the scene has no taxel {min(missing)}, which there are data of.")
+            raise ComputationError(f"the scene has no taxel {min(missing)}, for which there are data.")
         return study[name].sel(taxel=self._plan.data.taxels).transpose(..., STEP, "taxel").values
 
     def _shown(self, unknowns: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -89,7 +89,7 @@ def read_plan(file: Path) -> FitPlan:
         raise InputError(f"study {file.name} is not allowed: a table [fit.unknowns] is needed.")
     for name in [*content, *scene]:
         if name not in (*READ_KEYS, "circuit", "scene", "define"):
-            raise InputError(f"{name} is not allowed in a fit: the settings are those of the data.")
+            raise InputError(f"{name} is not allowed in a fit: its scenes are those of the rows of the data.")
 
     # The data, with settings by the names of the scene's parameters.
     folder = file.resolve().parent
@@ -100,7 +100,7 @@ def read_plan(file: Path) -> FitPlan:
         data = _named_by_scene(data, parameters, find_scene(relative if is_file(relative) else str(scene["scene"])))
     if TIME in data.settings and parameters and TIME not in parameters:
         warnings.warn(
-            f"data {table['data']!r}: the scene has no parameter {TIME}: that column is not used.", stacklevel=1
+            f"data {table['data']!r}: the scene has no parameter {TIME}, so this column is not used.", stacklevel=1
         )
         data = replace(data, settings={name: words for name, words in data.settings.items() if name != TIME})
     circuit = circuit_of(content.pop("circuit")) if "circuit" in content else None
@@ -154,7 +154,8 @@ def _check(plan: FitPlan) -> None:
             raise InputError(f"{name} is both unknown and given a value: take one of them out.")
         if name in OWN and plan.circuit is not None:
             raise InputError(
-                f"{name} is not allowed beside a circuit: one of its numbers, as circuit.transfer, is needed."
+                f"{name} is not allowed beside a circuit: a number of the circuit is needed as the unknown, such as "
+                f"circuit.transfer."
             )
         if name.startswith(CIRCUIT) and (
             plan.circuit is None or name.removeprefix(CIRCUIT) not in _numbers(plan.circuit)
@@ -166,7 +167,9 @@ def _check(plan: FitPlan) -> None:
         raise InputError("data in watts are not allowed with a circuit: give data in volts, or leave the circuit out.")
     count = plan.data.readings.size
     if count <= len(names):
-        raise InputError(f"{count} readings are not enough for {len(names)} unknowns.")
+        raise InputError(
+            f"{count} readings are not enough for {len(names)} unknowns: at least {len(names) + 1} are needed."
+        )
 
 
 def _numbers(circuit: Circuit) -> dict[str, float]:

@@ -132,7 +132,9 @@ def solve(
     quantile = t.isf((1 - CONFIDENCE) / 2, freedom) if errors is None else norm.isf((1 - CONFIDENCE) / 2)
     exact = np.abs(readings - data).max() <= EXACT * np.abs(data).max()
     warnings = (
-        [] if solution.success or exact else ["the fit has not converged: begin nearer by, or leave unknowns out"]
+        []
+        if solution.success or exact
+        else ["the fit has not converged: choose starts closer to the solution, or fit fewer unknowns"]
     )
     warnings += [
         *_at_bounds(solution.x, solution.active_mask, unknowns),
@@ -184,9 +186,9 @@ def misfit_warnings(residual: np.ndarray, errors: np.ndarray, of_model: np.ndarr
     if chance >= UNLIKELY:
         return []
     both = np.square(residual / np.hypot(errors, np.nan_to_num(of_model))).sum()
-    reason = "the model or these errors are wrong, and intervals are too narrow"
+    reason = "the model is wrong or these errors are too small, so the intervals are too narrow"
     if chi2.sf(both, freedom) >= UNLIKELY:
-        reason = "the model's own error, which intervals hold, is as large"
+        reason = "the model's own error, which the intervals contain, is as large"
     return [
         f"residuals are {np.sqrt(mean_square):.2g} times as large as the errors of the data explain (probability "
         f"{chance:.1g}): {reason}"
@@ -227,13 +229,13 @@ def _alike(correlation: np.ndarray, undetermined: np.ndarray, names: Sequence[st
     warnings = []
     for direction in undetermined:
         involved = [name for name, component in zip(names, np.abs(direction), strict=True) if component > 0.1]
-        what = f"cannot tell {' and '.join(involved)} apart" if len(involved) > 1 else f"say nothing of {involved[0]}"
-        warnings.append(f"these data {what}")
+        verb = "distinguish" if len(involved) > 1 else "determine"
+        warnings.append(f"these data do not {verb} {' and '.join(involved)}")
     for row in range(len(names)):
         for column in range(row):
             if abs(correlation[row, column]) > ALIKE:
                 warnings.append(
-                    f"these data hardly tell {names[column]} and {names[row]} apart: their correlation is "
+                    f"these data hardly distinguish {names[column]} and {names[row]}: their correlation is "
                     f"{correlation[row, column]:.4f}"
                 )
     return warnings

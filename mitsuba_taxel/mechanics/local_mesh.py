@@ -99,7 +99,7 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> 
     except GeometryError as error:
         raise InputError(
             f"{body.size_text} is not allowed: {error} would be needed under the indenter, of "
-            f"{refinement.relative_size * FINENESS * least:.2g} mm: a larger one is needed, or a larger mesh_size."
+            f"{refinement.relative_size * FINENESS * least:.2g} mm: a larger indenter or a larger mesh_size is needed."
         ) from error
     for mirror in (ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y) if len(images) == len(MIRRORS) else images:
         part = _completed(part, mirror, _cells_of_images(mesh, mirror, images[mirror]))

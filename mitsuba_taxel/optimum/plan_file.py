@@ -113,7 +113,10 @@ def _variable(name: str, definition: Any, base: Mapping[str, str], choices: Mapp
 def _only(name: str, words_of: Any, choices: Mapping[str, list[str]]) -> dict[str, tuple[str, ...]]:
     """Words of choices for which a variable applies, by choice."""
     if not isinstance(words_of, Mapping):
-        raise InputError(f"variable {name}: only = {words_of!r} is not allowed: choices and their words are needed.")
+        raise InputError(
+            f"variable {name}: only = {words_of!r} is not allowed: a table of choices, each with a list "
+            f"of its values, is needed."
+        )
     only = {choice: [str(word) for word in (of if isinstance(of, list) else [of])] for choice, of in words_of.items()}
     for choice, words in only.items():
         if choice not in choices:
@@ -122,7 +125,8 @@ def _only(name: str, words_of: Any, choices: Mapping[str, list[str]]) -> dict[st
         if not words or not set(words) <= set(choices[choice]):
             allowed = ", ".join(choices[choice])
             raise InputError(
-                f"variable {name}: only.{choice} = {words_of[choice]!r} is not allowed: some of {allowed}."
+                f"variable {name}: only.{choice} = {words_of[choice]!r} is not allowed: one or more of {allowed} are "
+                f"needed."
             )
     return {choice: tuple(words) for choice, words in only.items()}
 
@@ -130,7 +134,9 @@ def _only(name: str, words_of: Any, choices: Mapping[str, list[str]]) -> dict[st
 def _default(name: str, base: Mapping[str, str]) -> str:
     """Value of a parameter of the scene; raises `InputError` if there is none."""
     if name not in base:
-        raise InputError(f"{name} is no <default> of the scene with a value: it has {', '.join(base) or 'none'}.")
+        raise InputError(
+            f"{name} is not a <default> of the scene with a value: allowed are {', '.join(base) or 'none'}."
+        )
     return base[name]
 
 
@@ -179,7 +185,7 @@ def _refuse_twice(
         for name in sorted(names[first] & names[second]):
             raise InputError(f"{name} is given twice in [optimise]: as variable, choice or load.")
     for name in sorted((names[0] | names[1]) & set(defines)):
-        raise InputError(f"{name} is both given a value and to be found: take one of them out.")
+        raise InputError(f"{name} is both given a value and optimised: take one of them out.")
 
 
 @dataclass(frozen=True)
@@ -212,7 +218,8 @@ class _FigureReader:
             return None
         if not set(definition) <= {"maximise", "minimise", "points"} or definition.get("points", FRONT) in (1, 2):
             raise InputError(
-                f"front = {definition!r} is not allowed: maximise or minimise, and points, from 3, are needed."
+                f"front = {definition!r} is not allowed: a table with maximise or minimise, and with points of at "
+                f"least 3, is needed."
             )
         return self.goal(definition), _count(definition, "points", FRONT)
 
@@ -272,7 +279,9 @@ class _FigureReader:
                 [lines_of] if isinstance(lines_of, str) else lines_of if isinstance(lines_of, list) else ()
             )
             if not of or not all(line in lines for line in of):
-                raise InputError(f"{name}: of = {lines_of!r} is not allowed: some of {', '.join(lines)} are needed.")
+                raise InputError(
+                    f"{name}: of = {lines_of!r} is not allowed: one or more of {', '.join(lines)} are needed."
+                )
             lines = of
         units = sorted({self.units.get(self.lines[line][0], "1") for line in lines if line})
         if len(units) > 1:

@@ -276,10 +276,10 @@ def _broken(optimiser: Optimiser, read: DesignEvaluation) -> str:
 def _gained(fine_descent: FineDescent | None) -> str:
     """End of a sentence on the gain of a descent on the finer mesh."""
     if fine_descent is None:
-        return "; more evaluations may find better, or readings are too coarse to tell"
-    end = "then no step gains more" if fine_descent.ended else "more evaluations may find better"
+        return "; more evaluations may improve the design, or readings are too inaccurate to show it"
+    end = "then no step improves it further" if fine_descent.ended else "more evaluations may improve it"
     gain = f"{fine_descent.gain:.2%} in {fine_descent.designs} designs"
-    return f"; on the finer mesh a descent from it gains {gain}, and {end}"
+    return f"; on the finer mesh a descent from this design gains {gain}, and {end}"
 
 
 def _warnings(
@@ -292,7 +292,7 @@ def _warnings(
     """Warnings: violated constraints, an uncertain optimum or improvement, saturation, and failed designs."""
     warnings = []
     if "best_finer" in reads and (broken := _broken(optimiser, reads["best_finer"])):
-        warnings.append(f"on the finer mesh the best design does not keep {broken}")
+        warnings.append(f"on the finer mesh the best design violates {broken}")
     if math.isnan(conditions.error):
         warnings.append(f"a local optimum is not certain: its slope is known from one mesh only{_gained(fine_descent)}")
     elif not conditions.is_local:
@@ -302,15 +302,15 @@ def _warnings(
             f"{_gained(fine_descent)}"
         )
     if probability < 0.95 and (broken := _broken(optimiser, reads["before"])):
-        warnings.append(f"the first design does not keep {broken}: the best one is that of those that do")
+        warnings.append(f"the first design violates {broken}: the best design was chosen among those that meet it")
     elif probability < 0.95:
-        warnings.append(f"that the best design is better is certain by {probability:.0%} only")
+        warnings.append(f"the best design is better than the first one with a probability of {probability:.0%} only")
     if any(limit.figure.kind == SATURATION and worst_of(limit, reads["before"]) > 1 for limit in optimiser.plan.limits):
         warnings.append("the first design saturates: its figures are those of a converter without a full scale")
     failures = optimiser.designs.failures
     if failures:
         warnings.append(
-            f"{len(failures)} of {len(optimiser.history)} designs could not be read (history.csv says why), as the "
+            f"{len(failures)} of {len(optimiser.history)} designs could not be read (reasons in history.csv); the "
             f"first: {next(iter(failures.values()))}"
         )
     return warnings

@@ -19,7 +19,7 @@ FINER = 0.75
 """Factor on the mesh size."""
 MORE_POINTS = 4
 """Factor on the number of points."""
-SAME_MESH = "the mesh could not be made finer, which the scene states: what it does to the improvement is not known"
+SAME_MESH = "the scene fixes its mesh size, so no finer mesh was tried: the effect of the mesh is unknown"
 
 
 class FineDescent(NamedTuple):
@@ -66,7 +66,7 @@ class MeshVerification:
     def notes(self) -> list[str]:
         """Remarks for the user."""
         if not self.reads:
-            return ["the best design could not be read on a finer mesh: its improvement is not judged again"]
+            return ["the best design could not be read on a finer mesh: its improvement is not verified"]
         return [*self.optimiser.designs.notes, *([] if self.is_finer else [SAME_MESH])]
 
     @property

@@ -80,7 +80,7 @@ def left_out(
 def _of_pad(pad: PadShape) -> Iterator[str]:
     """Work omitted in the mechanics of one pad."""
     if not pad.is_loaded:
-        yield "pad without load: no error of the mechanics to find out"
+        yield "pad without load: no error of the mechanics to estimate"
         if pad.mesh_tolerance is None:
             yield "pad without load: meshed, nothing solved"
     for end, mirrors in () if pad.remembers else _symmetric_segments(pad.state):
@@ -91,7 +91,7 @@ def _of_pad(pad: PadShape) -> Iterator[str]:
             f"{where} {pad.load.unit}, mirrored in {planes}"
         )
     if pad.finish is None:
-        yield "smooth cells: no relief laid on them"
+        yield "smooth cells: no finish computed"
 
 
 def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]]]:

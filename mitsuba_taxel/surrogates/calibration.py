@@ -130,7 +130,7 @@ def calibrate(
     rows = rows._replace(forces=rows.forces / size)
     missed, fold = _cross_validate(rows)
     half_width = size * interval_of_paths(missed, rows.path, coverage)
-    tested = f"{paths} paths, left out a part of them at a time"
+    tested = f"{paths} paths, of which a part is left out in turn"
     model = _polynomial(_fit(rows), size, unit, missed, tested)
     return Calibration(
         model, names, half_width, coverage, _contained_fraction(missed, fold, rows.path, coverage), unit, noise, tested

@@ -97,7 +97,7 @@ def polynomial_of(study: xr.Dataset) -> Polynomial:
     scaled = 2 * (inputs - low) / (high - low) - 1
     max_degrees = [min(len(np.unique(column)) - 1, MOST_DEGREE) for column in scaled.T]
     if max(max_degrees) < 2:
-        raise InputError("a polynomial takes at least three values of what is varied: the study has two.")
+        raise InputError("a polynomial needs at least three values of a varied parameter: the study has two.")
     # Cross-validate each total degree that has fewer terms than rows.
     groups, tested = _test_groups(scaled, path)
     scale = np.ptp(readings, axis=0)
@@ -130,11 +130,11 @@ def _rows(study: xr.Dataset) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, n
             continue
         if coordinate.dtype.kind not in "fi":
             values = ", ".join(map(str, dict.fromkeys(coordinate.values.tolist())))
-            raise InputError(f"{name} is varied in words ({values}): a study of one of them is needed.")
+            raise InputError(f"{name} has values that are words ({values}): a study with one of them is needed.")
         if len(np.unique(coordinate.values)) > 1:
             columns[str(name)] = coordinate.values.astype(float)
     if not columns:
-        raise InputError("nothing is varied but one value: a study of several values is needed.")
+        raise InputError("no parameter has more than one value: a study of several values is needed.")
     finite = np.isfinite(stacked.values).all(axis=1)
     other_columns = [values for name, values in columns.items() if study[name].dims != (curve,)]
     path = (

@@ -48,8 +48,14 @@ def printed_calibration(calibration: Calibration) -> Printed:
         Lines.
     """
     widths = zip(calibration.forces, calibration.half_width, strict=True)
-    printed: Printed = [f"{name}: +- {width:.3g} N holds {calibration.coverage:.0%}" for name, width in widths]
-    printed.append(f"Tested on {calibration.tested}: intervals by the others hold {calibration.covered:.1%}.")
+    printed: Printed = [
+        f"{name}: +- {width:.3g} N contains the force with a probability of {calibration.coverage:.0%}"
+        for name, width in widths
+    ]
+    printed.append(
+        f"Tested on {calibration.tested}: intervals from the other paths contain "
+        f"{calibration.covered:.1%} of the forces."
+    )
     if not math.isnan(calibration.noise):
         circuit_noise = " of the light and that of the circuit" if calibration.unit == "V" else ""
         noise = f"{calibration.noise:.2g} relative noise{circuit_noise}"

@@ -180,7 +180,7 @@ def _notes_of_indices(spread: pandas.DataFrame, shares: pandas.DataFrame, exact:
             if more is not None:
                 help_ = f"exact = {more[0]} or more, through which one of degree {more[1]} is fitted,"
             notes.append(
-                f"Sobol' indices of {name} are not known of {len(unknown)} of {len(rows)} taxels: {why}, {ENOUGH:.0%} "
+                f"Sobol' indices of {name} are unknown for {len(unknown)} of {len(rows)} taxels: {why}, {ENOUGH:.0%} "
                 f"are needed; {help_} may explain more"
             )
     return notes
@@ -192,7 +192,10 @@ def _notes_of_few(
     """Notes on results of few exact samples; the last three arguments are numbers of samples and of laws."""
     without = [name for name, rates in shares.groupby("parameter", sort=False).rate if rates.isna().all()]
     if len(without) == parameters:
-        return [f"no parameter has a linear answer: results are of these {exact}, the other {linear} add nothing"]
+        return [
+            f"no parameter has a linear answer: results come from the {exact} exact samples alone; the other "
+            f"{linear} add nothing"
+        ]
     but = f", which leaves out {', '.join(without)}," if without else ""
     notes = []
     for name, rows in spread.groupby("figure", sort=False):

@@ -98,7 +98,8 @@ def law_of(name: str, table: object) -> Law:
         if there is no such law, one of its numbers is missing or not allowed, or it has no spread.
     """
     if not isinstance(table, Mapping) or not isinstance(table.get("law"), str):
-        raise InputError(f'tolerance of {name} = {table!r} is not allowed: {{law = "normal", mean = ..., sd = ...}}.')
+        example = '{law = "normal", mean = ..., sd = ...}'
+        raise InputError(f"tolerance of {name} = {table!r} is not allowed: a table such as {example} is needed.")
     law, numbers = table["law"], {key: value for key, value in table.items() if key != "law"}
     for key, value in numbers.items():
         if not is_number(value):

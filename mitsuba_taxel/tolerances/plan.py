@@ -157,8 +157,8 @@ def _force(batch: Batch) -> str:
     (first, *further_axes) = axes
     if further_axes or not first.is_force or first.size < 2 or first.is_open:
         raise InputError(
-            f"vary = {', '.join(axis.dim for axis in axes)} is not allowed in a tolerance study: one component of the "
-            "force, with two values or more, or nothing."
+            f"vary = {', '.join(axis.dim for axis in axes)} is not allowed in a tolerance study: one component of "
+            f"the force, with two values or more, or no vary is needed."
         )
     return first.dim
 

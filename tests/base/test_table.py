@@ -108,8 +108,8 @@ def test_what_is_ambiguous_is_refused_with_what_was_found(tmp_path, text, said):
 @pytest.mark.parametrize(
     ("head", "said"),
     [
-        ("time_s,fz_N,v1_counts", "'v1_counts' holds counts of a converter: volts are needed"),
-        ("time_s,fz_N,v1 [µA]", "holds a current: volts are needed, the current times the load resistance"),
+        ("time_s,fz_N,v1_counts", "'v1_counts' contains counts of a converter: volts are needed"),
+        ("time_s,fz_N,v1 [µA]", "contains a current: volts are needed, which are the current times"),
         ("time_s,fz,v1_V", "'fz' is without a unit: N, mN, kN or g is needed, as in fz_N"),
         ("time_s,fz_mm,v1_V", "'fz_mm' is in mm: N"),
         ("time_s,voltage,v1_V", "'voltage'"),

@@ -67,7 +67,7 @@ def test_what_cannot_be_compared_is_refused(branch):
         repeatability(up, back, one)
     beyond = branch(np.square, [10, 11, 12])
     assert share_forces(up, back) and not share_forces(up, beyond)
-    with pytest.raises(InputError, match="share no range"):
+    with pytest.raises(InputError, match="do not overlap"):
         repeatability(up, beyond, one)
 
 

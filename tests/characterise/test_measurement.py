@@ -73,8 +73,8 @@ BAD = {
     "infinite": ((GOOD, [*ROWS[:4], "0.4,4,1,inf", *ROWS[5:]]), "line 7, column v2_V: 'inf'"),
     "a blank": ((GOOD, [*ROWS[:4], "0.4,,1,1", *ROWS[5:]]), "line 7, column force_N: ''"),
     "a value too few": ((GOOD, [*ROWS[:4], "0.4,4,1", *ROWS[5:]]), "line 7: 3 values"),
-    "time stands still": ((GOOD, [*ROWS[:4], "0.3,4,1,1", *ROWS[5:]]), "line 7: time_s does not rise"),
-    "time goes back": ((GOOD, [*ROWS[:4], "0.2,4,1,1", *ROWS[5:]]), "line 7: time_s does not rise"),
+    "time stands still": ((GOOD, [*ROWS[:4], "0.3,4,1,1", *ROWS[5:]]), "line 7: time_s must be greater"),
+    "time goes back": ((GOOD, [*ROWS[:4], "0.2,4,1,1", *ROWS[5:]]), "line 7: time_s must be greater"),
 }
 
 

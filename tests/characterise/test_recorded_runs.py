@@ -132,7 +132,7 @@ def test_changes_are_those_from_the_least_force(record):
     )
     assert first == pytest.approx(expected[0], rel=2e-3) and not any("without load" in note for note in found.notes)
     biased = recorded_experiment(replace(whole, force=whole.force + 1))
-    assert biased.notes[-1].startswith("The record never is without load") and "1 N" in biased.notes[-1]
+    assert biased.notes[-1].startswith("The recording has no unloaded state") and "1 N" in biased.notes[-1]
 
 
 def test_steps_of_a_converter_are_recognised():

@@ -15,7 +15,7 @@ NO_ROOF = ('<bsdf name="roof" type="wall">', '<bsdf name="{}" type="wall">')
 LIGHT = {
     "roof absorbs": (PAD, NO_ROOF, "side", "roof", "warning", 4, "roof of deformable_pad absorbs, and only its sides"),
     "nothing comes back": (PAD, ('"0.9"', '"{}"'), "0", "0.01", "warning", 4, "absorbs, and so do its sides"),
-    "region of a package": (PAD, NO_ROOF, "led", "roof", "warning", 9, "led is no region of deformable_pad"),
+    "region of a package": (PAD, NO_ROOF, "led", "roof", "warning", 9, "led is not a region of deformable_pad"),
     "no LED": (PLATE, ('<emitter type="annular_led"/>', "{}"), "", '<emitter type="annular_led"/>', "error", 0,
                "holds 0 LEDs and 1 phototransistors"),
     "another emitter": (PLATE, ('"annular_led"', '"{}"'), "area", "annular_led", "error", 6,

@@ -24,8 +24,8 @@ NAMES = {
     "misspelt plugin of Mitsuba": (PLATE, ("hdrfilm", "hdfilm{}"), "", 11, "'hdfilm' is not a plugin .*hdrfilm"),
     "plugin of another kind": (PAD, ("annular_led", "wall{}"), "", 14, "wall is a plugin for <bsdf>, not"),
     "Mitsuba's plugin of another kind": (PLATE, ("hdrfilm", "box{}"), "", 11, "box is a plugin for <rfilter>"),
-    "misspelt element": (PAD, ('<vector name="force"', '<vectr{} name="force"'), "", 7, "<vectr> is no .*vector"),
-    "element of another type": (PAD, ("integer", "float{}"), "", 13, "rows of photo_reflector stands in a <float>"),
+    "misspelt element": (PAD, ('<vector name="force"', '<vectr{} name="force"'), "", 7, "<vectr> is not .*vector"),
+    "element of another type": (PAD, ("integer", "float{}"), "", 13, "rows of photo_reflector is given by a <float>"),
     "name without value": (PAD, ("$fz", "$fx{}"), "", 7, r"\$fx has no value"),
     "parameter of Mitsuba's": (
         PLATE, ('<emitter type="annular_led"/>', '{}<emitter type="annular_led"/>'), parameter("size", 1), 6,
@@ -52,9 +52,9 @@ NAMES = {
     "a word with no value": (PAD, ('name="cell" value="cylindrical"', 'name="cell"{}'), "", 5, "missing required attr"),
     "a pad in a package": (
         PLATE, ('<emitter type="annular_led"/>', '{}<emitter type="annular_led"/>'), PAD_ALONE, 6,
-        "deformable_pad stands in a rectangle",
+        "deformable_pad is nested in a rectangle",
     ),
-    "two integrators": (PAD, AT_END, '<integrator type="taxel_path"/>', 23, "takes one integrator"),
+    "two integrators": (PAD, AT_END, '<integrator type="taxel_path"/>', 23, "must have one integrator"),
     "a second wall in an LED": (PAD, IN_LED, '<bsdf type="wall"/>', 15, "annular_led has no use for the <bsdf>"),
 }  # fmt: skip
 

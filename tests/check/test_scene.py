@@ -86,9 +86,9 @@ def test_a_scene_of_nothing(tmp_path):
 @pytest.mark.parametrize(
     "text, line, message",
     [
-        ("<scene version='3.9.0'>\n<shape</scene>", 2, "does not parse as XML"),
+        ("<scene version='3.9.0'>\n<shape</scene>", 2, "the file is not valid XML"),
         ("", 1, "no element found"),
-        ("<scene>" + 20 * "<bsdf>" + 20 * "</bsdf>" + "</scene>", 1, "more than 16 elements"),
+        ("<scene>" + 20 * "<bsdf>" + 20 * "</bsdf>" + "</scene>", 1, "nested more than 16 deep"),
         ('<scene version="3.9.0">\n<include filename="scene.xml"/></scene>', 2, "includes itself"),
         ('<?xml version="1.0" encoding="foo"?><scene/>', 0, "unknown encoding"),
     ],

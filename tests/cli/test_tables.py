@@ -23,8 +23,8 @@ def test_lines_fit_the_terminal_and_stay_whole_in_a_pipe(monkeypatch, capsys, wi
 @pytest.mark.parametrize(
     ("heights", "answer"),
     [
-        ([9e-4], "1 deformed pad: roofs are right to 9.0e-04 mm and 0.33 degrees."),
-        ([1e-4, 2e-3], "2 deformed pads: roofs are right to 2.0e-03 mm and 0.33 degrees."),
+        ([9e-4], "1 deformed pad: the error of the roofs is 9.0e-04 mm and 0.33 degrees."),
+        ([1e-4, 2e-3], "2 deformed pads: the error of the roofs is 2.0e-03 mm and 0.33 degrees."),
         ([1e-4, None], "2 deformed pads: the error of the roofs is unknown."),
     ],
 )

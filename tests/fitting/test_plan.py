@@ -63,7 +63,7 @@ def test_times_and_forces_of_the_data_are_called_as_the_scene_calls_them(plan, t
 
 def test_times_of_the_data_have_their_unit(plan):
     """Where the scene has no parameter of that name, they are named and left out."""
-    with pytest.warns(UserWarning, match="the scene has no parameter time: that column is not used"):
+    with pytest.warns(UserWarning, match="the scene has no parameter time, so this column is not used"):
         one = plan(HEAD + UNKNOWNS + "gain = 1\n", DATA.replace("z,", "time_s,"))
     assert one.data.settings == {}
 
@@ -98,8 +98,8 @@ def test_what_is_no_fit_is_refused(plan, study, said):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("z,a\n1,2\n", "columns such as v1_V"),
-        ("z,v1_V,p1_W\n1,2,3\n", "of one kind"),
+        ("z,a\n1,2\n", "all in volts (v1_V"),
+        ("z,v1_V,p1_W\n1,2,3\n", "all in watts (p1_W"),
         ("z,v1_W\n1,2\n", "column v1_W"),
         ("z,v1_V\n1,x\n", "line 2, column v1_V: 'x' is not a number"),
         ("z,v1_V\n1,inf\n", "line 2, column v1_V: 'inf' is not allowed: a finite number"),

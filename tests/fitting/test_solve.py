@@ -66,7 +66,7 @@ def test_the_misfit_of_wrong_errors():
     assert f"residuals are {np.sqrt(found.misfit):.2g} times as large as the errors" in warning
     assert warning.endswith("intervals are too narrow")
     (warning,) = misfit_warnings(residual, np.full_like(X, 0.01), np.full_like(X, 0.03), 10)
-    assert warning.endswith("the model's own error, which intervals hold, is as large")
+    assert warning.endswith("the model's own error, which the intervals contain, is as large")
     assert not misfit_warnings(residual, np.full_like(X, 0.03), unknown_error, 10)
     without = solve(decay, data, None, DECAY)
     assert math.sqrt(without.misfit) == pytest.approx(0.03, rel=0.5) and not without.warnings
@@ -103,7 +103,7 @@ def test_two_factors_cannot_be_told_apart():
         return value, np.stack([b * X, a * X, np.ones_like(X)], axis=1)
 
     found = solve(product, 6 * X + 1, None, [unknown("a", 1.0), unknown("b", 1.0), unknown("c", 0.0)])
-    assert found.warnings == ["these data cannot tell a and b apart"]
+    assert found.warnings == ["these data do not distinguish a and b"]
     assert np.isinf(found.errors[:2]).all() and found.errors[2] < 1e-3 and found.values[2] == pytest.approx(1)
 
 
@@ -115,7 +115,7 @@ def test_alike_at_a_bound_and_without_effect():
     found = solve(
         model, 5 * X, np.full_like(X, 0.1), [unknown("a", 1.0), unknown("b", 1.0, 0.5, 9.0), unknown("c", 1.0)]
     )
-    assert any(line.startswith("these data hardly tell a and b apart") for line in found.warnings)
-    assert "these data say nothing of c" in found.warnings and np.isinf(found.errors[2])
+    assert any(line.startswith("these data hardly distinguish a and b") for line in found.warnings)
+    assert "these data do not determine c" in found.warnings and np.isinf(found.errors[2])
     low = solve(decay, decay(TRUTH)[0], None, [unknown("a", 1.0), unknown("b", 1.0, 0.8, 2.0)])
     assert low.warnings == ["b = 0.8 is at the bound 0.8 of its range; its interval is as if there were no bound"]

@@ -205,7 +205,7 @@ def test_light_and_derivatives_of_a_pad_are_by_paths(llvm_mono):
     scene = Scene({"type": "scene", "pad": {**pad, **cell}, "parts": {"type": "photo_reflector", "part": "vcnt2020"}})
     assert measure(scene, points=16, derivatives=["cell_height"]).derivatives.method == BY_PATHS
     found, (power, _) = measure(scene, target_error=0.05), plate_power(VCNT, 0.8)
-    assert found.points and "dies lie below windows: light is by random paths" in found.remarks
+    assert found.points and "dies lie below windows: light is computed by random paths" in found.remarks
     assert 0.8 * power < found.power[0] < 1.2 * power  # the roof is round, and as large
 
 

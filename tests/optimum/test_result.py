@@ -80,9 +80,9 @@ def test_what_a_finer_mesh_would_gain(tmp_path):
     assert not result.is_local and result.beyond_ended
     assert result.beyond == pytest.approx(0.06**2 / (1 + 0.06**2), rel=0.02)
     (warning,) = result.warnings
-    assert f"on the finer mesh a descent from it gains {result.beyond:.2%} in" in warning
+    assert f"on the finer mesh a descent from this design gains {result.beyond:.2%} in" in warning
     assert (
-        "no step gains more" in warning
+        "no step improves it further" in warning
         and verification.optimiser.best(verification.optimiser.plan.goal, []) != verification.winner
     )
 
@@ -90,7 +90,7 @@ def test_what_a_finer_mesh_would_gain(tmp_path):
 def test_a_mesh_that_is_fixed_tells_nothing_of_what_may_be_gained(tmp_path):
     result, verification = linearisation(tmp_path, 0.56, is_finer=False)
     assert verification.descend() is None and np.isnan(result.beyond) and np.isnan(result.figures.error[0])
-    assert any("the mesh could not be made finer" in note for note in result.notes)
+    assert any("the scene fixes its mesh size, so no finer mesh was tried" in note for note in result.notes)
 
 
 def test_a_descent_that_was_not_ended_says_so(tmp_path):
@@ -113,4 +113,4 @@ def test_a_constraint_that_the_best_design_breaks_on_the_finer_mesh(tmp_path):
     result, _ = linearisation(tmp_path, 0.5, LIMIT)
     (limit,) = result.figures.index[1:]
     assert result.figures.best[limit] < 1.01 < result.figures.best_finer[limit]
-    assert result.warnings == ["on the finer mesh the best design does not keep largest reading <= 1.01 (1.02)"]
+    assert result.warnings == ["on the finer mesh the best design violates largest reading <= 1.01 (1.02)"]

@@ -52,8 +52,8 @@ def nested(depth: int) -> str:
             "body = 1e-12, 1e-12, 1e-12 is not allowed",
         ),
         "1e308 W": (PLATE.replace('"power" value="1"', '"power" value="1e308"'), "power = .* is not allowed"),
-        "deep": (nested(100), "scene.xml is not allowed: more than 16 of its elements"),
-        "deeper": (nested(100_000), "scene.xml is not allowed: more than 16 of its elements"),
+        "deep": (nested(100), "scene.xml is not allowed: its elements are nested more than 16 deep"),
+        "deeper": (nested(100_000), "scene.xml is not allowed: its elements are nested more than 16 deep"),
         "in itself": (PLATE.replace("<int", '<include filename="scene.xml"/><int', 1), "it includes itself"),
         "includes none": (
             PLATE.replace("<int", '<include filename="none.xml"/><int', 1),

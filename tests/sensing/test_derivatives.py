@@ -324,7 +324,7 @@ def test_what_has_no_derivative_is_refused(scene, name, words):
             lambda: pad_scene(led={"law": "tabulated", "file": "steep.csv"}),
             "falls within a small part of its 42 degrees",
         ),
-        (lambda: pad_scene(board={"type": "rectangle", "bsdf": {"type": "wall"}}), "sends light back"),
+        (lambda: pad_scene(board={"type": "rectangle", "bsdf": {"type": "wall"}}), "reflects light"),
     ],
 )
 def test_what_needs_random_paths_is_not_followed_without(tmp_path, monkeypatch, scene, words):
@@ -344,6 +344,6 @@ def test_a_screen_over_the_led_needs_random_paths(llvm_mono):
     place = llvm_mono.ScalarTransform4f().translate([-0.45, 0, 0.7]).scale(0.2)
     screen = {"type": "rectangle", "to_world": place, "bsdf": {"type": "wall", "scattering": "absorbing"}}
     scene = pad_scene(cell="cylindrical", board=screen, force=[0.0, 0.0, 0.0])
-    with pytest.raises(NotFollowed, match="comes by ways that walls stand in"):
+    with pytest.raises(NotFollowed, match="comes along paths that walls block"):
         derivatives(scene, "spacing")
     assert measure(scene, points=16, derivatives=["spacing"]).derivatives.method == BY_PATHS

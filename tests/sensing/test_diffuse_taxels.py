@@ -79,7 +79,7 @@ def test_derivatives_by_a_package_are_differences_of_the_whole_chain(tmp_path, n
 
 
 def test_a_package_that_begins_to_reflect_needs_random_paths(tmp_path):
-    with pytest.raises(NotDiffuse, match="begins to send light back"):
+    with pytest.raises(NotDiffuse, match="begins to reflect light"):
         derivatives(over_package(tmp_path, white=0.0), "white")
 
 

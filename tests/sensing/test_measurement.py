@@ -240,7 +240,7 @@ def test_a_scene_that_names_no_integrator(llvm_mono, agree, wall, led, detector,
     shapes = plate(llvm_mono, wall=wall, led=led, detector=detector)
     ours = measure(scene(shapes, None), points=4096, seed=1)
     notes = [note for note in ours.notes if note.startswith("integrator taxel_tracer: ")]
-    assert len(notes) == 1 and "joins paths" in notes[0]
+    assert len(notes) == 1 and "connects paths" in notes[0]
     named = measure(scene(shapes, "taxel_tracer"), points=4096, seed=1)
     assert np.array_equal(ours.replicates, named.replicates)
     assert not any(note.startswith("integrator") for note in named.notes)

@@ -151,7 +151,7 @@ def test_symmetry_in_words(llvm_mono):
 def test_a_pad_without_load_is_only_meshed(llvm_mono):
     unloaded = said(pad_scene())
     assert "pad without load: meshed, nothing solved" in unloaded
-    assert "pad without load: no error of the mechanics to find out" in unloaded
+    assert "pad without load: no error of the mechanics to estimate" in unloaded
     assert not has(unloaded, "symmetric")
     loaded = said(pad_scene(force=[0, 0, -0.5]))
     assert not has(loaded, "pad without load") and has(loaded, "symmetric pad and load: a quarter")
@@ -188,7 +188,7 @@ def test_a_pad_elsewhere_keeps_its_cells(llvm_mono):
 
 
 def test_a_finish_is_not_left_out(llvm_mono):
-    smooth = "smooth cells: no relief laid on them"
+    smooth = "smooth cells: no finish computed"
     assert smooth in said(PadSensor(CELL).scene())
     assert smooth not in said(PadSensor(CELL, finish=Grooves(0.5, 0.02)).scene())
 

@@ -234,4 +234,4 @@ def test_a_buckled_pad_is_told(llvm_mono):
     (pad,) = deformed_pads(ready.scene)
     pad.state = replace(pad.state, buckled_at=np.array([0, 0, -0.05]))
     notes = prepare(ready.scene).notes
-    assert "a pad has buckled at (0, 0, -0.05) N: of its mirrored shapes, one is followed" in notes
+    assert "a pad has buckled at (0, 0, -0.05) N: one of its mirror-image shapes is followed" in notes

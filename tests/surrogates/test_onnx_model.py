@@ -124,7 +124,7 @@ def test_a_runtime_tells_the_volts_and_counts_of_the_circuit(tmp_path, load, sat
 @pytest.mark.parametrize(
     "one, complaint",
     [
-        (study(fz=FORCE).expand_dims(cell=["a", "b"]), r"cell is varied in words \(a, b\): a study of one"),
+        (study(fz=FORCE).expand_dims(cell=["a", "b"]), r"cell has values that are words \(a, b\): a study with one"),
         (study(fz=FORCE[:2]), "at least three values"),
         (study(fz=FORCE[:1]), "nothing is varied"),
     ],

@@ -276,7 +276,9 @@ def _along(variants: list[_Variant], force: str | None) -> list[_Variant]:
     """The variants along the force ``force``, or along the only force if it is None."""
     forces = list(dict.fromkeys(variant.reading.force for variant in variants))
     if force is None and len(forces) > 1:
-        raise InputError(f"variants along {' and '.join(forces)} cannot be compared: one force has to be named.")
+        raise InputError(
+            f"variants along {' and '.join(forces)} cannot be compared together: choose one with force = ..."
+        )
     if force is not None and force not in forces:
         raise InputError(f"force = {force!r} is not varied: one of {', '.join(forces) or 'none'} is needed.")
     return [variant for variant in variants if force in (None, variant.reading.force)]

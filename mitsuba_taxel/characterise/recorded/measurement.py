@@ -100,7 +100,7 @@ def read_measurement(file: str | Path) -> Measurement:
     if set(forces) not in FORCE_COLUMNS or not taxels:
         refuse(f": columns {shown} are not enough: force_N (or fx_N, fy_N, fz_N) and v1_V, ... are needed.")
     if len(table.lines) < FEWEST_ROWS:
-        refuse(f" holds {len(table.lines)} rows of numbers: at least {FEWEST_ROWS} are needed.")
+        refuse(f" has {len(table.lines)} rows of numbers: at least {FEWEST_ROWS} are needed.")
 
     # Time rises from row to row; forces are converted into N and voltages into V.
     data = np.stack([table.numbers(column) for column in table.columns], axis=1)
@@ -108,7 +108,7 @@ def read_measurement(file: str | Path) -> Measurement:
         clock = names.index("time")
         late = np.flatnonzero(np.diff(data[:, clock]) <= 0)
         if len(late):
-            refuse(f", line {table.lines[late[0] + 1]}: {headings[clock]} does not rise from the row before.")
+            refuse(f", line {table.lines[late[0] + 1]}: {headings[clock]} must be greater than in the row before.")
     for name, column, numbers in zip(names, table.columns, data.T, strict=True):
         if forces == (name,):
             ask_for_grams(f"measurement {str(file)!r}", column, numbers)
@@ -137,13 +137,18 @@ def _quantity(column: Column, voltages: int, refuse: Callable[[str], NoReturn]) 
         return name
     if name != "" and kind == "counts":
         refuse(
-            f": column {column.heading!r} holds counts of a converter: volts are needed, which are counts times its "
-            "full scale by their number, 2^bits."
+            f": column {column.heading!r} contains counts of a converter: volts are needed, which are counts times "
+            f"the full scale, divided by 2^bits."
         )
     if name != "" and kind == "A":
-        refuse(f": column {column.heading!r} holds a current: volts are needed, the current times the load resistance.")
+        refuse(
+            f": column {column.heading!r} contains a current: volts are needed, which are the current times the "
+            f"load resistance."
+        )
     if name != "":
         of = f"in {column.unit}" if column.unit else "without a unit"
         unit = {"s": "s or ms", "N": "N, mN, kN or g", "V": "V or mV"}[needed]
         refuse(f": column {column.heading!r} is {of}: {unit} is needed, as in {column.name}_{needed}.")
-    refuse(f": column {column.heading!r} is not known: time_s, force_N, fx_N, fy_N, fz_N or v1_V, v2_V, ... are.")
+    refuse(
+        f": column {column.heading!r} is not known: allowed are time_s, force_N, fx_N, fy_N, fz_N and v1_V, v2_V, ..."
+    )

@@ -59,7 +59,7 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
     groups = [points_of(force[piece], noise) for piece in pieces]
     if not any(len(points) > 1 for points, _ in groups):
         raise InputError(
-            f"measurement {measurement.file!r}: the force stands still at one level: at least two levels are needed."
+            f"measurement {measurement.file!r}: the force stays at one level: at least two levels are needed."
         )
     moving_runs = [(piece, *group) for piece, group in zip(pieces, groups, strict=True) if len(group[0]) > 1]
     curves = [_Curve(force[piece], voltage[piece], points) for piece, points, _ in moving_runs]
@@ -82,7 +82,7 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
     notes = [f"{len(runs)} runs of {min(len(run.force) for run in runs)} points or more.", *_words(errors)]
     if least > UNLOADED * largest:
         notes.append(
-            f"The record never is without load: changes and relative slopes refer to the least force, {least:.3g} N."
+            f"The recording has no unloaded state: changes and relative slopes refer to the least force, {least:.3g} N."
         )
     return Experiment(name, direction, {}, "V", measurement.taxel, since(rest, runs), rest=rest, notes=tuple(notes))
 
@@ -203,7 +203,8 @@ def _along_one_line(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
     if residual > SMALLEST_RUN * np.ptp(projection):
         raise InputError(
             f"measurement {measurement.file!r}: the force changes in several directions "
-            f"({residual:.2g} N, root mean square, off a line): a file for each direction is needed."
+            f"({residual:.2g} N root mean square away from a straight line): a separate file for each direction is "
+            f"needed."
         )
     return direction, force @ direction
 

@@ -205,7 +205,9 @@ def _curve(trial: _Trial, truth: TruthEstimate, unbounded: bool) -> ErrorCurve:
     points = [rung_point(rung, truth) for rung in trial.rungs]
     remarks = [trial.reason] if trial.reason else []
     if unbounded and method.integrator == "path":
-        remarks.append("isotropic walls give paths from the detector weights without bound: the error may fall slowly")
+        remarks.append(
+            "with isotropic walls, the weights of paths from the detector are unbounded: the error may fall slowly"
+        )
     if trial.rungs and not trial.rungs[-1].power.any():
         return ErrorCurve("optics", method.name, [], remark="it finds no light here")
     bias, z = _bias(trial.rungs, truth) if trial.rungs else (0.0, 0.0)

@@ -61,7 +61,7 @@ class PaperStudies:
         if file.is_file():
             stored = xr.load_dataset(file, engine="scipy")
             if stored.attrs["request"] != request_text:
-                raise InputError(f"{file} answers another request: a new folder is needed.")
+                raise InputError(f"{file} belongs to a study with other settings: a new folder is needed.")
             return stored
         if self.announce is None:
             raise MissingStudy(name)

@@ -62,7 +62,7 @@ def compute_shapes(
                 add_seconds(seconds, future.result())
                 advance(cell)
     except BrokenProcessPool as error:
-        raise ComputationError("a process died that computed a shape: fewer workers need less memory.") from error
+        raise ComputationError("a process that computed a shape died: fewer workers need less memory.") from error
     finally:
         processes.end(executor)
     return seconds

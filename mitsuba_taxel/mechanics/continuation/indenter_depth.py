@@ -103,7 +103,7 @@ def depth_of(segments: PathSegments, value: np.ndarray, height: float, follow: C
         while not segment.nodes or force_at(pad, segment, segment.nodes[-1]) < force:
             solved_to = segment.nodes[-1].s if segment.nodes else 0.0
             if solved_to > height:
-                raise InputError("an indenter that touches nothing cannot press: place it over the pad.")
+                raise InputError("the indenter touches nothing, so no force can act on it: place it over the pad.")
             follow((math.floor(solved_to / segment.step + 0.5 / TICKS) + 1) * segment.step * DOWN)
 
         # The depth between this node and the one before.

@@ -90,14 +90,14 @@ def end_of_path(
     touched, what = reason.startswith("touches"), reason.removeprefix("touches ")
     hint = ""
     if touched and load.self_contact:
-        hint = " It may go on with smaller elements."
+        hint = " The path may continue on smaller elements."
     elif touched:
-        hint = " With self_contact = true it goes on."
+        hint = " With self_contact = true the path continues."
     elif folded_at:
         location = _listed(np.array(folded_at))
         hint = f" It is folded into itself at an inner edge, near ({location}) mm: self_contact = true prevents that."
     elif UNSTABLE in reason and load.moved_indenter is not None and load.has_position:
-        hint = " At the edge of a contact that may be due to large elements: smaller ones, by mesh_size, may bear it."
+        hint = " The elements may be too large at the edge of the contact: try a smaller mesh_size."
     hint = said_of(what, mesh, place) + hint
     if buckled_at is not None:
         hint = f" It buckled at {_shown(load, buckled_at)}, into one of its mirrored shapes.{hint}"

@@ -178,7 +178,7 @@ def accelerated(
         correction = correct(unknowns)
         size = math.inf if correction is None else math.sqrt(np.square(correction[:displacements]).mean())
         if correction is None or not size < last:
-            raise Rejected("the tangent of another state leads no closer")
+            raise Rejected("no convergence with the tangent of another state")
         iterates = [*iterates[-REMEMBERED:], unknowns]
         corrections, last = [*corrections[-REMEMBERED:], correction], size
 
@@ -194,4 +194,4 @@ def accelerated(
             unknowns = unknowns - np.einsum("i,in->n", weights, steps - differences)
         if size <= tolerance * np.abs(unknowns[:displacements]).max():
             return unknowns, iteration
-    raise Rejected(f"the tangent of another state leads no closer in {MOST_ITERATIONS} iterations")
+    raise Rejected(f"no convergence with the tangent of another state in {MOST_ITERATIONS} iterations")

@@ -72,7 +72,7 @@ def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
     """
     if touched != "the board" or not are_at_feet(mesh, place):
         return ""
-    return " That is the foot of an upright edge, which rolls over earlier on smaller elements."
+    return " This point is at the foot of an upright edge, which rolls over at a smaller load on smaller elements."
 
 
 def couple_held(

@@ -106,7 +106,7 @@ class IndentedPad(LoadedPad):
             constraints = self.model.constraints(self.numbering.split(unknowns)[0], value)
             if factor.negative_pivots == self.numbering.pressures + constraints.negative(factor):
                 raise Rejected(
-                    "it slips off the indenter, which is sharper there than the elements: a rounder one is needed"
+                    "it slips off the indenter, whose edge is too sharp for the elements: a rounder indenter is needed"
                 ) from unstable
             raise
 

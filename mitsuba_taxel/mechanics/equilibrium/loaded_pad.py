@@ -456,8 +456,8 @@ class LoadedPad(MeshedPad):
             limit = gives_way(-value[-1], self.whole, self.material, self.load)
             if math.isfinite(limit):
                 raise Rejected(
-                    f"corners of its top give way beyond {limit:.3g} MPa of constant direction, whatever the elements: "
-                    "a plate, load = plate_force, keeps their shape"
+                    f"corners of its top become unstable beyond {limit:.3g} MPa of constant direction, on any mesh: "
+                    f"a plate, load = plate_force, keeps their shape"
                 )
         error = self._error(state, unknowns, value)
         if not error < 1e6 * max(first or error, 1.0):

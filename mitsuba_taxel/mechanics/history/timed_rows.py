@@ -122,7 +122,9 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
     """
     if not isinstance(material, Viscoelastic):
         if times is not None:
-            raise refusal("times", times, f"{material} is elastic, and only a Viscoelastic has times; none are needed")
+            raise refusal(
+                "times", times, f"{material} is elastic, so no times are allowed: only a Viscoelastic needs them"
+            )
         if not rubs(load):
             return LoadHistory()
         for value in values:

@@ -145,17 +145,17 @@ def checked_terms(prony: object) -> Terms:
         return is_row(term, is_number) and len(term) == 2  # type: ignore[arg-type]
 
     if not (is_row(prony, is_pair) and len(prony)):  # type: ignore[arg-type]
-        raise refusal("prony", prony, "at least one pair of numbers, a share and a relaxation time in s, is needed")
+        raise refusal("prony", prony, "at least one pair of numbers, a weight and a relaxation time in s, is needed")
     terms: Sequence[Sequence[float]] = prony  # type: ignore[assignment]
     if len(terms) > MOST_TERMS:
         raise InputError(f"prony with {len(terms)} terms is not allowed: at most {MOST_TERMS} are.")
     for weight, time in terms:
         if not (weight > 0 and time > 0):
-            raise InputError(f"prony term {weight:g} {time:g} is not allowed: a share and a time above 0 are needed.")
+            raise InputError(f"prony term {weight:g} {time:g} is not allowed: a weight and a time above 0 are needed.")
     total = sum(weight for weight, _ in terms)
     if not total < 1:
         raise InputError(
-            f"prony shares that add up to {total:g} are not allowed: less than 1 is needed, or no stiffness remains."
+            f"prony weights that add up to {total:g} are not allowed: less than 1 is needed, or no stiffness remains."
         )
     return tuple((float(weight), float(time)) for weight, time in terms)
 
@@ -185,5 +185,5 @@ def prony_of(text: str) -> Terms:
     except ValueError:
         terms = []
     if not terms or any(len(term) != 2 for term in terms):
-        raise InputError(f"prony = {text!r} is not allowed: terms 'share time', separated by ';', are needed.")
+        raise InputError(f"prony = {text!r} is not allowed: terms 'weight time', separated by ';', are needed.")
     return checked_terms(terms)

@@ -146,7 +146,7 @@ def _tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, n
     for rule in rules:
         if rule.face is not None and rule.face not in surface.names:
             names = ", ".join(sorted(set(surface.names))) or "none"
-            raise GeometryError(f"it has no face named {rule.face!r}, as a rule says; its names are: {names}")
+            raise GeometryError(f"a rule names the face {rule.face!r}, which it does not have; its faces are: {names}")
         region[(region == 0) & faces.meet(rule)] = REGIONS[rule.region]
     for name, level in (("bottom", faces.on_board), ("top", faces.at_top)):
         if not any(rule.region == name for rule in rules):

@@ -8,7 +8,7 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing.scene.description import Scene
 
-WITHOUT_PAD = "the scene holds no pad: its derivatives are differences of random paths, whose noise studies do not take"
+WITHOUT_PAD = "the scene has no pad, and a study stores no derivatives by differences of random paths, which are noisy"
 
 
 @in_turn

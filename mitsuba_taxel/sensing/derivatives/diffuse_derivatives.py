@@ -126,7 +126,7 @@ class _Linearised:
         hidden = np.array([occluded[number] for number in representative])[:, None]
         if hidden.max() > MOST_HIDDEN:
             raise NotFollowed(
-                f"derivatives are not available: {hidden.max():.1%} of a reading comes by ways that walls stand in."
+                f"derivatives are not available: {hidden.max():.1%} of a reading comes along paths that walls block."
             )
         scale = np.array([_scale(change, self.cells.pad.value) for change in changes])
         blocked = 2 * hidden * reading / np.where(scale > 0, scale, np.inf)

@@ -134,7 +134,9 @@ class DiffuseCells:
             for name, wall in () if shape.ptr in (self.pad.ptr, *packages) else walls_by_region(shape.bsdf()).items():
                 if any(scattered_fractions(wall)):
                     surface = f"the {name} of a {kind_of(shape)}" if name else f"a {kind_of(shape)}"
-                    raise NotDiffuse(f"{surface} sends light back, and only walls of pad and packages are followed")
+                    raise NotDiffuse(
+                        f"{surface} reflects light, but only light between walls of pad and packages is computed"
+                    )
         # The cells: their walls that scatter light, cut into patches.
         fractions = {
             REGIONS[name]: scattered_fractions(wall)
@@ -161,7 +163,7 @@ class DiffuseCells:
         nearest = np.linalg.norm(pad_cells.centres - taxel.middle, axis=1).argmin()
         faces = np.flatnonzero(scatters & (self._mesh.face_cell == pad_cells.drawn[nearest]))
         if not len(faces):
-            raise NotDiffuse("no wall of a cell sends light back")
+            raise NotDiffuse("no wall of a cell reflects light")
         number = int(pad_cells.number[nearest])
         edged = _have_edges(self._mesh, self.pad.pad, tuple(faces.tolist()))
         # Walls with edges are cut where the phototransistor's plane meets them; readings of domes are right without.
@@ -333,7 +335,7 @@ class DiffuseCells:
             package, of_package = package_after.cut(before._cuts(package_before))
         same = cell.number == cell_before.number and np.array_equal(cell.faces, cell_before.faces)
         if not (same and package.shape == cell_before.package.shape):
-            raise NotDiffuse("a wall begins to send light back, or dies to touch, as the parameter changes")
+            raise NotDiffuse("as the parameter changes, a wall begins to reflect light, or two dies begin to touch")
         scattered = _with_package(scattered[first][cell_before.cuts.parent], of_package)
         return CellWalls(cell.number, cell.faces, cell_before.cuts, cell.has_edges, package, *scattered.T)
 

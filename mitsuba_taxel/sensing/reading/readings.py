@@ -325,12 +325,13 @@ def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
     estimates = [error for error in errors if error is not None]
     if len(estimates) < len(errors):
         return [
-            "mechanics error unknown, as no second mesh can be loaded so far, or memory does not suffice for it: the "
-            "stated error is that of the light alone; a smaller mesh_size or a smaller load may tell it"
+            "mechanics error unknown, as a second mesh does not bear the load or needs too much memory: the stated "
+            "error is that of the light alone; try a smaller mesh_size or a smaller load"
         ]
     worst = max(estimates, key=lambda error: error.displacement)
     return [
-        f"mechanics: roofs right to {worst.displacement:.2g} mm (at worst {worst.largest:.2g} mm, {worst.relative:.1%} "
+        f"mechanics: error of the roofs {worst.displacement:.2g} mm (at worst {worst.largest:.2g} mm, "
+        f"{worst.relative:.1%} "
         f"of the largest displacement) and {worst.slope:.2g} degrees"
     ]
 
@@ -438,7 +439,7 @@ def light_error_line(readings: Readings) -> str:
         One line.
     """
     if not readings.points:
-        return "Light: without random numbers, as all walls are diffuse; its error is part of the geometry's."
+        return "Light: without random numbers, as all walls are diffuse; its error is included in that of the geometry."
     runs = f"{len(readings.replicates)} randomisations of {readings.points} points per taxel"
     return f"Light error: 1 sigma, from {runs}, seed {readings.seed}."
 

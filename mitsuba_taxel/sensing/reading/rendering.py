@@ -51,6 +51,6 @@ def render(
 def refuse_derivatives(integrator: mi.Integrator, *_: Any, **__: Any) -> None:
     """Refuse `dr.forward` and `dr.backward` through images of our integrators; raises `InputError`."""
     raise InputError(
-        f"derivatives by dr.forward or dr.backward are not available through {integrator!s}: take "
-        "measure(scene, derivatives=[...]), or differences of readings of the same seed, which share random numbers."
+        f"derivatives by dr.forward or dr.backward are not available through {integrator!s}: use measure(scene, "
+        f"derivatives=[...]), or differences of readings of the same seed, which share random numbers."
     )

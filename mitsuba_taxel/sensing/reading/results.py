@@ -105,7 +105,13 @@ RESULTS: tuple[Result, ...] = (
         (),
         _worst_roof("displacement"),
     ),
-    Result("slope_error", "degrees", "the same of the roofs' slope", (), _worst_roof("slope")),
+    Result(
+        "slope_error",
+        "degrees",
+        "finite-element error of the roofs' slope, root mean square",
+        (),
+        _worst_roof("slope"),
+    ),
     *(
         entry
         for result in PAD_RESULTS

@@ -30,7 +30,7 @@ MOST_POINTS = 1 << 20
 """Largest number of points per taxel and replicate."""
 FIRST_POINTS = 256
 """Points per taxel and replicate of the first step of a run."""
-CHOSEN_INTEGRATOR = "integrator taxel_tracer: it joins paths from both ends, and is right for every wall"
+CHOSEN_INTEGRATOR = "integrator taxel_tracer: it connects paths from LED and phototransistor, and supports every wall"
 """Note on an integrator that the scene does not name."""
 
 
@@ -81,10 +81,12 @@ def prepare(scene: AnyScene) -> Prepared:
     for pad in deformed_pads(live):
         if pad.state.buckled_at is not None:
             at = ", ".join(f"{component:.4g}" for component in pad.state.buckled_at)
-            notes.append(f"a pad has buckled at ({at}) {pad.state.load.unit}: of its mirrored shapes, one is followed")
+            notes.append(
+                f"a pad has buckled at ({at}) {pad.state.load.unit}: one of its mirror-image shapes is followed"
+            )
     notes += contact_notes(live)
     if deformed_pads(live) and any(has_faces(end) and end.resin_index is not None for end in live.sensors()):
-        notes.append("dies lie below windows: light is by random paths")  # also where all walls are diffuse
+        notes.append("dies lie below windows: light is computed by random paths")  # also where all walls are diffuse
     notes += dark_backs(live).values()
     if not traces_taxels(integrator) and _lights(live) > 1:
         notes.append("Mitsuba's own integrator: each reading holds the light of all LEDs and other emitters at once")

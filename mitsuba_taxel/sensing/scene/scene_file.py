@@ -59,7 +59,7 @@ def _read(path: Path, around: tuple[Path, ...]) -> Iterator[tuple[Path, ElementT
         within = f", which {around[-1].name} includes," if around else ""
         raise InputError(f"{path}{within} cannot be read: {reason}.") from error
     if _depth(root) > DEEPEST:
-        raise InputError(f"{path.name} is not allowed: more than {DEEPEST} of its elements lie one in the other.")
+        raise InputError(f"{path.name} is not allowed: its elements are nested more than {DEEPEST} deep.")
     yield path, root
     for include in root.iter("include"):
         yield from _read(path.parent / include.get("filename", ""), (*around, path.resolve()))

@@ -27,7 +27,9 @@ def path_to_contact(word: str) -> tuple[str, float] | None:
     along, _, furthest = word.partition("=")
     value = as_number(furthest)
     if not math.isfinite(value):
-        raise InputError(f"{TO_CONTACT} = {word!r} is not allowed: such as 'fz=-40' is needed, or {NONE}.")
+        raise InputError(
+            f"{TO_CONTACT} = {word!r} is not allowed: a load and its limit, such as 'fz=-40', or {NONE} is needed."
+        )
     return along.strip(), value
 
 

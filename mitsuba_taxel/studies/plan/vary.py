@@ -203,7 +203,10 @@ def _range(name: str, text: str) -> list[str]:
     if steps >= MOST_JOBS:
         raise InputError(f"{name} = {text!r} holds {steps + 1:.3g} values: at most {MOST_JOBS} are allowed.")
     if steps != int(steps):
-        raise InputError(f"{name} = {text!r}: steps of {step} from {start} do not meet {stop}, which is included.")
+        raise InputError(
+            f"{name} = {text!r}: steps of {step} from {start} do not reach the stop {stop}, which is "
+            f"included: choose a step that does."
+        )
     return [f"{start + i * step:f}" for i in range(int(steps) + 1)]
 
 

@@ -50,7 +50,9 @@ def with_chosen_steps(batch: Batch) -> Batch:
         return batch
     if len(open_axes) > 1:
         names = " and ".join(axis.dim for axis in open_axes)
-        raise InputError(f"{names} have no step: only one force may be without.")
+        raise InputError(
+            f"{names} have no step: only one of them may be without one; give the others a step, start:stop:step."
+        )
     (axis,) = open_axes
 
     # Steps, as fractions of the range, of some curves spread evenly over the other dimensions.

@@ -76,7 +76,7 @@ def open_pool(workers: int | None = None, scheduler: str | None = None) -> Itera
         check_whole("workers", workers, 1, MOST_WORKERS)
         workers = plain_number(workers)
     if scheduler is not None:
-        require("scheduler", scheduler, str, "an address, as tcp://host:8786,")
+        require("scheduler", scheduler, str, "an address, such as tcp://host:8786,")
         with _cluster(scheduler) as cluster:
             yield cluster
     elif workers is not None:

@@ -174,7 +174,7 @@ def _scenes(study: xr.Dataset | xr.DataTree) -> dict[str, xr.Dataset]:
         scenes = {node.path.strip("/"): node.to_dataset() for node in study.subtree}
     scenes = {name: with_forces_named(scene) for name, scene in scenes.items() if "power" in scene}
     if not scenes:
-        raise InputError("the study holds no power: readings are needed.")
+        raise InputError("the study has no readings: a study of readings is needed.")
     return scenes
 
 

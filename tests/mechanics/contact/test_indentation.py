@@ -236,7 +236,7 @@ def test_a_block_slips_off_a_ball_that_is_sharper_than_elements(symmetric_block)
     for depth in (0.1, 0.2):
         assert round_.to(depth).force > sharp.to(depth).force > 0
     assert round_.to(0.25).force > 0
-    with pytest.raises(Rejected, match="it slips off the indenter, which is sharper there than the elements"):
+    with pytest.raises(Rejected, match="it slips off the indenter, whose edge is too sharp for the elements"):
         sharp.to(0.25)
 
 

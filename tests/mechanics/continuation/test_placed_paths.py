@@ -72,8 +72,8 @@ def test_an_unstable_end_under_a_body_says_that_smaller_elements_may_bear_it():
     reason, value = f"cannot be loaded further ({UNSTABLE})", np.array([0, 0, -0.1])
     said = str(end_of_path(path.mesh, path.load, value, reason, np.full(3, np.nan), None))
     assert said.endswith(
-        "displacement = (0, 0, -0.1) mm. At the edge of a contact that may be due to large elements: "
-        "smaller ones, by mesh_size, may bear it."
+        "displacement = (0, 0, -0.1) mm. The elements may be too large at the edge of the contact: try a smaller "
+        "mesh_size."
     )
     assert "smaller" not in str(end_of_path(path.mesh, SpreadForce(), value, reason, np.full(3, np.nan), None))
 

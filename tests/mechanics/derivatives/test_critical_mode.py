@@ -62,7 +62,7 @@ def test_how_it_changes(mesh):
 
 def test_no_equilibrium_near_by_is_told(mesh):
     mode, still = CriticalMode(state_under(mesh, (0.0, 0.0, -0.1))), np.zeros((len(mesh.points), 3))
-    with pytest.raises(ComputationError, match="no equilibrium of a pad that changes a little was found"):
+    with pytest.raises(ComputationError, match="no equilibrium was found after a small change of the pad"):
         mode.after(still, still, np.array([0.0, 0.0, -200.0]), MATERIAL)
 
 

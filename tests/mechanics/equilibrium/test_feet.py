@@ -104,9 +104,9 @@ def test_a_path_that_ends_at_a_foot_says_so(mesh, place, said):
     at = np.array([place[0] * pad.extent[0] / 2, place[1] * pad.extent[1] / 2, 0.0])
     path, value = pad_path(pad, LAWS[0], SpreadForce(), 2.5), np.array([0.0, 0.0, -3.0])
     (message,) = path._end(value, "touches the board", at, []).args
-    assert message.endswith("-3) N. " * (not said) + "With self_contact = true it goes on.")
+    assert message.endswith("-3) N. " * (not said) + "With self_contact = true the path continues.")
     ended = PathEnded(value, 1.0, "touches the board", Contact("the board", tuple(at)))
     in_time = TimedPath(path, Viscoelastic(LAWS[0], ((0.2, 1.0),)))._end(ended, 0.0, 2.0)
     assert in_time.endswith("-3) N, 2 s.") is not said
     for words in (message, in_time):
-        assert ("the foot of an upright edge, which rolls over earlier on smaller elements" in words) is said
+        assert ("the foot of an upright edge, which rolls over at a smaller load on smaller elements" in words) is said

@@ -69,11 +69,11 @@ def leaning():
 
 def test_a_path_goes_on_where_the_pad_touches_itself_and_the_board(touching):
     with pytest.raises(
-        ComputationError, match=r"touches itself.* -1\.10\d*\) mm\. With self_contact = true it goes on"
+        ComputationError, match=r"touches itself.* -1\.10\d*\) mm\. With self_contact = true the path continues"
     ):
         pressed(BEYOND, load=PlateDisplacement())
     with pytest.raises(
-        ComputationError, match=r"touches the board.* -0\.99\d*\) mm\. With self_contact = true it goes on"
+        ComputationError, match=r"touches the board.* -0\.99\d*\) mm\. With self_contact = true the path continues"
     ):
         pressed((0, 0, -1.3), load=PlateDisplacement(), size=SMALL)
     barrier = Barrier(touching.mesh, LAW.youngs_modulus)
@@ -174,7 +174,7 @@ def held():
 def test_a_package_ends_a_path_that_does_not_go_on():
     """Where the roof comes down on it, and no state of the path changes by it."""
     without = PlateDisplacement()
-    with pytest.raises(ComputationError, match=r"touches a package near .* With self_contact = true it goes on") as end:
+    with pytest.raises(ComputationError, match=r"touches a package near .* With self_contact = true") as end:
         pressed(HELD, load=without, obstacles=PACKAGE)
     last = float(re.search(r"displacement = \(0, 0, (-[\d.]+)\) mm", str(end.value))[1])
     (free,) = pressed((0, 0, last), load=without)

@@ -40,10 +40,10 @@ def test_terms_of_a_scene():
     ("terms", "words"),
     [
         ("0.5 1; 0.5 2", "add up to 1 are not allowed"),
-        ("0.5 -1", "a share and a time above 0"),
-        ("0 1", "a share and a time above 0"),
-        ("0.5", "terms 'share time'"),
-        ("much 1", "terms 'share time'"),
+        ("0.5 -1", "a weight and a time above 0"),
+        ("0 1", "a weight and a time above 0"),
+        ("0.5", "terms 'weight time'"),
+        ("much 1", "terms 'weight time'"),
         ("nan 1", "at least one pair of numbers"),
     ],
 )

@@ -216,7 +216,7 @@ def without_hollow(corners):
         (slanted, (), "no top"),
         (without_hollow, (), "no cell"),
         (lambda c: c, [Rule("side", normal=(0, 0, -1), above=0.5)], r"cell at \(0, 0, 0.5\) mm has no roof"),
-        (lambda c: c, [Rule("roof", face="dome")], "no face named 'dome'"),
+        (lambda c: c, [Rule("roof", face="dome")], "a rule names the face 'dome', which it does not have"),
         (lambda c: c, [Rule("outer")], "no bottom"),
     ],
 )

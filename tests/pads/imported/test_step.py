@@ -90,7 +90,7 @@ def test_faces_are_known_by_name(step, areas):
 
 
 def test_a_name_that_no_face_has_is_refused_with_those_there_are(step):
-    with pytest.raises(InputError, match=r"^filename = .*pad.step is not allowed: it has no face named 'lid'.*dome"):
+    with pytest.raises(InputError, match=r"^filename = .*pad.step is not allowed: a rule names the face 'lid'.*dome"):
         mesh_pad_file(PadFile(step, [Rule("roof", face="lid")]), 1.25)
 
 

@@ -14,5 +14,5 @@ def test_ways_to_contacts():
 
 @pytest.mark.parametrize("word", ["fz", "fz=far", "fz=nan", "fz=-inf"])
 def test_ways_that_lead_nowhere_are_refused(word):
-    with pytest.raises(InputError, match=f"to_contact = '{word}' is not allowed: such as 'fz=-40' is needed, or none"):
+    with pytest.raises(InputError, match=f"to_contact = '{word}' is not allowed: .*'fz=-40', or none is needed"):
         path_to_contact(word)

@@ -46,7 +46,7 @@ def test_lists():
     [
         ("0:1:0", "endless"),
         ("0:1:-1", "empty"),
-        ("0:1:0.3", "do not meet 1"),
+        ("0:1:0.3", "do not reach the stop 1"),
         ("0:0", "not a range"),
         ("a:b:c", "not a range"),
         ("0:nan:1", "finite"),

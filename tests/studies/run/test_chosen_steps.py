@@ -97,7 +97,7 @@ def test_without_derivatives_a_sweep_says_why(pad):
             {"fz": "0:-1", "roof": "mirror"},
             "fz needs a step, start:stop:step: derivatives are not available: a wall is",
         ),
-        ({"fz": "0:-1", "fx": "0:1"}, "fz and fx have no step: only one force may be without"),
+        ({"fz": "0:-1", "fx": "0:1"}, "fz and fx have no step: only one of them may be without one"),
         ({"fz": "0:0"}, "start:stop, two different numbers"),
         ({"fz": "0:down"}, "start:stop, two different numbers"),
         ({"roof": "0:1"}, "start:stop:step, three numbers, is needed"),

@@ -151,7 +151,7 @@ def test_pad_study_writes_one_mesh_for_each_state_of_the_pad(tmp_path):
     (rest, also_rest), (pressed, also_pressed) = result.mesh.values.tolist()
     assert rest == also_rest and pressed == also_pressed and rest != pressed
     assert {f"meshes/{name}" for name in os.listdir(tmp_path / "out" / "meshes")} == {rest, pressed}
-    assert result.attrs["notes"].count("mechanics: roofs right to") == 1
+    assert result.attrs["notes"].count("mechanics: error of the roofs") == 1
     assert np.all(result.roof_error.sel(fz=0) == 0)
     assert np.all(result.roof_error.sel(fz=-1) > 0) and np.all(result.slope_error.sel(fz=-1) > 0)
     summary = (tmp_path / "out" / "summary.csv").read_text().splitlines()

@@ -36,7 +36,7 @@ def attributes(**parameters):
         "versions": json.dumps({"mitsuba": "3.9.0"}),
         "seed": 7,
         "points": 64,
-        "notes": "mechanics: roofs right to 0.001 mm",
+        "notes": "mechanics: error of the roofs 0.001 mm",
     }
 
 
@@ -250,7 +250,8 @@ def test_the_datasheet_says_what_was_done(tmp_path):
     for words in (
         "pad.xml", "normal: ", "tangential: ", "poisson_ratio = 0.49", "mitsuba 3.9.0", "seed 7", "64 points",
         "0.5% of each reading", "3 noisy copies", "seed (11)", "every job of the study gave readings",
-        "share their random numbers", "roofs right to 0.001 mm", "| fz_N | N |", "one of parallelepiped, hemispheric",
+        "share their random numbers",
+        "error of the roofs 0.001 mm", "| fz_N | N |", "one of parallelepiped, hemispheric",
     ):  # fmt: skip
         assert words in sheet, words
     for name, table in tables.items():
