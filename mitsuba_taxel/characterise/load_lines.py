@@ -145,12 +145,12 @@ def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        As returned by ``open_study``.
+        Result of ``open_study``.
 
     Returns
     -------
     list[Experiment]
-        With readings in W.
+        Experiments with readings in W.
     """
     if isinstance(study, xr.DataTree):
         return [

@@ -40,7 +40,7 @@ def force_parameters(study: xr.Dataset | xr.DataTree) -> list[str]:
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        As returned by ``open_study``.
+        Result of ``open_study``.
 
     Returns
     -------

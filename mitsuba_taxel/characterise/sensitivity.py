@@ -30,7 +30,7 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     Parameters
     ----------
     study : xr.Dataset
-        As returned by ``sweep``.
+        Result of ``sweep``.
     force : str
         ``fx``, ``fy`` or ``fz``, or the name of the parameter with this role, if it is varied alone, along a dimension
         of its own or in the steps of a path. Or the dimension of a path along which the force changes in one direction:
@@ -39,8 +39,8 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     Returns
     -------
     xr.Dataset
-        Over the other varied parameters and ``taxel``: ``max_slope``, ``mean_slope`` and ``zero_slope`` in W/N, or V/N
-        for a study in volts, each with its ``_error``; ``max_slope_at`` in N, as in :class:`Slopes`; and
+        Dataset over the other varied parameters and ``taxel``: ``max_slope``, ``mean_slope`` and ``zero_slope`` in W/N,
+        or V/N for a study in volts, each with its ``_error``; ``max_slope_at`` in N, as in :class:`Slopes`; and
         ``relative_slope`` in %/N, the mean slope over the reading at the least force, with its error.
 
     Raises

@@ -56,7 +56,7 @@ def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | No
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        As returned by ``open_study``.
+        Result of ``open_study``.
     circuit : Circuit, optional
         Circuit that converts the readings into V.
 

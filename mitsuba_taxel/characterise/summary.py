@@ -73,7 +73,7 @@ def slope_summary(study: xr.Dataset) -> tuple[str, pandas.DataFrame]:
     words : str
         Name of the channel; empty if rows belong to taxels.
     table : pandas.DataFrame
-        As returned by :func:`characteristics`; empty if no force is varied.
+        Result of :func:`characteristics`; empty if no force is varied.
     """
     lines = experiments(study)
     changed = {mode: [experiments(line) for line in pair] for mode, pair in changed_by_shape(study).items()}

@@ -89,7 +89,7 @@ def tangential_map(experiment: Experiment, rows: int, columns: int) -> Tangentia
     Parameters
     ----------
     experiment : Experiment
-        Along a tangential load.
+        Experiment along a tangential load.
     rows, columns : int
         Numbers of rows and columns of the taxels.
 

@@ -67,7 +67,7 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
     Parameters
     ----------
     table : pandas.DataFrame
-        As returned by :func:`volts_table`.
+        Result of :func:`volts_table`.
     circuit : Circuit or None
         Circuit of the study.
 

@@ -72,7 +72,7 @@ def table_rows(
     Parameters
     ----------
     table : pandas.DataFrame
-        As returned by :func:`characteristics`.
+        Result of :func:`characteristics`.
     figures : sequence of str
         Names of figures; names that are not in the table are ignored.
     latex : bool
@@ -120,7 +120,7 @@ def by_reading(table: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
     Parameters
     ----------
     table : pandas.DataFrame
-        As returned by :func:`characteristics`.
+        Result of :func:`characteristics`.
 
     Returns
     -------
@@ -140,9 +140,9 @@ def merit_tables(
     Parameters
     ----------
     table : pandas.DataFrame
-        As returned by :func:`characteristics`.
+        Result of :func:`characteristics`.
     volts : pandas.DataFrame, optional
-        As returned by :func:`volts_table`.
+        Result of :func:`volts_table`.
 
     Returns
     -------
@@ -163,7 +163,7 @@ def slope_answers(table: pandas.DataFrame) -> list[str]:
     Parameters
     ----------
     table : pandas.DataFrame
-        As returned by :func:`characteristics`.
+        Result of :func:`characteristics`.
 
     Returns
     -------
@@ -193,7 +193,7 @@ def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], 
     Parameters
     ----------
     pairs : pandas.DataFrame
-        As returned by :func:`symmetric_pairs`.
+        Result of :func:`symmetric_pairs`.
     latex : bool
         Whether numbers are formulas of LaTeX.
 
@@ -222,7 +222,7 @@ def figure_rows(table: pandas.DataFrame) -> tuple[list[str], list[list[str]]]:
     Parameters
     ----------
     table : pandas.DataFrame
-        As returned by :func:`volts_table`.
+        Result of :func:`volts_table`.
 
     Returns
     -------

@@ -121,7 +121,7 @@ class SceneObject:
         Returns
         -------
         Finding
-            At the parameter if the object has one of that name.
+            Finding at the parameter if the object has one of that name.
         """
         for child in self.element.children:
             if name and child.attributes.get("name") == name:

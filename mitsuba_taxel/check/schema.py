@@ -71,7 +71,7 @@ def write_schema(file: str | Path) -> None:
     Parameters
     ----------
     file : str or Path
-        Whose name ends in ``.rng``.
+        File whose name ends in ``.rng``.
 
     Raises
     ------

@@ -59,7 +59,7 @@ def circuit_of_study(study: xr.Dataset | xr.DataTree) -> Circuit | None:
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        As returned by ``open_study``.
+        Result of ``open_study``.
 
     Returns
     -------

@@ -64,12 +64,12 @@ def carried(error: ModelError) -> UnknownErrors:
     Parameters
     ----------
     error : ModelError
-        Of the readings, and how the unknowns follow them.
+        Error of the readings, and how the unknowns follow them.
 
     Returns
     -------
     UnknownErrors
-        By light, finite elements and surfaces, in the units of the unknowns.
+        Errors by light, finite elements and surfaces, in the units of the unknowns.
     """
     light = standard_error(np.einsum("kst,rst->rk", error.by_reading, error.replicates))
     size = np.abs(error.by_reading)

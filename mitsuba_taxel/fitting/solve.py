@@ -153,7 +153,7 @@ def interval(solution: LeastSquares, of_model: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     solution : LeastSquares
-        With half widths by the data.
+        Solution with half widths by the data.
     of_model : (unknowns,) ndarray
         Standard deviations by the model.
 

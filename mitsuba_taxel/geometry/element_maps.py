@@ -54,7 +54,7 @@ def curved_volume(mesh: VolumeMesh) -> float:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of quadratic tetrahedra.
+        Mesh of quadratic tetrahedra.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def worst_element(mesh: VolumeMesh) -> tuple[float, np.ndarray]:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of quadratic tetrahedra.
+        Mesh of quadratic tetrahedra.
 
     Returns
     -------

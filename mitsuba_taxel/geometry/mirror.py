@@ -55,14 +55,14 @@ def mirrored(mesh: VolumeMesh, mirror: Mirror) -> VolumeMesh:
     Parameters
     ----------
     mesh : VolumeMesh
-        On one side of the plane.
+        Mesh on one side of the plane.
     mirror : Mirror
         The plane, on which nodes lie exactly.
 
     Returns
     -------
     VolumeMesh
-        With the nodes of the original mesh first.
+        Mesh with the nodes of the original mesh first.
     """
     on_plane = mirror.side(mesh.points) == 0
     image = np.arange(len(mesh.points))

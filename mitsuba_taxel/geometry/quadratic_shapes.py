@@ -88,7 +88,7 @@ def control_points(nodes: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     nodes : (M, 6, 3) or (M, 10, 3) ndarray
-        Of triangles or tetrahedra, mm.
+        Nodes of triangles or tetrahedra, mm.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def hull_boxes(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.nd
     points : (N, 3) ndarray
         In mm.
     nodes : (M, 6) or (M, 10) ndarray of int
-        Of triangles or tetrahedra.
+        Nodes of triangles or tetrahedra.
 
     Returns
     -------

@@ -22,7 +22,7 @@ def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: fl
     Parameters
     ----------
     mesh : VolumeMesh
-        Of straight elements, mm.
+        Mesh of straight elements, mm.
     size : Callable
         Largest length (n,) of edges in mm at their middles (n, 3).
     most : float
@@ -31,7 +31,7 @@ def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: fl
     Returns
     -------
     VolumeMesh
-        With the same surface.
+        Mesh with the same surface.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def of_pieces(
     Parameters
     ----------
     mesh : VolumeMesh
-        With the elements that are cut.
+        Mesh with the elements that are cut.
     tets : (M, 4) ndarray
         Corners of the pieces, numbered from 0 without gaps.
     barycentric : (M, 4, 4) ndarray
@@ -133,7 +133,7 @@ def of_pieces(
     Returns
     -------
     VolumeMesh
-        Of quadratic elements on the same curved walls.
+        Mesh of quadratic elements on the same curved walls.
     """
     count = int(tets.max()) + 1
     ends = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)

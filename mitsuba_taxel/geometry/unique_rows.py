@@ -14,7 +14,7 @@ def unique_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Parameters
     ----------
     rows : (R, C) ndarray
-        Of numbers.
+        Rows of numbers.
 
     Returns
     -------

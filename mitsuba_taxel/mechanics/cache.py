@@ -71,7 +71,7 @@ def alone(name: str) -> Iterator[None]:
     Parameters
     ----------
     name : str
-        Of the entry; see :func:`key`.
+        Name of the entry; see :func:`key`.
 
     Yields
     ------

@@ -72,11 +72,11 @@ def weighted(weights: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.n
     Parameters
     ----------
     weights : (P, 6) ndarray
-        Of the nodes of each point.
+        Weights of the nodes of each point.
     nodes : (P, 6) ndarray of int
         Their numbers.
     values : (N, C) ndarray
-        At the nodes.
+        Values at the nodes.
 
     Returns
     -------
@@ -151,14 +151,14 @@ def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     cells : tuple[int, ...] or None
         Numbers of the cells; None for all.
 
     Returns
     -------
     (F,) ndarray of bool
-        Of each face.
+        One value of each face.
     """
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
     return in_cell if cells is None else in_cell & np.isin(mesh.face_cell, cells)

@@ -171,7 +171,7 @@ def state_after(
     Returns
     -------
     State
-        After the last value.
+        State after the last value.
     """
     rows = _checked(values, load)
     history, law = timed_rows(material, load, rows, times), remembering(material).law

@@ -59,7 +59,7 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> 
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     indenter : Indenter
         The rigid body.
     refinement : Refinement

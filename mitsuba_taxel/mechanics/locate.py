@@ -35,9 +35,9 @@ def carried(
     Returns
     -------
     displacement : (N', 3) ndarray
-        On the other mesh, mm.
+        Displacement on the other mesh, mm.
     pressure : (corners',) ndarray
-        On the other mesh, MPa.
+        Pressure on the other mesh, MPa.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def displacement_at(
     displacement : (N, 3) ndarray
         Of each node, in mm.
     points : (P, 3) array_like
-        Of the undeformed silicone, mm.
+        Points of the undeformed silicone, mm.
     tolerance : float
         Allowed distance of points from the silicone in mm; see :meth:`Location.interpolate`.
 
@@ -126,7 +126,7 @@ def displacement_gradient_at(
     displacement : (N, 3) ndarray
         Of each node, in mm.
     points : (P, 3) array_like
-        Of the undeformed silicone, mm.
+        Points of the undeformed silicone, mm.
     tolerance : float
         Allowed distance of points from the silicone in mm.
 

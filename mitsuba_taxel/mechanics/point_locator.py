@@ -124,7 +124,7 @@ class PointLocator:
         Returns
         -------
         Location
-            Of all points.
+            Positions of all points.
 
         Raises
         ------

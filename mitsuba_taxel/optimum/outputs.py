@@ -81,7 +81,7 @@ def printed_optimum(result: Optimum) -> Printed:
     Parameters
     ----------
     result : Optimum
-        As :func:`optimise` returns it.
+        Result of :func:`optimise`.
 
     Returns
     -------

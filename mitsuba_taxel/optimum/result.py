@@ -65,7 +65,7 @@ class Optimum:
         Of the best design, of others within 2 % of the bounds, one of each mesh, and on the finer mesh: the slope is
         that of their mean.
     load_steps : int
-        Computed for all designs, without the finer mesh.
+        Load steps computed for all designs, without the finer mesh.
     seconds : float
         Time of their jobs.
     design_seconds : list[float]

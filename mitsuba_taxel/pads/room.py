@@ -62,7 +62,7 @@ def room_needed(pad: Pad, corners: np.ndarray) -> str:
     pad : Pad
         In mm.
     corners : (M, 3) ndarray
-        Of the package in the frame of the pad, in mm.
+        Corners of the package in the frame of the pad, in mm.
 
     Returns
     -------

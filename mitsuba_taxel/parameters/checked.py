@@ -118,7 +118,7 @@ def parameters_of(cls: Any) -> Mapping[str, Parameter]:
     Returns
     -------
     Mapping[str, Parameter]
-        By attribute; fields in their order, then parameters of kinds.
+        Parameters by attribute; fields in their order, then parameters of kinds.
     """
     return _all_parameters(cls, _chosen(cls))
 

@@ -58,13 +58,13 @@ def write_characteristics(
     folder : Path
         An existing one.
     experiments : sequence of Experiment
-        Of a study or a measurement.
+        Experiments of a study or a measurement.
     maps : sequence of TangentialMap
-        Of the same.
+        Maps of the same study or measurement.
     table, pairs : pandas.DataFrame
-        As returned by ``characteristics(experiments)`` and ``symmetric_pairs(maps)``.
+        Result of ``characteristics(experiments)`` and ``symmetric_pairs(maps)``.
     volts : pandas.DataFrame, optional
-        As returned by ``volts_table``.
+        Result of ``volts_table``.
 
     Returns
     -------
@@ -105,14 +105,14 @@ def plot_sensitivity(experiments: Sequence[Experiment], narrow: bool = False) ->
     Parameters
     ----------
     experiments : sequence of Experiment
-        Of a study or a measurement.
+        Experiments of a study or a measurement.
     narrow : bool
         Whether the picture is for a phone.
 
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     groups = _groups([experiment for experiment in experiments if experiment.loading_runs])
     relative = all(experiment.rest is not None for group in groups for experiment in group.lines.values())
@@ -142,14 +142,14 @@ def plot_deviations(experiments: Sequence[Experiment], narrow: bool = False) -> 
     Parameters
     ----------
     experiments : sequence of Experiment
-        Of a study or a measurement.
+        Experiments of a study or a measurement.
     narrow : bool
         Whether the picture is for a phone.
 
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     groups = _groups(
         [experiment for experiment in experiments if any(branch.loading for branch in experiment.branches)]
@@ -182,14 +182,14 @@ def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Fig
     Parameters
     ----------
     experiments : sequence of Experiment
-        Of a study, with a parameter of :func:`parameters_of` at least.
+        Experiments of a study, with a parameter of :func:`parameters_of` at least.
     narrow : bool
         Whether the picture is for a phone.
 
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     names, by_unit = parameters_of(experiments), _by_unit(experiments)
     relative = all(experiment.rest is not None for shown in by_unit for experiment in shown)
@@ -225,7 +225,7 @@ def parameters_of(experiments: Sequence[Experiment]) -> list[str]:
     Parameters
     ----------
     experiments : sequence of Experiment
-        Of a study.
+        Experiments of a study.
 
     Returns
     -------
@@ -365,7 +365,7 @@ def plot_tangential_maps(maps: Sequence[TangentialMap], narrow: bool = False) ->
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     count = min(len(maps), MOST_PANELS)
     across = 1 if narrow else min(math.ceil(math.sqrt(count)), 3)

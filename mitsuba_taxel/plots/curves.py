@@ -184,14 +184,14 @@ def plot_curves(study: xr.Dataset, narrow: bool = False) -> Figure:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene, in W or V.
+        Study of one scene, in W or V.
     narrow : bool
         Whether the picture is for a phone.
 
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     study = with_forces_named(study)
     curves = curves_of(study)
@@ -264,14 +264,14 @@ def plot_taxels(study: xr.Dataset, narrow: bool = False) -> Figure:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene, in W or V.
+        Study of one scene, in W or V.
     narrow : bool
         Whether the picture is for a phone.
 
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     study = with_forces_named(study)
     curves = curves_of(study)
@@ -291,7 +291,7 @@ def has_taxels_to_compare(study: xr.Dataset) -> bool:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Study of one scene.
 
     Returns
     -------

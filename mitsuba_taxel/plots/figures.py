@@ -95,7 +95,7 @@ def axes_of(inches: tuple[float, float], rows: int, columns: int, **options: Any
     inches : tuple[float, float]
         Width and height of the figure.
     rows, columns : int
-        Of axes.
+        Rows and columns of axes.
     **options : Any
         Of matplotlib's ``subplots``.
 
@@ -117,7 +117,7 @@ def panel_axes(
     Parameters
     ----------
     rows, columns : int
-        Of axes.
+        Rows and columns of axes.
     size : tuple[float, float]
         Width and height of a panel in inches.
     sharex : bool or str
@@ -146,11 +146,11 @@ def save_figure(figure: Figure, folder: Path, name: str) -> None:
     Parameters
     ----------
     figure : Figure
-        Of matplotlib.
+        Matplotlib figure.
     folder : Path
         An existing one.
     name : str
-        Of the files, without ending.
+        Name of the files, without ending.
 
     Raises
     ------
@@ -169,9 +169,9 @@ def save_small(figure: Figure, file: Path) -> None:
     Parameters
     ----------
     figure : Figure
-        Of matplotlib.
+        Matplotlib figure.
     file : Path
-        Of the PNG.
+        PNG file.
 
     Raises
     ------
@@ -248,11 +248,11 @@ def legend_beside(figure: Figure, axes: Sequence[Axes], title: str | None = None
     Parameters
     ----------
     figure : Figure
-        Of matplotlib.
+        Matplotlib figure.
     axes : sequence of Axes
-        Of the panels, which show the same lines.
+        Axes of the panels, which show the same lines.
     title : str, optional
-        Of the legend.
+        Title of the legend.
     """
     handles, labels = axes[0].get_legend_handles_labels()
     if not any(labels):

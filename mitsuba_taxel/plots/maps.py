@@ -25,7 +25,7 @@ def plane_of(study: xr.Dataset) -> tuple[str, str] | None:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Study of one scene.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def plane_of_steps(study: xr.Dataset) -> tuple[str, str] | None:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Study of one scene.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def has_map(study: xr.Dataset) -> bool:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Study of one scene.
 
     Returns
     -------
@@ -94,14 +94,14 @@ def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene, with a map.
+        Study of one scene, with a map.
     narrow : bool
         Whether the picture is for a phone.
 
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     listed = None if plane_of(study) else plane_of_steps(study)
     if listed:
@@ -142,14 +142,14 @@ def plot_resolution(resolutions: xr.Dataset, narrow: bool = False) -> Figure:
     Parameters
     ----------
     resolutions : xr.Dataset
-        As :func:`resolution` returns it.
+        Result of :func:`resolution`.
     narrow : bool
         Whether the picture is for a phone.
 
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     from matplotlib.colors import LogNorm
 

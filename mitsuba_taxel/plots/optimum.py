@@ -28,7 +28,7 @@ def plot_optimum(figures: pandas.DataFrame, variables: pandas.DataFrame, history
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     axes = panel_axes(1, 3, size=(4.6, 3.4), sharex=False)
     _draw_course(axes[0, 0], history, figures.iloc[0])
@@ -83,7 +83,7 @@ def plot_sections(before: Pad, best: Pad) -> Figure:
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     from matplotlib.patches import Polygon
 
@@ -118,7 +118,7 @@ def plot_front(front: pandas.DataFrame, units: Sequence[str]) -> Figure:
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     axes = panel_axes(1, 1)
     ax = axes[0, 0]

@@ -27,7 +27,7 @@ def plot_part(part: Part) -> Figure:
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     ((above, curve),) = panel_axes(1, 2, sharex=False, size=(5.2, 4.2))
     _draw_from_above(above, part)

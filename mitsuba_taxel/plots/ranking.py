@@ -28,12 +28,12 @@ def plot_ranking(comparison: Comparison) -> Figure:
     Parameters
     ----------
     comparison : Comparison
-        As :func:`compare` returns it.
+        Result of :func:`compare`.
 
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     rows = comparison.table.head(MOST_VARIANTS)
     figures = list(dict.fromkeys([comparison.by, *comparison.limits]))

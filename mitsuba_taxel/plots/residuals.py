@@ -36,7 +36,7 @@ def plot_residuals(
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     from matplotlib.figure import Figure
 

@@ -37,7 +37,7 @@ def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figu
     Returns
     -------
     Figure
-        Of matplotlib.
+        Matplotlib figure.
     """
     names = list(dict.fromkeys(spread.figure))
     grid = axes_of((10.5, 2.6 * len(names) + 0.5), len(names), 2)

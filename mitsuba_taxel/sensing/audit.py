@@ -314,9 +314,9 @@ def audit_text(audit: EnergyAudit, width: int | None = None) -> str:
     Parameters
     ----------
     audit : EnergyAudit
-        Of a scene.
+        Audit of a scene.
     width : int, optional
-        Of a line in characters.
+        Width of a line in characters.
 
     Returns
     -------

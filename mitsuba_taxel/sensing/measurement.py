@@ -152,28 +152,28 @@ def measured(
     Parameters
     ----------
     scene : Scene or str or Path or dict or mi.Scene or Prepared
-        As for :func:`measure`.
+        See :func:`measure`.
     target_error : float, optional
-        As for :func:`measure`.
+        See :func:`measure`.
     points : int, optional
-        As for :func:`measure`.
+        See :func:`measure`.
     time_budget : float, optional
-        As for :func:`measure`.
+        See :func:`measure`.
     seed : int
-        As for :func:`measure`.
+        See :func:`measure`.
     irradiance : bool
-        As for :func:`measure`.
+        See :func:`measure`.
     mechanics_error : bool
-        As for :func:`measure`.
+        See :func:`measure`.
     continued : Readings, optional
-        As for :func:`measure`.
+        See :func:`measure`.
     derivatives : sequence of str
-        As for :func:`measure`.
+        See :func:`measure`.
 
     Returns
     -------
     readings : Readings
-        As of :func:`measure`.
+        See :func:`measure`.
     ready : Prepared
         The scene.
 
@@ -365,7 +365,7 @@ def crosstalk(
     Parameters
     ----------
     scene : Scene or str or Path or dict or mi.Scene or Prepared
-        As for :func:`measure`.
+        See :func:`measure`.
     target_error : float, optional
         Relative error that the taxels' own readings should reach.
     points : int, optional
@@ -457,15 +457,15 @@ def check_request(
     Parameters
     ----------
     target_error : float or None
-        As for :func:`measure`.
+        See :func:`measure`.
     points : int or None
-        As for :func:`measure`.
+        See :func:`measure`.
     seed : int
-        As for :func:`measure`.
+        See :func:`measure`.
     time_budget : float, optional
-        As for :func:`measure`.
+        See :func:`measure`.
     derivatives : sequence of str
-        As for :func:`measure`.
+        See :func:`measure`.
 
     Raises
     ------

@@ -97,7 +97,7 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
     ready : Prepared
         The scene.
     seed : int
-        Of the random numbers.
+        Seed of the random numbers.
     most : int
         Largest number of points per taxel and replicate.
     tolerance : float
@@ -167,7 +167,7 @@ def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, toler
     ready : Prepared
         The scene.
     seed : int
-        Of the random numbers.
+        Seed of the random numbers.
     most : int
         Largest number of points per taxel and replicate; as many are traced as resolve the error.
     tolerance : float
@@ -217,7 +217,7 @@ def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
     clock : Clock or None
         With a limit, the first traces must do.
     points : int
-        Of the readings.
+        Points of the readings.
 
     Returns
     -------
@@ -248,11 +248,11 @@ def prepare_for(
     Parameters
     ----------
     scene : AnyScene
-        As for :func:`prepare`; only a `Scene` that does not fix the mesh of its pads gets a finer one.
+        See :func:`prepare`; only a `Scene` that does not fix the mesh of its pads gets a finer one.
     target_error : float
         Relative; if the mechanics cannot reach it, the light still gets a fraction of it.
     seed : int
-        Of the random numbers of pilot runs.
+        Seed of the random numbers of pilot runs.
     clock : Clock, optional
         Steps that would not end in time are not started.
     random : bool

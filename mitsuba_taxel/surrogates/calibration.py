@@ -46,11 +46,11 @@ class Calibration(NamedTuple):
     Attributes
     ----------
     polynomial : Polynomial
-        From readings to forces in N.
+        Polynomial from readings to forces in N.
     forces : tuple[str, ...]
         Names of the forces.
     half_width : (forces,) ndarray
-        Of the intervals, N.
+        Half width of the intervals, N.
     coverage : float
         Fraction of the forces that the intervals should contain.
     covered : float

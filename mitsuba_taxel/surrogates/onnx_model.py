@@ -53,7 +53,7 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        As returned by ``open_study``, of one scene.
+        Result of ``open_study``, of one scene.
     file : str or Path
         Must end in ``.onnx``.
 
@@ -148,7 +148,7 @@ def study_error(study: xr.Dataset) -> StudyError:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Study of one scene.
 
     Returns
     -------
@@ -185,7 +185,7 @@ def write_calibration(found: Calibration, file: str | Path) -> None:
     Parameters
     ----------
     found : Calibration
-        As :func:`calibrate` returns it.
+        Result of :func:`calibrate`.
     file : str or Path
         Which is replaced if it exists.
 

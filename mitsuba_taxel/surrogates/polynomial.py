@@ -29,11 +29,11 @@ class Polynomial(NamedTuple):
     Attributes
     ----------
     names, units : tuple[str, ...]
-        Of the inputs.
+        Names and units of the inputs.
     low, high : (inputs,) ndarray
         The box, in the units of the inputs.
     exponents : (terms, inputs) ndarray of int
-        Of the inputs, scaled to -1 ... 1.
+        Exponents of the inputs, scaled to -1 ... 1.
     weights : (terms, taxels) ndarray
         In W.
     rms, worst : float
@@ -79,7 +79,7 @@ def polynomial_of(study: xr.Dataset) -> Polynomial:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene, as returned by ``sweep`` or ``open_study``.
+        Study of one scene, as returned by ``sweep`` or ``open_study``.
 
     Returns
     -------

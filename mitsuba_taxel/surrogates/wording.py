@@ -40,7 +40,7 @@ def printed_calibration(calibration: Calibration) -> Printed:
     Parameters
     ----------
     calibration : Calibration
-        As :func:`calibrate` returns it.
+        Result of :func:`calibrate`.
 
     Returns
     -------

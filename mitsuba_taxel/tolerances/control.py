@@ -64,7 +64,7 @@ def spreads(exact: np.ndarray, seed: int) -> dict[str, np.ndarray]:
     exact : (N, T) ndarray
         The samples.
     seed : int
-        Of the resamples.
+        Seed of the resamples.
 
     Returns
     -------

@@ -80,7 +80,7 @@ def figure_rates(
     rates : (forces, taxels, parameters) ndarray
         Their derivatives.
     force, loaded, circuit
-        As for :func:`figures`.
+        See :func:`figures`.
     """
     largest = np.nanmax(np.abs(rates), initial=0.0)
     step = 1e-4 * np.abs(power).max() / (largest if largest > 0 else 1.0)

@@ -121,9 +121,9 @@ def indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> SobolIndices:
     Parameters
     ----------
     polynomial : ResponseSurface
-        Of :func:`fitted`.
+        Polynomial of :func:`fitted`.
     laws : sequence of Law
-        Of the parameters.
+        Laws of the parameters.
 
     Returns
     -------

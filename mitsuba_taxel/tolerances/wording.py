@@ -84,7 +84,7 @@ def index_rows(parameters: pandas.DataFrame) -> tuple[tuple[str, ...], list[tupl
     Returns
     -------
     headings : tuple[str, ...]
-        Of the columns.
+        Headings of the columns.
     rows : list[tuple[str, ...]]
         Their cells.
     """

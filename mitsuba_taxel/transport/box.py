@@ -58,7 +58,7 @@ class Passage:
     Parameters
     ----------
     box : Box
-        That blocks the light.
+        Box that blocks the light.
     start, d : Array3f64
         Starts of the segments in the frame of the box, and vectors to their ends, in mm.
     can_block : Bool or bool
@@ -67,7 +67,7 @@ class Passage:
     Attributes
     ----------
     fraction : Float64
-        That passes, from 0 to 1.
+        Fraction that passes, from 0 to 1.
     """
 
     def __init__(self, box: Box, start: Array3f64, d: Array3f64, can_block: Bool | bool = True) -> None:
@@ -99,9 +99,9 @@ class Passage:
         Returns
         -------
         by_end : Array3f64
-            By the end of the segment.
+            Derivatives by the end of the segment.
         by_both : Array3f64
-            By a common translation of both ends.
+            Derivatives by a common translation of both ends.
         """
         along = (self._leave - self._enter) / self._length
         by_end = [

@@ -93,14 +93,14 @@ def around(face: Rectangle, openings: Sequence[Rectangle]) -> list[Rectangle]:
     Parameters
     ----------
     face : Rectangle
-        That is covered.
+        Face that is covered.
     openings : sequence of Rectangle
         They may overlap, and extend beyond the face.
 
     Returns
     -------
     list of Rectangle
-        That do not overlap; strips thinner than `THIN` are left out.
+        Rectangles that do not overlap; strips thinner than `THIN` are left out.
     """
     inner = [_clipped(opening, face) for opening in openings]
     thin = THIN * max(face[1] - face[0], face[3] - face[2])

@@ -73,7 +73,7 @@ class Mesh:
     rest : (F, 15, 3) ndarray
         Positions of the undeformed patches in mm; a translation has no effect.
     degree : int
-        Of the polynomials: 2, or 1 for a coarser solution.
+        Degree of the polynomials: 2, or 1 for a coarser solution.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ class Cell:
     led, phototransistor : End
         Ends of the path.
     box : Box, optional
-        Whose top they may be at, and which blocks light between the walls.
+        Box whose top they may be at, and which blocks light between the walls.
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ class Cell:
         Parameters
         ----------
         velocity : (F, 15, 3) ndarray
-            Of the patches, in mm per unit of the parameter.
+            Velocity of the patches, in mm per unit of the parameter.
 
         Returns
         -------
@@ -384,7 +384,7 @@ class Cell:
         Parameters
         ----------
         velocity : (F, 15, 3) ndarray
-            Of the patches, in mm per unit of the parameter.
+            Velocity of the patches, in mm per unit of the parameter.
         side : int
             1 for the derivative along the velocity, -1 for that of walls that arrive along it.
 
@@ -420,9 +420,9 @@ class Cell:
         Parameters
         ----------
         led, phototransistor : End
-            With their changed values.
+            LED and phototransistor with their changed values.
         box : Box or None
-            With its changed values.
+            Box with its changed values.
         scattered : (F,) ndarray
             Changed scattering of each patch, relative to the present scattering.
 

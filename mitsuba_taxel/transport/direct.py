@@ -38,7 +38,7 @@ class Direct:
     emission : Emission
         Light of the LED on the walls.
     phototransistor : End
-        That receives it.
+        Phototransistor that receives it.
     isotropic, lambertian : (F,) ndarray
         Fraction of the incident light that each patch scatters with this law.
     coarse : (F * Q,) ndarray
@@ -99,7 +99,7 @@ class Direct:
         Parameters
         ----------
         positions : (F, 15, 3) ndarray, optional
-            Of the patches if they have moved; in mm.
+            Positions of the patches if they have moved; in mm.
 
         Returns
         -------

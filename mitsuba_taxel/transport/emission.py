@@ -68,9 +68,9 @@ class Emission:
     led : End
         Its points and law.
     positions : (F, 15, 3) ndarray
-        Of the patches, in mm.
+        Positions of the patches, in mm.
     degree : int
-        Of the polynomials that interpolate values on each patch from its Q points.
+        Degree of the polynomials that interpolate values on each patch from its Q points.
     inside, edge : LitPoints
         Within the cone of the LED, and at its edge.
     """
@@ -193,7 +193,7 @@ class Emission:
         lit : LitPoints
             N of them.
         values : (F * Q,) ndarray
-            At the points of the patches.
+            Values at the points of the patches.
 
         Returns
         -------
@@ -258,14 +258,14 @@ def emission(
     positions, rest : (F, 15, 3) ndarray
         Deformed and undeformed positions of the patches, in mm.
     degree : int
-        Of the polynomials that interpolate values on each patch.
+        Degree of the polynomials that interpolate values on each patch.
     phototransistor : End, optional
         Pieces resolve its response as well.
 
     Returns
     -------
     Emission
-        At the deformed positions.
+        Emission at the deformed positions.
     """
     peaked = any(end.law.is_peaked for end in (led, phototransistor) if end is not None)
     source, pieces = _lit_pieces(led, phototransistor, positions if peaked else rest)

@@ -56,13 +56,13 @@ class LightRates:
     Attributes
     ----------
     by_end : list of (N,) ndarray
-        By the position of the end, per mm. That by the position of the start has the opposite sign.
+        Derivatives by the position of the end, per mm. That by the position of the start has the opposite sign.
     by_area : list of (N,) ndarray
-        By the area normal of the end.
+        Derivatives by the area normal of the end.
     by_normal : list of (N,) ndarray
-        By the unit normal of the start.
+        Derivatives by the unit normal of the start.
     by_both : list of (N,) ndarray or None
-        By a common translation of both ends relative to a box, per mm; None without a box.
+        Derivatives by a common translation of both ends relative to a box, per mm; None without a box.
     """
 
     by_end: list[np.ndarray]
@@ -163,7 +163,7 @@ class Exchange:
         Returns
         -------
         LightRates
-            Of each pair.
+            Rates of each pair.
         """
         with _TURN:
             pair, factor = self._pairs(), _floats(weight)

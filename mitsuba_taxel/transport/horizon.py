@@ -80,7 +80,7 @@ def fraction_above(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     fraction : (M,) ndarray
-        From 0 to 1.
+        Fraction from 0 to 1.
     by_corner : (M, 3) ndarray
         Its derivatives by the values.
     """

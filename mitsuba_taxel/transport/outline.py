@@ -47,7 +47,7 @@ def power_within(points: np.ndarray, normal: np.ndarray, within: Cumulative, pos
     within : Cumulative
         Angular law of the sources.
     positions : (F, 15, 3) ndarray
-        Of the patches, in mm; they face the sources.
+        Positions of the patches, in mm; they face the sources.
 
     Returns
     -------

@@ -32,7 +32,7 @@ class Pairs:
     points : PatchPoints
         All P points.
     degree : int
-        Of the polynomials that interpolate values on patches.
+        Degree of the polynomials that interpolate values on patches.
     """
 
     target: np.ndarray
@@ -55,11 +55,11 @@ def pairs_of(targets: np.ndarray, positions: np.ndarray, own: np.ndarray, degree
     targets : (T, 3) ndarray
         In mm: the points of :func:`triangle_rule`, patch by patch.
     positions : (F, 15, 3) ndarray
-        Of the patches, in mm.
+        Positions of the patches, in mm.
     own : (T,) ndarray
         Number of the patch of each target.
     degree : int
-        Of the triangle rule, which is applied to each piece of the other patches.
+        Degree of the triangle rule, which is applied to each piece of the other patches.
     distance : float
         See :func:`cut_near`.
 

@@ -60,7 +60,7 @@ class PatchPoints:
         Parameters
         ----------
         positions : (F, 15, 3) ndarray
-            Of the patches, in mm.
+            Positions of the patches, in mm.
 
         Returns
         -------
@@ -75,7 +75,7 @@ class PatchPoints:
         Parameters
         ----------
         positions : (F, 15, 3) ndarray
-            Of the patches, in mm.
+            Positions of the patches, in mm.
 
         Returns
         -------
@@ -93,7 +93,7 @@ class PatchPoints:
         Parameters
         ----------
         positions : (F, 15, 3) ndarray
-            Of the patches, in mm.
+            Positions of the patches, in mm.
         by_position, by_area : (P, 3) ndarray
             Derivatives of the function by position and area normal of each point.
 

@@ -49,7 +49,7 @@ class Pieces:
         Parameters
         ----------
         positions : (F, 15, 3) ndarray
-            Of the patches, in mm.
+            Positions of the patches, in mm.
 
         Returns
         -------
@@ -82,11 +82,11 @@ def cut_near(
     targets : (T, 3) ndarray
         In mm.
     positions : (F, 15, 3) ndarray
-        Of the patches, in mm.
+        Positions of the patches, in mm.
     own : (T,) ndarray or None
         Patch of each target, with which it forms no pair; None if targets lie on no patch.
     distance : float
-        From a target to the middle of a piece, relative to its longest side: a piece at a smaller distance is
+        Distance from a target to the middle of a piece, relative to its longest side: a piece at a smaller distance is
         subdivided.
 
     Yields

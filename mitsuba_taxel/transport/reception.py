@@ -57,7 +57,7 @@ class Reception:
         Returns
         -------
         by_start, by_normal : (T, 3) ndarray
-            By the positions of the points, per mm, and by their unit normals.
+            Derivatives and derivatives by the positions of the points, per mm, and by their unit normals.
         """
         ends = np.cumsum([len(block.at) for block in self._blocks])
         gradients = [
@@ -110,7 +110,7 @@ def acceptance(
     end : End
         The phototransistor.
     positions : (F, 15, 3) ndarray
-        Of the patches, in mm.
+        Positions of the patches, in mm.
     points : PatchPoints
         P quadrature points on the patches.
     weights : (P,) ndarray
@@ -143,9 +143,9 @@ def accepted(end: End, positions: np.ndarray, degree: int) -> tuple[np.ndarray, 
     end : End
         The phototransistor.
     positions : (F, 15, 3) ndarray
-        Of the patches, in mm.
+        Positions of the patches, in mm.
     degree : int
-        Of :func:`triangle_rule`.
+        Degree of :func:`triangle_rule`.
 
     Returns
     -------
@@ -174,7 +174,7 @@ def radiance(
     received, scattered : (F,) ndarray
         Power in W from each patch, on the phototransistor and in all directions.
     area : (F,) ndarray
-        Of the patches, in mm².
+        Area of the patches, in mm².
     by_rule, by_outline : (F,) ndarray
         From :func:`acceptance`, in mm² sr.
 

@@ -37,7 +37,7 @@ def triangle_rule(degree: int) -> Rule:
     points : (Q, 2) ndarray
         3 for degree 1, 6 for 2.
     weights : (Q,) ndarray
-        Of which the sum is 1/2.
+        Weights of which the sum is 1/2.
     """
     points = [point for a, _ in _ORBITS[degree] for point in ((a, a), (a, 1 - 2 * a), (1 - 2 * a, a))]
     weights = [weight / 2 for _, weight in _ORBITS[degree] for _ in range(3)]
@@ -108,7 +108,7 @@ def rectangle_rule(width: float, depth: float, columns: int, rows: int) -> Rule:
     Parameters
     ----------
     width, depth : float
-        Along x and y, mm.
+        Width and depth along x and y, mm.
     columns, rows : int
         Numbers of points along x and y.
 
@@ -196,7 +196,7 @@ def polar_rule(target: np.ndarray, count: int) -> Rule:
     points : (3 count², 2) ndarray
         Coordinates (s, t).
     weights : (3 count²,) ndarray
-        Of which the sum is 1/2.
+        Weights of which the sum is 1/2.
     """
     equilateral = np.array([[1.0, 0.0], [0.5, math.sqrt(3) / 2]])
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])

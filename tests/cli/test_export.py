@@ -33,7 +33,7 @@ def test_the_program_calibrates_a_study_and_a_bench(taxel, tmp_path):
     np.savetxt(tmp_path / "bench.csv", table, delimiter=",", header="time_s,fz_N,v1_V", comments="")
     done = taxel("calibrate", "bench.csv", "--coverage", "80%")
     assert_on_its_page(done, tmp_path)
-    assert done.returncode == 0 and done.stderr == "" and "N contains the force with a probability of 80%" in done.stdout
+    assert done.returncode == 0 and done.stderr == "" and "contains the force with a probability of 80%" in done.stdout
     assert (tmp_path / "calibration.onnx").stat().st_size
     about = json.loads(taxel("calibrate", "bench.csv", "--json").stdout)
     # Noise is white here; of some six runs, Student's distribution has 1.94 standard deviations, which hold 95 %.

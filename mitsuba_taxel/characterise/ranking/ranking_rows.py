@@ -14,7 +14,7 @@ def varied_names(comparison: Comparison) -> list[str]:
     Parameters
     ----------
     comparison : Comparison
-        As returned by :func:`compare`.
+        Result of :func:`compare`.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def printed_comparison(comparison: Comparison) -> Printed:
     Parameters
     ----------
     comparison : Comparison
-        As returned by :func:`compare`.
+        Result of :func:`compare`.
 
     Returns
     -------

@@ -45,7 +45,7 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
     Returns
     -------
     Experiment
-        With readings in V.
+        Experiment with readings in V.
 
     Raises
     ------

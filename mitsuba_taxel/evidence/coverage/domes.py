@@ -143,7 +143,7 @@ def dome_scene(cell: str, roof: dict[str, Any], cells: int = 1, **pad: Any) -> S
     Returns
     -------
     Scene
-        With a photo-reflector in each cell.
+        Scene with a photo-reflector in each cell.
     """
     walls = {"type": "region", "roof": {"type": "wall", **roof}}
     reflector = {"type": "photo_reflector", "rows": cells, "columns": cells, "spacing": SPACING}
@@ -291,9 +291,9 @@ def write_page(rows: Sequence[DomeRow], pads: Sequence[PadRow], file: Path, comm
     Parameters
     ----------
     rows : sequence of DomeRow
-        Of the first table.
+        Rows of the first table.
     pads : sequence of PadRow
-        Of mirrors in other pads.
+        Rows of mirrors in other pads.
     file : Path
         Page, which is replaced.
     command : str

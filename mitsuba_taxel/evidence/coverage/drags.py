@@ -120,7 +120,7 @@ class DragCase:
     cell : str
         Shape of the cell.
     body : Indenter
-        Without friction, at x = y = 0.
+        Body without friction, at x = y = 0.
     position : tuple[float, float, float]
         (x, y, -depth) in mm, to which it is dragged.
     """

@@ -123,7 +123,7 @@ def path_of_error(study: xr.Dataset, limit: xr.DataArray) -> dict[str, float]:
     Parameters
     ----------
     study : xr.Dataset
-        Of a sweep without random numbers.
+        Study of a sweep without random numbers.
     limit : xr.DataArray
         Its readings (..., replicate, taxel) in the limit of small elements.
 

@@ -72,7 +72,7 @@ class FlatRoof:
         rms_slope : float
             Roughness, in degrees.
         seed : int
-            Of the rays.
+            Seed of the rays.
         points : int
             Number of rays of each run.
 

@@ -150,7 +150,7 @@ def light_cases(seed: int = 52) -> list[LightCase]:
     Parameters
     ----------
     seed : int
-        Of the draw. Other shapes have random numbers of their own: a new shape changes no other configuration.
+        Seed of the draw. Other shapes have random numbers of their own: a new shape changes no other configuration.
 
     Returns
     -------

@@ -38,7 +38,7 @@ def gauss(low, high, count):
     Returns
     -------
     nodes, weights : (..., count) ndarray
-        Of each interval.
+        Nodes and weights of each interval.
     """
     x, w = np.polynomial.legendre.leggauss(count)
     half = 0.5 * (np.asarray(high) - low)[..., None]
@@ -153,7 +153,7 @@ class Dome:
         rms_slope : float
             Roughness, in degrees.
         seed : int
-            Of the rays.
+            Seed of the rays.
         points : int
             Number of rays of each run.
 
@@ -242,7 +242,7 @@ def reflected_at_facets(wi, normal, alpha, v):
     Returns
     -------
     directions : (N, 3) ndarray
-        Of the reflected rays.
+        Directions of the reflected rays.
     weights : (N,) ndarray
         Their weights.
     """

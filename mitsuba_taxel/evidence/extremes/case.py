@@ -53,9 +53,9 @@ class ExtremeCase(TableCase):
     Attributes
     ----------
     value : tuple[float, ...]
-        Of the load, in N, mm or MPa.
+        Value of the load, in N, mm or MPa.
     mesh_size : float
-        Of the finite elements, in mm.
+        Mesh size of the finite elements, in mm.
     in_one_step : bool
         Whether the load is applied in one Newton solve from rest, instead of along the load path.
     with_finer_mesh : bool
@@ -286,7 +286,7 @@ def node_jacobian(mesh: VolumeMesh, displacement: np.ndarray, linear: np.ndarray
     mesh : VolumeMesh
         The undeformed mesh.
     displacement : (N, 3) ndarray
-        Of its nodes, in mm.
+        Displacement of its nodes, in mm.
     linear : (m, q) ndarray of bool, optional
         Quadrature points at which the law is linear; corners among them are left out.
     """
@@ -304,7 +304,7 @@ def mean_roof(mesh: VolumeMesh, displacement: np.ndarray) -> np.ndarray:
     mesh : VolumeMesh
         The undeformed mesh.
     displacement : (N, 3) ndarray
-        Of its nodes, in mm.
+        Displacement of its nodes, in mm.
 
     Returns
     -------

@@ -112,7 +112,7 @@ def write_markdown(rows: Sequence[AnyRow], file: Path, command: str, missing: st
     Parameters
     ----------
     rows : sequence of rows
-        Of any of the three tables.
+        Rows of any of the three tables.
     file : Path
         Page, which is replaced.
     command : str

@@ -54,7 +54,7 @@ class PadAssumptions(NamedTuple):
     name : str
         Part of the names of studies; empty for the assumptions of the fit.
     poisson_ratio : float
-        Of the silicone.
+        Poisson ratio of the silicone.
     collar : float
         Height in mm above the dies up to which the grid supports the walls between the cells.
     walls : float
@@ -79,11 +79,11 @@ class IndenterPress(NamedTuple):
     Attributes
     ----------
     height : float
-        Of the silicone above the plane of the dies.
+        Height of the silicone above the plane of the dies.
     indenter : str
         ``sphere`` or ``punch``.
     radius : float
-        Of the end.
+        Radius of the end.
     x, y : float
         Position of its tip, relative to the middle of the pad.
     """

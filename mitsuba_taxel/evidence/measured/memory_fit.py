@@ -35,7 +35,7 @@ class HysteresisLoop(NamedTuple):
     Attributes
     ----------
     force : float
-        Of the force at equal travel.
+        Loop of the force at equal travel.
     energy : float
     change_at_force, change_at_travel : float
         Of the change of the reading at equal force, and at equal travel.

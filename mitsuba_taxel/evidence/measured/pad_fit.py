@@ -39,7 +39,7 @@ class PressedTaxel(NamedTuple):
     force : (S,) ndarray
         In N; for a modulus of 1 MPa if computed.
     change : (S,) ndarray
-        Of the reading, relative to rest.
+        Change of the reading, relative to rest.
     """
 
     travel: np.ndarray

@@ -45,7 +45,7 @@ def plate_curves(studies: Mapping[float, xr.Dataset], dim: str, abscissa: str, l
     Parameters
     ----------
     studies : Mapping[float, xr.Dataset]
-        By spacing, with ``dim`` and ``law``.
+        Studies by spacing, with ``dim`` and ``law``.
     abscissa : str
         Coordinate to draw against.
     """

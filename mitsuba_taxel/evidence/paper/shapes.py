@@ -31,7 +31,7 @@ def compute_shapes(
     stages : Sequence[Sequence[ShapePart]]
         Parts that depend only on earlier stages of the same shape; must be picklable.
     announce : Callable[[str], None]
-        As for :class:`PaperStudies`; must be picklable.
+        See :class:`PaperStudies`; must be picklable.
 
     Returns
     -------

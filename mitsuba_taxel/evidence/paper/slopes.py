@@ -22,7 +22,7 @@ class Sensitivity(NamedTuple):
     max_slope : float
         Largest magnitude over all taxels and forces; ``at`` is that force in N, ``taxel`` the number of the taxel.
     mean_slope : float
-        From the first force to the last, of the taxel for which it is largest in magnitude, with its sign.
+        Mean slope from the first force to the last, of the taxel for which it is largest in magnitude, with its sign.
     """
 
     max_slope: float

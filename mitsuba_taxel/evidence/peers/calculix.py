@@ -36,7 +36,7 @@ class CalculixRun:
     increments : int
         Number of load increments.
     iterations : int
-        Of Newton's method, including those of abandoned increments.
+        Iterations of Newton's method, including those of abandoned increments.
     """
 
     displacement: np.ndarray

@@ -23,9 +23,9 @@ def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int =
     side : float
         Of the plate, mm.
     panels : int
-        Along each side.
+        Panels along each side.
     exponent : float
-        Of the cosine in the phototransistor's response to a parallel beam, 1 if ideal.
+        Exponent of the cosine in the phototransistor's response to a parallel beam, 1 if ideal.
     """
     nodes, weights = np.polynomial.legendre.leggauss(8)
     step = side / panels
@@ -68,7 +68,7 @@ def response_factor(x, y, width: float, depth: float, z: float, exponent: float)
     x, y, width, depth, z
         As there.
     exponent : float
-        Of the cosine in the response.
+        Exponent of the cosine in the response.
     """
     nodes, weights = np.polynomial.legendre.leggauss(20)
     total = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)))

@@ -122,7 +122,7 @@ def deck(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) -
     Parameters
     ----------
     mesh, material, ball, depth
-        As for :func:`press`.
+        See :func:`press`.
     """
     # The mesh of pad and ball.
     points, wedges = _shell(ball, float(mesh.points[:, 2].max()), depth)

@@ -27,7 +27,7 @@ def required_values(kind: type[Kind]) -> dict[str, Any]:
     Parameters
     ----------
     kind : type
-        Of cells, laws or indenters.
+        Kind of cells, laws or indenters.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def pad_of(cell: str, **parameters: Any) -> Pad:
     Returns
     -------
     Pad
-        With examples of the parameters that the shape requires.
+        Pad with examples of the parameters that the shape requires.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def indenter_of(name: str, **parameters: Any) -> Indenter:
     Returns
     -------
     Indenter
-        With examples of the parameters that the shape requires.
+        Indenter with examples of the parameters that the shape requires.
     """
     shape = IndenterShape.named(name)
     radius = {"radius": RADIUS} if "radius" in shape.uses else {}
@@ -113,9 +113,9 @@ def generator(seed: int, name: str) -> np.random.Generator:
     Parameters
     ----------
     seed : int
-        Of the table.
+        Seed of the table.
     name : str
-        Of the kind.
+        Name of the kind.
 
     Returns
     -------

@@ -46,7 +46,7 @@ class MechanicsRow:
     wrong : str
         Failure, empty if there is none.
     iterations : float
-        Of Newton's method, over all accepted steps.
+        Iterations of Newton's method, over all accepted steps.
     steps : float
         Accepted steps.
     cutbacks : float

@@ -60,7 +60,7 @@ class BoxTree:
     Parameters
     ----------
     centres : (n, 3) ndarray
-        Of the boxes; any multiple will do.
+        Centres of the boxes; any multiple will do.
     size : int
         Number of boxes for which the tree is deep enough, if more than n.
     """

@@ -67,7 +67,7 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
     normal : (3,) ndarray
         Of length 1.
     offset : float
-        Of the plane from the origin, mm.
+        Offset of the plane from the origin, mm.
 
     Returns
     -------

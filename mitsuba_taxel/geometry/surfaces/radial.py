@@ -17,7 +17,7 @@ def put_radially(
     points, centre : (N, 3) ndarray
         Points and centre, (N, 3) or (3,), mm.
     radius : float
-        Of the sphere or cylinder, mm.
+        Radius of the sphere or cylinder, mm.
     across : (3, 3) ndarray
         Projection onto the directions of the radius: the identity for a sphere.
 

@@ -34,7 +34,7 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     vectors : (..., 3) ndarray
-        Of any length.
+        Vectors of any length.
 
     Returns
     -------
@@ -136,7 +136,7 @@ def closest_on_triangles(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     points : (N, 3) ndarray
         In mm.
     corners : (N, 3, 3) ndarray
-        Of the triangles, mm.
+        Corners of the triangles, mm.
 
     Returns
     -------
@@ -187,7 +187,7 @@ def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndar
     points : (N, 3) ndarray
         In mm.
     corners : (M, K, 3) ndarray
-        Of triangles, segments or points, mm.
+        Corners of triangles, segments or points, mm.
     reach : float
         Largest distance along an axis, mm.
 
@@ -207,7 +207,7 @@ def first_of_each(keys: np.ndarray, cost: np.ndarray) -> np.ndarray:
     keys : (P,) ndarray of int
         From 0 on.
     cost : (P,) ndarray
-        Of each entry.
+        Cost of each entry.
 
     Returns
     -------

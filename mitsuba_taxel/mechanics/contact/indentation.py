@@ -172,7 +172,7 @@ class Indentation:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
         moved : (3,) ndarray
             Displacement of the indenter from its start, mm.
         pressure : (m,) ndarray, optional
@@ -230,11 +230,11 @@ class Indentation:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
         moved : (3,) ndarray
             Displacement of the indenter from its start, mm.
         velocity : (N, 3) ndarray
-            Of the nodes.
+            Velocity of the nodes.
 
         Returns
         -------

@@ -140,7 +140,7 @@ class IndenterShape(Kind, family="indenter"):
         Parameters
         ----------
         points : (n, 3) ndarray
-            Of the pad, mm.
+            Points of the pad, mm.
 
         Returns
         -------
@@ -173,7 +173,7 @@ class IndenterShape(Kind, family="indenter"):
         Parameters
         ----------
         depth : float
-            Of the tip below the undeformed surface, mm.
+            Depth of the tip below the undeformed surface, mm.
 
         Returns
         -------
@@ -187,7 +187,7 @@ class IndenterShape(Kind, family="indenter"):
         Parameters
         ----------
         depth : float
-            Of the tip below the undeformed surface, mm.
+            Depth of the tip below the undeformed surface, mm.
 
         Returns
         -------
@@ -205,7 +205,7 @@ class IndenterShape(Kind, family="indenter"):
         points : (n, 3) ndarray
             In the body's own frame, mm.
         depth : float
-            Of the tip below the undeformed surface, mm.
+            Depth of the tip below the undeformed surface, mm.
 
         Returns
         -------
@@ -226,7 +226,7 @@ class IndenterShape(Kind, family="indenter"):
         points : (n, 3) ndarray
             Relative to the tip, mm.
         depth : float
-            Of the tip below the undeformed surface, mm.
+            Depth of the tip below the undeformed surface, mm.
 
         Returns
         -------
@@ -371,7 +371,7 @@ def round_outline(radius: float, reach: float) -> np.ndarray:
     Parameters
     ----------
     radius : float
-        Of the circle, mm.
+        Radius of the circle, mm.
     reach : float
         Largest distance from the axis, and largest height, mm.
 

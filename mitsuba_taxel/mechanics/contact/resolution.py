@@ -82,7 +82,7 @@ def resolution(mesh: VolumeMesh, indenter: Indenter, displacement: np.ndarray, m
     indenter : Indenter
         The rigid body.
     displacement : (N, 3) ndarray
-        Of the nodes, in mm.
+        Displacement of the nodes, in mm.
     moved : (3,) ndarray
         Displacement of the body from its start, in mm.
 
@@ -153,11 +153,11 @@ def refuse_unresolved(
     indenter : Indenter
         The rigid body.
     displacement : (N, 3) ndarray or None
-        Of the nodes, in mm; None before the state is solved, where the size of the faces alone is judged.
+        Displacement of the nodes, in mm; None before the state is solved, where the size of the faces alone is judged.
     moved : (3,) ndarray
         Displacement of the body from its start, in mm.
     mesh_size : float
-        Of the elements in mm, for the message.
+        Mesh size of the elements in mm, for the message.
     largest : float
         Allowed size of faces, relative to half the width of the contact.
 

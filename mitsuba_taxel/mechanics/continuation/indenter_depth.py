@@ -75,11 +75,11 @@ def depth_of(segments: PathSegments, value: np.ndarray, height: float, follow: C
     Parameters
     ----------
     segments : PathSegments
-        Of the path on which the indenter is moved.
+        Segments of the path on which the indenter is moved.
     value : (3,) ndarray
         Force in N, along -z.
     height : float
-        Of the pad in mm, which is the largest depth.
+        Height of the pad in mm, which is the largest depth.
     follow : Callable[[ndarray], object]
         Solves the path up to a displacement (3,) of the indenter in mm.
 

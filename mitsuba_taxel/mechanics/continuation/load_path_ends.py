@@ -23,7 +23,7 @@ class LoadPathEnds(ComputationError):
     Attributes
     ----------
     load : Load or None
-        Of which `value` is one.
+        Load whose value is `value`.
     value : ndarray or None
         (3,) in N or mm, or (1,) in MPa: the last of which there is a state.
     contact : Contact or None
@@ -67,7 +67,7 @@ def end_of_path(
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     load : Load
         Kind of load.
     value : (c,) ndarray
@@ -84,7 +84,7 @@ def end_of_path(
     Returns
     -------
     LoadPathEnds
-        With the message.
+        Error with the message.
     """
     where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
     touched, what = reason.startswith("touches"), reason.removeprefix("touches ")
@@ -143,7 +143,7 @@ class Obstacles:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     triangles : (K, 3, 3) ndarray
         In mm, corners of the triangles of their closed surfaces, in the frame of the pad.
     mirrors : sequence of Mirror

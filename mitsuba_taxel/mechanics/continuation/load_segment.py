@@ -84,7 +84,7 @@ class LoadSegment:
     place : (3,) ndarray
         In mm, point of contact at the limit; NaN without contact.
     mode : ndarray
-        Of :class:`~mitsuba_taxel.mechanics.continuation.onset_of_buckling.Onset`, if the pad buckles at the limit;
+        Mode of :class:`~mitsuba_taxel.mechanics.continuation.onset_of_buckling.Onset`, if the pad buckles at the limit;
         else empty.
     """
 

@@ -34,7 +34,7 @@ class PadPath(PathStates):
     Parameters
     ----------
     pad, material, load, mesh_size, bodies, step_tolerance, refinement
-        As of a :class:`PathProblem`.
+        See :class:`PathProblem`.
     judged : bool
         Whether states must be stable against all displacements. Paths that others are compared with are not judged:
         they may be unstable where that does not matter for the comparison.
@@ -78,14 +78,14 @@ class PadPath(PathStates):
         Parameters
         ----------
         value : (3,) or (1,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         obstacles : (K, 3, 3) ndarray, optional
             In mm, corners of the triangles of closed surfaces that the pad must not touch on the path.
 
         Returns
         -------
         State
-            Without its estimated error.
+            State without its estimated error.
 
         Raises
         ------
@@ -202,13 +202,13 @@ class PadPath(PathStates):
         Parameters
         ----------
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
         pressure : (corners,) ndarray
             In MPa, positive in tension.
         fraction : float
-            As of a :class:`SelfTouchingPad`.
+            See :class:`SelfTouchingPad`.
 
         Returns
         -------
@@ -229,7 +229,7 @@ class PadPath(PathStates):
         Parameters
         ----------
         value : (3,) ndarray
-            Of the load.
+            Value of the load.
         displacement : (N, 3) ndarray or None
             In mm; None before the state is solved, where the size of the elements alone is judged.
         largest : float
@@ -267,7 +267,7 @@ def pad_path(
     material : Material
         Elastic law of the silicone.
     load : Load
-        Of which states have values.
+        Load of which states have values.
     mesh_size : float
         Length of the edges of elements, mm.
     judged : bool
@@ -275,9 +275,9 @@ def pad_path(
     judged_on : float, optional
         Length of the edges of elements on which it is, mm.
     bodies : RigidBodies, optional
-        That keep the pad off.
+        Bodies that keep the pad off.
     step_tolerance : float
-        As of :func:`load_path`.
+        See :func:`load_path`.
     refinement : Refinement, optional
         Where elements are smaller.
 

@@ -63,7 +63,7 @@ class PathProblem:
     bodies : RigidBodies or None
         Those that the states touch, where a load goes on.
     step_tolerance : float
-        Of the interpolation between nodes; see
+        Step tolerance of the interpolation between nodes; see
         :data:`~mitsuba_taxel.mechanics.continuation.load_segment.INTERPOLATION_TOLERANCE`.
     refinement : Refinement or None
         How small elements are under an indenter: by default never larger than those of the default size have there.

@@ -58,12 +58,12 @@ class PathSegments:
         origin : (c,) ndarray
             Value of the load at its start.
         direction : (c,) ndarray
-            Of the change of the load's value.
+            Direction of the change of the load's value.
 
         Returns
         -------
         LoadSegment
-            From memory, from disk, or new.
+            Segment from memory, from disk, or new.
         """
         index = (*origin, *direction)
         if index not in self.known:
@@ -83,12 +83,12 @@ class PathSegments:
         origin : (c,) ndarray
             Value of the load at its start.
         direction : (c,) ndarray
-            Of the change of the load's value.
+            Direction of the change of the load's value.
 
         Returns
         -------
         LoadedPad
-            Between the mirrors that leave the loads of the segment unchanged.
+            Pad between the mirrors that leave the loads of the segment unchanged.
         """
         path, kept = np.stack([origin, direction]), self.mirrors_at(origin + direction)
         mirrors = tuple(m for m in kept if path.shape[1] == 1 or np.array_equal(m.image(path), path))
@@ -196,7 +196,7 @@ class PathSegments:
         curve : LoadSegment or BuckledBranch
             The segment, or what continues it.
         distance : float
-            Along the curve.
+            Distance along the curve.
         pad : LoadedPad
             Its part of the pad.
         """
@@ -222,7 +222,7 @@ class PathSegments:
         Parameters
         ----------
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         mirrors : Sequence[Mirror]
             Mirrors that map the load to the canonical one.
 

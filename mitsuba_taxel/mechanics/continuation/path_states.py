@@ -36,7 +36,7 @@ class PathStates(PathProblem):
     Parameters
     ----------
     pad, material, load, mesh_size, judged, bodies, step_tolerance, refinement
-        As of a :class:`PathProblem`.
+        See :class:`PathProblem`.
     by_tangent : bool
         Whether small tangential forces are solved by the tangent of the normal force, if that leads there.
     """
@@ -70,7 +70,7 @@ class PathStates(PathProblem):
         value : (3,) ndarray
             Force in N.
         obstacles : Obstacles or None
-            That the pad must not touch.
+            Obstacles that the pad must not touch.
 
         Returns
         -------
@@ -116,7 +116,7 @@ class PathStates(PathProblem):
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
         pressure : (corners,) ndarray
             In MPa, positive in tension.
         mirrors : Iterable[Mirror]
@@ -178,7 +178,7 @@ class PathStates(PathProblem):
         Parameters
         ----------
         value : (c,) ndarray
-            Of the load.
+            Value of the load.
         mirrors : list[Mirror]
             Those that mapped the value and the obstacles there.
         obstacles : Obstacles or None

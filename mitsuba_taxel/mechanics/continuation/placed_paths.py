@@ -57,12 +57,12 @@ def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
     path : PadPath
         The path.
     value : (c,) ndarray
-        Of the load, in N, mm or MPa.
+        Value of the load, in N, mm or MPa.
 
     Returns
     -------
     path : PadPath
-        With elements that are small enough around its start.
+        Path with elements that are small enough around its start.
     moved : (3,) ndarray
         Displacement of the indenter from there, mm.
     """

@@ -37,7 +37,7 @@ class PushedStates:
     near : ndarray
         Unknowns near its state.
     value : (3,) ndarray
-        Of the normal force.
+        Value of the normal force.
     """
 
     def __init__(self, pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> None:
@@ -85,7 +85,7 @@ class PushedStates:
         s : float
             Distance along the segment, in N, mm or MPa.
         unknowns : (unknowns,) ndarray
-            Of the pad.
+            Unknowns of the pad.
 
         Returns
         -------
@@ -162,7 +162,7 @@ def accelerated(
     Returns
     -------
     unknowns : (n,) ndarray
-        At which the correction vanishes.
+        Unknowns at which the correction vanishes.
     count : int
         Number of corrections.
 

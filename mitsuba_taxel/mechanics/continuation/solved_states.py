@@ -154,7 +154,7 @@ class SolvedStates:
         pad : LoadedPad
             The part of the pad that the segment needs.
         unknowns : (unknowns,) ndarray
-            Of the pad.
+            Unknowns of the pad.
 
         Returns
         -------

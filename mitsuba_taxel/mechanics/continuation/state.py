@@ -132,7 +132,7 @@ class State(Displayed):
         or MPa, accurate to about 1e-4. None at rest, where no direction is known, for a viscoelastic silicone, and
         where few iterations do not lead to it.
     memory : ViscoelasticMemory or None
-        Of a viscoelastic silicone: its time, stress, and their errors.
+        Memory of a viscoelastic silicone: its time, stress, and their errors.
     traction : ndarray
         (2 N, 3) MPa, of an indenter's friction at each node of the top, then of the outside; (0, 3) without.
     indenter_moved : (3,) ndarray or None

@@ -143,7 +143,7 @@ class LinearisedState:
         Parameters
         ----------
         velocity : (N, 3) ndarray
-            Of the nodes, in mm per unit of the change: from `mesh_velocity`, or any other.
+            Velocity of the nodes, in mm per unit of the change: from `mesh_velocity`, or any other.
 
         Returns
         -------

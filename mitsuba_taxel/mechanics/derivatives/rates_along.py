@@ -32,7 +32,7 @@ def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequen
     Parameters
     ----------
     states : Sequence[State]
-        Of one pad.
+        States of one pad.
     ask : Callable[[LinearisedState], Sequence[ndarray]]
         Returns the derivatives of one state, all of one shape, such as ``lambda s: [s.by_value((0, 0, 1)),
         s.by_shape(v)]``.

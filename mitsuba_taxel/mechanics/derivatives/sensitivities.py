@@ -31,7 +31,7 @@ def linearise(state: State) -> LinearisedState:
     Parameters
     ----------
     state : State
-        Of an elastic pad without friction.
+        State of an elastic pad without friction.
 
     Returns
     -------

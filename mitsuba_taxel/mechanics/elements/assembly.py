@@ -35,7 +35,7 @@ class InternalForces:
     residual : ndarray
         Forces in N and volumes in mm³ over the unknowns.
     entries : ndarray or None
-        Of the tangent, in the order of :class:`Sparsity`; None if not requested, or if an element is inverted.
+        Entries of the tangent, in the order of :class:`Sparsity`; None if not requested, or if an element is inverted.
     min_jacobian : float
         Smallest volume ratio J at any quadrature point.
     """
@@ -55,7 +55,7 @@ class Assembly:
     material : Material
         Elastic law.
     numbering : Numbering
-        Of the unknowns.
+        Numbering of the unknowns.
     like : Assembly, optional
         Another assembly of the same mesh and material, whose elements it shares.
     linear : (m, q) ndarray, optional

@@ -102,7 +102,7 @@ def number_unknowns(
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     fixed : (N,) ndarray
         Whether each node is fixed.
     walls : Mapping[Mirror, int]
@@ -114,7 +114,7 @@ def number_unknowns(
     Returns
     -------
     Numbering
-        Of displacements, then pressures.
+        Numbers of displacements, then pressures.
     """
     nodes, corners = len(mesh.points), mesh.corner_count
     body = _Dofs(np.append(fixed, False), corners)  # the plate is an additional node

@@ -158,7 +158,7 @@ class Elements:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
         pressure : (corners,) ndarray
             In MPa, positive in tension.
         with_matrices : bool
@@ -169,7 +169,7 @@ class Elements:
         Returns
         -------
         ElementState
-            Without matrices if an element is inverted.
+            State of the elements without matrices if an element is inverted.
         """
         count = len(self.nodes)
         forces, volumes, least = np.empty((count, 10, 3)), np.empty((count, 4)), np.empty(count)

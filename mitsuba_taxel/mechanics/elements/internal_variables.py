@@ -24,7 +24,7 @@ class StressUpdate:
     Attributes
     ----------
     factor : float
-        Of the stress S of the law at the end.
+        Factor of the stress S of the law at the end.
     offset : (m, q, 6) ndarray
         MPa, at the quadrature points of a part of the mesh: what the step starts from.
     part : SymmetricPart
@@ -95,7 +95,7 @@ class InternalVariables:
         Returns
         -------
         StressUpdate
-            Of the isochoric stress.
+            Update of the isochoric stress.
         """
         offset = np.tensordot(material.over(step).decay, self.term_stress, axes=1)
         by_rate, by_change = self._weights(material, step, growth)
@@ -123,7 +123,7 @@ class InternalVariables:
         Returns
         -------
         InternalVariables
-            At the end of the step.
+            Internal variables at the end of the step.
         """
         decay, change = material.over(step).decay, stress - self.stress
         by_rate, by_change = self._weights(material, step, growth)

@@ -46,7 +46,7 @@ def responses(factor: Factorisation, rows: sparse.csr_array, forces: sparse.csr_
     Parameters
     ----------
     factor : Factorisation
-        Of the tangent of the pad.
+        Factor of the tangent of the pad.
     rows : (k, unknowns) csr_array
         Linear combinations of the unknowns.
     forces : (p, unknowns) csr_array

@@ -31,13 +31,13 @@ def load_rate(
     material : Material
         Elastic law, which determines the contact stiffness.
     load : Load
-        On the pad.
+        Load on the pad.
     displacement : (N, 3) ndarray
-        Of the nodes, mm.
+        Displacement of the nodes, mm.
     value : ndarray
-        Of the load.
+        Value of the load.
     velocity : (N, 3) ndarray
-        Of the undeformed nodes.
+        Velocity of the undeformed nodes.
 
     Returns
     -------

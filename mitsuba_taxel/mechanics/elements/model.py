@@ -34,7 +34,8 @@ class Configuration:
     load : ndarray
         Contribution of the load.
     entries : ndarray or None
-        Of the derivative of the residual, for `Assembly.matrix`; None if not requested, or an element is inverted.
+        Entries of the derivative of the residual, for `Assembly.matrix`; None if not requested, or an element is
+        inverted.
     min_jacobian : float
         Smallest volume ratio J at any quadrature point.
     contact_state : ContactState or None
@@ -58,10 +59,10 @@ class Model:
     material : Material
         Elastic law of the silicone.
     load : Load
-        On the whole pad.
+        Load on the whole pad.
     signs : Mapping[Mirror, int]
-        At the walls of the part: 1 for symmetric states, -1 for antisymmetric ones, 0 for any states without pressure
-        there.
+        Signs at the walls of the part: 1 for symmetric states, -1 for antisymmetric ones, 0 for any states without
+        pressure there.
     fixed_plate : bool
         Whether a bonded plate is fixed, rather than an additional unknown.
     like : Model, optional
@@ -111,11 +112,11 @@ class Model:
         Parameters
         ----------
         displacement : (n, 3) ndarray
-            Of the nodes of the part, mm.
+            Displacement of the nodes of the part, mm.
         pressure : (corners,) ndarray
             In MPa, positive in tension.
         value : ndarray
-            Of the load on the whole pad.
+            Value of the load on the whole pad.
         with_tangent : bool
             Whether the tangent is needed.
         stress_update : StressUpdate, optional
@@ -151,14 +152,14 @@ class Model:
         Parameters
         ----------
         displacement : (n, 3) ndarray
-            Of the part, mm.
+            Displacement of the part, mm.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
 
         Returns
         -------
         LoadConstraints
-            Of the displacement of the plate, or of the gaps of contact with an indenter.
+            Constraints of the displacement of the plate, or of the gaps of contact with an indenter.
         """
         if self.load.moved_indenter is not None:
             contact_state = self.indentation.contact_state(displacement, value)
@@ -202,7 +203,7 @@ class Model:
         Parameters
         ----------
         displacement : (n, 3) ndarray
-            Of the part, mm.
+            Displacement of the part, mm.
         nodes : (n,) ndarray of bool
             Selected nodes.
 
@@ -220,9 +221,9 @@ class Model:
         Parameters
         ----------
         displacement : (n, 3) ndarray
-            Of the part, mm.
+            Displacement of the part, mm.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
 
         Returns
         -------
@@ -245,11 +246,11 @@ class Model:
         Parameters
         ----------
         displacement : (n, 3) ndarray
-            Of the part, mm.
+            Displacement of the part, mm.
         direction : (c,) ndarray
-            Of the change of the load's value.
+            Direction of the change of the load's value.
         value : (3,) ndarray or None
-            Of the load; needed for an indenter.
+            Value of the load; needed for an indenter.
 
         Returns
         -------
@@ -270,9 +271,9 @@ class Model:
         material : Material
             Elastic law of the silicone.
         displacement : (n, 3) ndarray
-            Of the part, mm.
+            Displacement of the part, mm.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
 
         Returns
         -------

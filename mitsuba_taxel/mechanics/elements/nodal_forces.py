@@ -30,7 +30,7 @@ def internal_forces(
     material : Material
         Elastic law.
     displacement : (N, 3) ndarray
-        Of the nodes, mm.
+        Displacement of the nodes, mm.
     pressure : (corners,) ndarray
         In MPa, positive in tension.
     overstress : (m, q, 6) ndarray, optional
@@ -57,7 +57,7 @@ def nodes_of(mesh: VolumeMesh, region: str) -> np.ndarray:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     region : str
         Name of a region of the surface.
 
@@ -83,7 +83,7 @@ def glued_force(
     Parameters
     ----------
     mesh, material, displacement, pressure, overstress, linear
-        As of :func:`internal_forces`.
+        See :func:`internal_forces`.
     region : str
         Name of the region, on which no other force acts.
 

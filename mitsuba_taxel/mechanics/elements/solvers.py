@@ -158,7 +158,7 @@ def sum_of_triangles(lower: sparse.csc_matrix, other: sparse.csr_array) -> spars
     Returns
     -------
     (n, n) csc_matrix
-        With sorted indices.
+        Matrix with sorted indices.
     """
     triangles = lower.tocoo(), other.tocoo()
     values, rows, columns = (
@@ -271,6 +271,6 @@ def make_solver(name: str | None = None) -> Solver:
     Returns
     -------
     Solver
-        For matrices of one pattern.
+        Solver for matrices of one pattern.
     """
     return SOLVERS[name or available_solvers()[0]]()

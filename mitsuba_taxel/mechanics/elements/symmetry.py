@@ -27,7 +27,7 @@ def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
 
     Returns
     -------
@@ -70,7 +70,7 @@ class SymmetricPart:
     Attributes
     ----------
     mesh : VolumeMesh
-        Of the part.
+        Mesh of the part.
     nodes : (n,) ndarray
         Node of the whole for each node of the part; corners come first here too.
     elements : (m,) ndarray
@@ -155,7 +155,7 @@ def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors:
     mesh : VolumeMesh
         The whole mesh.
     images : Mapping[Mirror, ndarray]
-        Of the nodes, from :func:`node_images`.
+        Images of the nodes, from :func:`node_images`.
     mirrors : Sequence[Mirror]
         A complete group.
 

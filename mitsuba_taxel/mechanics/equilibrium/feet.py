@@ -30,11 +30,11 @@ def where_linear(mesh: VolumeMesh, load: Load, fraction: float = 1.0) -> np.ndar
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     load : Load
-        On the pad.
+        Load on the pad.
     fraction : float
-        Of :data:`RADIUS`, within which they are.
+        Fraction of :data:`RADIUS`, within which they are.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
     touched : str
         What the pad touches.
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     place : (3,) ndarray
         Point of contact, mm.
 
@@ -92,13 +92,13 @@ def couple_held(
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     material : Material
         Elastic law of the silicone.
     linear : (m, q) ndarray of bool
         Quadrature points where the law is linear.
     displacement : (N, 3) ndarray
-        Of the nodes, mm.
+        Displacement of the nodes, mm.
     pressure : (corners,) ndarray
         In MPa, positive in tension.
     overstress : (m, q, 6) ndarray, optional

@@ -54,9 +54,9 @@ class IndentedPad(LoadedPad):
         Parameters
         ----------
         unknowns : (unknowns,) ndarray
-            Of the pad.
+            Unknowns of the pad.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         history : History
             Earlier states that the equilibrium depends on.
 
@@ -275,7 +275,7 @@ class _LinearContact:
     pad : IndentedPad
         The pad.
     factor : Factorisation
-        Of the tangent at constant pressures.
+        Factor of the tangent at constant pressures.
     contact_state : ContactState
         Gaps at the state.
     surplus : int

@@ -70,7 +70,7 @@ class LoadedPad(MeshedPad):
         start : (unknowns,) ndarray
             Where the iteration starts.
         value : (3,) or (1,) ndarray
-            Of the load on the whole pad, in N, mm or MPa.
+            Value of the load on the whole pad, in N, mm or MPa.
 
         Returns
         -------
@@ -102,7 +102,7 @@ class LoadedPad(MeshedPad):
         start : (unknowns,) ndarray
             Where the iteration starts.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
 
         Returns
         -------
@@ -133,11 +133,11 @@ class LoadedPad(MeshedPad):
         Parameters
         ----------
         unknowns : (unknowns,) ndarray
-            Of the equilibrium.
+            Unknowns of the equilibrium.
         entries : ndarray
-            Of the tangent there, :attr:`Linearised.entries`.
+            Entries of the tangent there, :attr:`Linearised.entries`.
         value : ndarray
-            Of the load.
+            Value of the load.
         history : History
             Earlier states that the equilibrium depends on.
         """
@@ -158,7 +158,7 @@ class LoadedPad(MeshedPad):
         start : (unknowns,) ndarray
             Where the iteration starts.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
 
         Returns
         -------
@@ -187,7 +187,7 @@ class LoadedPad(MeshedPad):
         start : (unknowns,) ndarray
             Where the iteration starts.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
 
         Returns
         -------
@@ -216,7 +216,7 @@ class LoadedPad(MeshedPad):
         start : (unknowns,) ndarray
             Where the iteration starts.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
 
         Returns
         -------
@@ -254,7 +254,7 @@ class LoadedPad(MeshedPad):
         start : (unknowns,) ndarray
             Where the iteration starts.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         near : Linearised or None
             The pad linearised at a nearby state, whose factor is used.
         history : History
@@ -291,9 +291,9 @@ class LoadedPad(MeshedPad):
         Parameters
         ----------
         unknowns : (unknowns,) ndarray
-            Of the pad.
+            Unknowns of the pad.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         near : Linearised or None
             The pad linearised at a nearby state, whose factor is used.
         history : History
@@ -324,7 +324,7 @@ class LoadedPad(MeshedPad):
         start : (unknowns,) ndarray
             Where the iteration starts.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
 
         Returns
         -------
@@ -346,9 +346,9 @@ class LoadedPad(MeshedPad):
         Parameters
         ----------
         unknowns : (unknowns,) ndarray
-            Of the pad.
+            Unknowns of the pad.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         iterations : int
             Number of iterations of their solve.
         checked : bool
@@ -359,7 +359,7 @@ class LoadedPad(MeshedPad):
         Returns
         -------
         Solution
-            With residual and least volume ratio.
+            Solution with residual and least volume ratio.
 
         Raises
         ------
@@ -478,9 +478,9 @@ class LoadedPad(MeshedPad):
         linearised : Linearised
             The pad linearised at the state, or at a nearby one.
         unknowns : (unknowns,) ndarray
-            Of the pad.
+            Unknowns of the pad.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         history : History
             Earlier states that the equilibrium depends on.
 
@@ -512,9 +512,9 @@ def gives_way(force: float, mesh: VolumeMesh, material: Material, load: Load) ->
     Parameters
     ----------
     force : float
-        Of the load in N, downwards.
+        Force of the load in N, downwards.
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     material : Material
         Elastic law of the silicone.
     load : Load

@@ -33,15 +33,15 @@ class MeshedPad:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the whole pad.
+        Mesh of the whole pad.
     material : Material
         Elastic law of the silicone.
     load : Load
-        On the whole pad.
+        Load on the whole pad.
     mirrors : sequence of Mirror
         A group of symmetries of pad and load; only the part between them is solved for.
     images : Mapping[Mirror, ndarray], optional
-        Of the nodes, from :func:`node_images`; needed with mirrors.
+        Images of the nodes, from :func:`node_images`; needed with mirrors.
     solver : str, optional
         Name of a linear solver; None for the best available.
     ticks : int
@@ -102,7 +102,7 @@ class MeshedPad:
         known : (unknowns,) ndarray
             Of a solved state.
         guess : (unknowns,) ndarray
-            Where a solve is to start.
+            Guess where a solve is to start.
 
         Returns
         -------
@@ -125,9 +125,9 @@ class MeshedPad:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
         velocity : (N, 3) ndarray
-            Of the nodes of the whole pad, mm/s.
+            Velocity of the nodes of the whole pad, mm/s.
 
         Returns
         -------
@@ -150,9 +150,9 @@ class MeshedPad:
         Parameters
         ----------
         unknowns : (unknowns,) ndarray
-            Of the pad.
+            Unknowns of the pad.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         near : Linearised or None
             The pad linearised at a nearby state, whose factor is used.
         history : History
@@ -161,7 +161,7 @@ class MeshedPad:
         Returns
         -------
         Linearised
-            At the equilibrium.
+            Linearised pad at the equilibrium.
         """
         entries = self._evaluate(unknowns, value, history=history).entries
         assert entries is not None  # no element is inverted
@@ -177,11 +177,11 @@ class MeshedPad:
         linearised : Linearised
             The pad linearised at the state, or at a nearby one.
         unknowns : (unknowns,) ndarray
-            Of the pad.
+            Unknowns of the pad.
         rate : (c,) ndarray
             Of the load's value, per s.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         stress : (m, q, 6) ndarray
             MPa/s, rate of an additional second Piola-Kirchhoff stress.
 
@@ -209,9 +209,9 @@ class MeshedPad:
         linearised : Steps
             The factored tangent, or an approximation.
         unknowns : (unknowns,) ndarray
-            Of the pad.
+            Unknowns of the pad.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         history : History
             Earlier states that the equilibrium depends on.
 
@@ -233,7 +233,7 @@ class MeshedPad:
         linearised : Linearised
             The pad linearised at the state, or at a nearby one.
         unknowns : (unknowns,) ndarray
-            Of the pad.
+            Unknowns of the pad.
         stress : (m, q, 6) ndarray
             MPa, second Piola-Kirchhoff stress at the quadrature points.
 
@@ -326,11 +326,11 @@ class MeshedPad:
         linearised : Linearised
             The pad linearised at the state, or at a nearby one.
         unknowns : (unknowns,) ndarray
-            Of the pad.
+            Unknowns of the pad.
         direction : (c,) ndarray
-            Of the change of the load's value.
+            Direction of the change of the load's value.
         value : (c,) ndarray, optional
-            Of the load; needed if the load is not linear in it.
+            Value of the load; needed if the load is not linear in it.
 
         Returns
         -------

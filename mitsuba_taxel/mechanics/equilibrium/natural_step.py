@@ -27,7 +27,7 @@ def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     material : Material
         Elastic law of the silicone.
     load : Load
@@ -57,7 +57,7 @@ def ticks_of(elements: Elements, response: np.ndarray) -> int:
     Parameters
     ----------
     elements : Elements
-        Of the pad.
+        Elements of the pad.
     response : (N, 3) ndarray
         In mm, change of the displacement with one step, to first order.
     """

@@ -26,9 +26,9 @@ def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     load : Load
-        Whose distribution counts.
+        Load whose distribution counts.
 
     Returns
     -------
@@ -52,22 +52,22 @@ def loaded_pad(
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the whole undeformed pad.
+        Mesh of the whole undeformed pad.
     material : Material
         Elastic law of the silicone.
     load : Load
-        On the whole pad.
+        Load on the whole pad.
     mirrors : tuple[Mirror, ...]
-        Between which the part lies.
+        Mirrors between which the part lies.
     bodies : RigidBodies, optional
-        That keep the pad off.
+        Bodies that keep the pad off.
     ticks : int
-        As of :func:`new_pad`.
+        See :func:`new_pad`.
 
     Returns
     -------
     LoadedPad
-        Of which equilibria are solved.
+        Pad of which equilibria are solved.
     """
     return new_pad(mesh, material, load, mirrors, mirror_images(mesh, load), bodies, ticks=ticks)
 
@@ -87,26 +87,26 @@ def new_pad(
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     material : Material
         Elastic law of the silicone.
     load : Load
         Kind of load.
     mirrors : Sequence[Mirror]
-        Between which the part lies.
+        Mirrors between which the part lies.
     images : Mapping[Mirror, ndarray]
-        Of the nodes.
+        Images of the nodes.
     bodies : RigidBodies, optional
         Bodies that the pad may touch.
     fraction : float
-        Of the usual size.
+        Fraction of the usual size.
     ticks : int
         Number of smallest fractions of a step; see :func:`ticks_of`.
 
     Returns
     -------
     LoadedPad
-        Of which equilibria are solved.
+        Pad of which equilibria are solved.
     """
     indented, arguments = load.moved_indenter is not None, (mesh, material, load, mirrors, images)
     if load.self_contact:

@@ -41,9 +41,9 @@ class Stability:
     mirrors : tuple[Mirror, ...]
         Symmetries of the state.
     images : Mapping[Mirror, ndarray]
-        Of the nodes, from :func:`node_images`.
+        Images of the nodes, from :func:`node_images`.
     model : Model
-        Of the part between the mirrors.
+        Model of the part between the mirrors.
     solver : str or None
         Name of a linear solver; None for the best available.
 
@@ -78,11 +78,11 @@ class Stability:
         Parameters
         ----------
         entries : ndarray
-            Of the tangent of the part, from :meth:`Model.evaluate`.
+            Entries of the tangent of the part, from :meth:`Model.evaluate`.
         displacement, pressure : (N, 3) ndarray
             mm and (corners,) MPa of the whole pad, which has the symmetry of the part.
         value : ndarray
-            Of the load.
+            Value of the load.
         stress_update : StressUpdate, optional
             History of the part, if it is viscoelastic.
 
@@ -146,9 +146,9 @@ class _Pieces:
         Parameters
         ----------
         entries : ndarray
-            Of the tangent, in the order of :class:`Sparsity`.
+            Entries of the tangent, in the order of :class:`Sparsity`.
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
         pressure : (corners,) ndarray
             In MPa, positive in tension.
 
@@ -186,7 +186,7 @@ class _Block:
         Parameters
         ----------
         entries : ndarray
-            Of the tangent, in the order of :class:`Sparsity`.
+            Entries of the tangent, in the order of :class:`Sparsity`.
         constraints : LoadConstraints, optional
             Constraints of the load.
 

@@ -41,11 +41,11 @@ class TangentBlock:
     whole : VolumeMesh
         Mesh of the pad.
     model : Model
-        Of the part between the mirrors, over the unknowns of such displacements.
+        Model of the part between the mirrors, over the unknowns of such displacements.
     signs : Signs
         Symmetry type.
     images : Mapping[Mirror, ndarray]
-        Of the nodes, from :func:`node_images`.
+        Images of the nodes, from :func:`node_images`.
     turn : Mirror, optional
         Mirror that maps them to those of the model.
     """
@@ -140,11 +140,11 @@ class TangentBlock:
         Parameters
         ----------
         entries : ndarray
-            Of the tangent, in the order of :class:`Sparsity`.
+            Entries of the tangent, in the order of :class:`Sparsity`.
         displacement : (n, 3) ndarray
-            Of the part, mm.
+            Displacement of the part, mm.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
         contacts : Contacts, optional
             Barriers of the whole pad.
 
@@ -264,9 +264,9 @@ class SplitTangent:
     blocks : Sequence[TangentBlock]
         Of the symmetric state.
     factor : Callable[[TangentBlock], Factorisation]
-        Of the tangent of each.
+        Factor of the tangent of each.
     images : Mapping[Mirror, ndarray]
-        Of the nodes.
+        Images of the nodes.
     """
 
     def __init__(

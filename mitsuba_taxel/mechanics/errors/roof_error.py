@@ -52,7 +52,7 @@ def top_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of a pad.
+        Mesh of a pad.
     other : VolumeMesh
         Of the same pad.
 
@@ -124,14 +124,14 @@ class RoofComparison:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            On the mesh, mm.
+            Displacement on the mesh, mm.
         other : (N', 3) ndarray
             On the other mesh, mm.
 
         Returns
         -------
         RoofError
-            At the roofs.
+            Error at the roofs.
         """
         displaced, *slopes = _parts(self._here, displacement)
         moved_there, *slopes_there = _parts(self._there, other)
@@ -173,7 +173,7 @@ class RoofComparison:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            On the mesh, mm.
+            Displacement on the mesh, mm.
         other : (N', 3) ndarray
             On the other mesh, mm.
         of_force : float

@@ -92,16 +92,16 @@ class SecondMeshes:
         Parameters
         ----------
         value : ndarray
-            Of the load.
+            Value of the load.
         displacement : (N, 3) ndarray
-            Of the state, mm.
+            Displacement of the state, mm.
         pressure : (corners,) ndarray
-            Of the state, MPa.
+            Pressure of the state, MPa.
 
         Returns
         -------
         StateComparison
-            With unknown errors if no other mesh bears the load.
+            Comparison with unknown errors if no other mesh bears the load.
         """
         path = self._path
         if not value.any():
@@ -187,12 +187,12 @@ def compared(path: PadPath, state: State) -> State:
     path : PadPath
         The path.
     state : State
-        Without its error.
+        State without its error.
 
     Returns
     -------
     State
-        With its error.
+        State with its error.
     """
     return replace(state, second_mesh=partial(_comparison, path, state))
 
@@ -248,20 +248,20 @@ def carried_to(
     mesh : VolumeMesh
         The other mesh.
     value : ndarray
-        Of the load.
+        Value of the load.
     displacement : (N, 3) ndarray
-        On the other mesh, mm.
+        Displacement on the other mesh, mm.
     pressure : (corners,) ndarray
-        On the other mesh, MPa.
+        Pressure on the other mesh, MPa.
 
     Returns
     -------
     displacement : (N', 3) ndarray
-        Of the state, mm.
+        Displacement of the state, mm.
     pressure : (corners',) ndarray
-        Of the state, MPa.
+        Pressure of the state, MPa.
     figures : Interpolated
-        With the seconds of its solution.
+        Figures with the seconds of its solution.
     """
     if path.load.moved_indenter is None or path.load.self_contact:  # walls of an interpolated state may intersect
         return path.canonical(value, [], None)

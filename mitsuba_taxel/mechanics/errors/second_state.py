@@ -58,21 +58,21 @@ def second_state(
     Parameters
     ----------
     pad : Pad or PadFile
-        As for :func:`load_path`.
+        See :func:`load_path`.
     material : Material
-        As for :func:`load_path`.
+        See :func:`load_path`.
     value : sequence of float
-        Of the load, in N, mm or MPa.
+        Value of the load, in N, mm or MPa.
     load : Load
-        As for :func:`load_path`.
+        See :func:`load_path`.
     mesh_size : float, optional
-        As for :func:`load_path`.
+        See :func:`load_path`.
     mesh_tolerance : float, optional
-        As for :func:`load_path`.
+        See :func:`load_path`.
     judged_on : float, optional
-        As for :func:`load_path`.
+        See :func:`load_path`.
     bodies : RigidBodies, optional
-        That keep the pad off.
+        Bodies that keep the pad off.
 
     Returns
     -------

@@ -39,20 +39,20 @@ def with_reach(
     Parameters
     ----------
     path : PadPath
-        Of the state.
+        Path of the state.
     comparison : StateComparison
-        With a second mesh.
+        Comparison with a second mesh.
     value : ndarray
-        Of the load.
+        Value of the load.
     displacement : (N, 3) ndarray
-        Of the state, mm.
+        Displacement of the state, mm.
     pressure : (corners,) ndarray
-        Of the state, MPa.
+        Pressure of the state, MPa.
 
     Returns
     -------
     StateComparison
-        With unknown errors if the state with half the reach is not found.
+        Comparison with unknown errors if the state with half the reach is not found.
     """
     deviate = comparison.deviate
     closer = None if deviate is None else _closer(path, value, displacement, pressure)

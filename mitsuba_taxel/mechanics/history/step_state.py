@@ -37,7 +37,7 @@ class StepError:
     Attributes
     ----------
     deviation : (unknowns,) ndarray
-        Of the unknowns of the part.
+        Deviation of the unknowns of the part.
     uncertainty : float
         Sum in mm of the largest displacements by each step's error, as far as it lasts.
     """

@@ -55,7 +55,7 @@ class LoadState:
     rate : (c,) ndarray
         Per s, on the way there; NaN after a jump.
     memory : ndarray
-        Of :class:`~mitsuba_taxel.mechanics.materials.creep.CreepResponse`.
+        Memory of :class:`~mitsuba_taxel.mechanics.materials.creep.CreepResponse`.
     """
 
     value: np.ndarray
@@ -144,7 +144,7 @@ class TimeState:
         time : float
             In s.
         value : (c,) ndarray
-            Of the load, in N, mm or MPa.
+            Value of the load, in N, mm or MPa.
 
         Returns
         -------
@@ -187,14 +187,14 @@ def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: flo
     end : TimeState
         At its end.
     cubics : StepCubics
-        Between both.
+        Cubics between both.
     time : float
         In s.
 
     Returns
     -------
     Shape
-        With its estimated error.
+        State with its estimated error.
     """
     assert end.mid_step is not None  # it leads beyond a row
     elapsed = time - start.time

@@ -105,7 +105,7 @@ class RowSteps:
         Returns
         -------
         StepState
-            At the end.
+            State at the end.
 
         Raises
         ------
@@ -167,7 +167,7 @@ class RowSteps:
         Returns
         -------
         StepState
-            At the end.
+            State at the end.
 
         Raises
         ------
@@ -394,7 +394,7 @@ def response(load: Load, material: Viscoelastic) -> CreepResponse:
     Returns
     -------
     CreepResponse
-        Of displacements or pressures.
+        Response of displacements or pressures.
     """
     return CreepResponse.of(material.prony, not load.gives_displacement)
 

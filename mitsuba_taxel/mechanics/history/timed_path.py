@@ -62,14 +62,14 @@ class TimedPath(TimedStates):
         Parameters
         ----------
         rows : LoadHistory
-            Of the load, from rest.
+            Rows of the load, from rest.
         obstacles : (K, 3, 3) ndarray, optional
             In mm, corners of the triangles of closed surfaces that the pad must not touch in any row.
 
         Returns
         -------
         State
-            With its memory; the second mesh for its error is solved when first needed.
+            State with its memory; the second mesh for its error is solved when first needed.
 
         Raises
         ------

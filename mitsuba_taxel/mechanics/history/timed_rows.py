@@ -25,7 +25,7 @@ def rubs(load: Load) -> bool:
     Parameters
     ----------
     load : Load
-        Of any kind.
+        Load of any kind.
 
     Returns
     -------
@@ -48,7 +48,7 @@ class LoadHistory:
     Parameters
     ----------
     rows : Iterable[Row]
-        In the order of their times.
+        Rows in the order of their times.
     """
 
     __slots__ = ("_count", "_digests", "_rows")
@@ -102,9 +102,9 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
     Parameters
     ----------
     material : Material or Viscoelastic
-        Of the pad.
+        Material of the pad.
     load : Load
-        Of which ``values`` are those.
+        Load whose values are ``values``.
     values : (n, components) ndarray
         In N, mm or MPa.
     times : array_like or None

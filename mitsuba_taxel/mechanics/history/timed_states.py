@@ -90,7 +90,7 @@ class TimedStates:
         Parameters
         ----------
         rows : LoadHistory
-            Of the load, from rest.
+            Rows of the load, from rest.
 
         Returns
         -------

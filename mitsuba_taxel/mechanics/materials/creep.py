@@ -41,7 +41,7 @@ class CreepResponse:
     rates : (k,) ndarray
         In 1/s.
     amplitudes : (k,) ndarray
-        Of the exponentials.
+        Amplitudes of the exponentials.
     creeps : bool
         Whether this is the response of displacements to a force; else that of pressures to a displacement.
     """
@@ -193,7 +193,7 @@ class Measures:
         Returns
         -------
         value : float
-            Of the shape.
+            Value of the shape.
         rate : float
             Its rate in 1/s.
         """

@@ -45,7 +45,7 @@ def indentation_of(state: State) -> tuple[Indentation, ContactState]:
     Parameters
     ----------
     state : State
-        Under an indenter.
+        State under an indenter.
 
     Returns
     -------

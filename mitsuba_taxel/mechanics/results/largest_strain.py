@@ -58,7 +58,7 @@ class LargestStrain:
         displacement : (N, 3) ndarray
             Rate of the displacement.
         velocity : (N, 3) ndarray
-            Of the undeformed nodes.
+            Velocity of the undeformed nodes.
 
         Returns
         -------

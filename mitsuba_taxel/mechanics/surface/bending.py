@@ -32,7 +32,7 @@ def curvature_errors(mesh: VolumeMesh, displacement: np.ndarray, size: float, de
     mesh : VolumeMesh
         Undeformed mesh.
     displacement : (N, 3) ndarray
-        Of the nodes, mm.
+        Displacement of the nodes, mm.
     size, default_size : float
         Size of the elements, and the default size of this pad, mm.
 

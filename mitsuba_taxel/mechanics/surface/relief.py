@@ -108,7 +108,7 @@ class Relief:
         position : (V', 3) ndarray
             Deformed vertices of the smooth surface, mm.
         gradient : (V', 3, 3) ndarray
-            Of the displacement, F - 1, at these vertices.
+            Gradient of the displacement, F - 1, at these vertices.
 
         Returns
         -------

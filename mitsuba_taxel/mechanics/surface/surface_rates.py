@@ -35,15 +35,16 @@ def surface_rates(
     state : State
         The deformed pad.
     subdivision : int
-        As for :func:`tessellate`.
+        See :func:`tessellate`.
     pad : Pad or PadFile or None
-        As for :func:`tessellate`.
+        See :func:`tessellate`.
     displacement_rate : (N, 3) ndarray
-        Of the nodes, as from :meth:`LinearisedState.by_value` and similar methods.
+        Displacement rate of the nodes, as from :meth:`LinearisedState.by_value` and similar methods.
     shape_velocity : (N, 3) ndarray, optional
-        Of the undeformed nodes. Vertices stay on walls that remain round; on other walls they move with the elements.
+        Shape velocity of the undeformed nodes. Vertices stay on walls that remain round; on other walls they move with
+        the elements.
     cells : sequence of int, optional
-        As for :func:`tessellate`.
+        See :func:`tessellate`.
 
     Returns
     -------
@@ -89,11 +90,11 @@ def surface_gradient(
     state : State
         The deformed pad.
     subdivision : int
-        As for :func:`tessellate`.
+        See :func:`tessellate`.
     gradient : (V, 3) ndarray
         Derivatives by the vertices, per mm.
     cells : sequence of int, optional
-        As for :func:`tessellate`.
+        See :func:`tessellate`.
 
     Returns
     -------

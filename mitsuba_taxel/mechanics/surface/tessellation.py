@@ -94,7 +94,7 @@ def tessellate(
     Parameters
     ----------
     state : State
-        As :func:`load_path` returns it.
+        Result of :func:`load_path`.
     subdivision : int
         Segments into which the longest edge of a face of ``cells`` is divided; other edges have segments that are no
         longer. Other faces are divided into 4 triangles, as required by their mid-edge nodes, or more where they touch
@@ -181,15 +181,15 @@ def contact_pressure_at_vertices(
     Parameters
     ----------
     state : State
-        Under an indenter.
+        State under an indenter.
     subdivision : int
-        As for :func:`tessellate`.
+        See :func:`tessellate`.
     finish : Finish or SeparateFinish, optional
-        As for :func:`tessellate`.
+        See :func:`tessellate`.
     cells : sequence of int, optional
-        As for :func:`tessellate`.
+        See :func:`tessellate`.
     pad : Pad or PadFile, optional
-        As for :func:`tessellate`.
+        See :func:`tessellate`.
 
     Returns
     -------
@@ -211,11 +211,11 @@ def chosen_cells(
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     cells : Sequence[int] or None
-        As for :func:`tessellate`.
+        See :func:`tessellate`.
     finish : Finish or SeparateFinish or None
-        As for :func:`tessellate`.
+        See :func:`tessellate`.
 
     Returns
     -------
@@ -338,13 +338,13 @@ def placed(
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     face : (n,) ndarray of int
         Face of each point.
     points : (n, 3) ndarray
         In mm.
     pad : Pad or PadFile or None
-        With the walls.
+        Pad with the walls.
 
     Returns
     -------
@@ -367,7 +367,7 @@ def have_edges(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile) -> bool
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     chosen : (n,) ndarray of int
         Numbers of faces.
     pad : Pad or PadFile

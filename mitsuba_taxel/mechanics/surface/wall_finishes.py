@@ -58,7 +58,7 @@ def by_walls(finish: Finish | SeparateFinish) -> list[tuple[Finish, tuple[str, .
     Parameters
     ----------
     finish : Finish or SeparateFinish
-        Of the mould.
+        Finish of the mould.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def relief_of(finish: Finish | SeparateFinish, smooth: SmoothSurface) -> Relief:
     Parameters
     ----------
     finish : Finish or SeparateFinish
-        Of the mould.
+        Finish of the mould.
     smooth : SmoothSurface
         The undeformed surface.
 
@@ -112,13 +112,13 @@ def check_finish(finish: Finish | SeparateFinish, pad: Pad, mesh: VolumeMesh, su
     Parameters
     ----------
     finish : Finish or SeparateFinish
-        Of the mould.
+        Finish of the mould.
     pad : Pad
         The pad with the walls.
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     subdivision : int
-        Of the edges of elements.
+        Subdivision of the edges of elements.
 
     Raises
     ------
@@ -150,9 +150,9 @@ def fine_subdivision(mesh: VolumeMesh, finish: Finish | SeparateFinish, least: i
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     finish : Finish or SeparateFinish
-        Of the mould.
+        Finish of the mould.
     least : int
         Least number.
 

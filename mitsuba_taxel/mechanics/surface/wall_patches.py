@@ -77,7 +77,7 @@ class WallPatches:
         parameter : str
             Name of the dimension; other dimensions are constant.
         displacement : (N, 3) ndarray
-            Of the elements' nodes, mm, constant.
+            Displacement of the elements' nodes, mm, constant.
 
         Returns
         -------

@@ -57,7 +57,7 @@ class LightSizes:
     diffuse : float or None
         For cells whose walls are all diffuse; None if the default size is accurate enough for them.
     mirrors : float
-        For cells with a mirror or a glossy wall.
+        Relative size for cells with a mirror or a glossy wall.
     mirrors_side_by_side : float
         As ``mirrors``, in pads of several cells.
     """
@@ -327,7 +327,7 @@ class CellShape(Kind, family="cell"):
         target : CellShape
             The same shape with the new dimensions.
         points : (N, 3) ndarray
-            Of the silicone, mm.
+            Points of the silicone, mm.
         difference : Callable
             Returns the change of a function of the shape from this shape to the target. Use it where positions are not
             linear in the dimensions: rates are computed from small changes, for which a plain subtraction would lose

@@ -230,7 +230,7 @@ def leaning(tangents: np.ndarray, slope: float) -> np.ndarray:
     Parameters
     ----------
     tangents : (N, 2) ndarray
-        Of the upright cell, in the plane in which it leans.
+        Tangents of the upright cell, in the plane in which it leans.
     slope : float
         Outward shift per height.
 
@@ -248,7 +248,7 @@ def least_radii(curve: Meridian, slope: float, size: float) -> np.ndarray:
     Parameters
     ----------
     curve : Meridian
-        Of the upright cell.
+        Curve of the upright cell.
     slope : float
         Shift per height in the plane in which the cell leans.
     size : float
@@ -303,13 +303,13 @@ def onto_meridian(
     Parameters
     ----------
     curve : Meridian
-        Of the wall.
+        Curve of the wall.
     points : (N, 3) ndarray
         Relative to the axis, mm.
     square : bool
         Whether the section is square, else it is round.
     beside : (N, 3) ndarray, optional
-        As for :func:`from_axis`.
+        See :func:`from_axis`.
 
     Returns
     -------

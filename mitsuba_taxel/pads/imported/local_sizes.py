@@ -34,7 +34,7 @@ def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.nd
     Parameters
     ----------
     vertices : (V, 3) ndarray
-        Of the surface, mm.
+        Vertices of the surface, mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
     region, cell : (T,) ndarray of int
@@ -68,7 +68,7 @@ class SingularEdges:
     Parameters
     ----------
     patches : Patches
-        Of the surface.
+        Patches of the surface.
     region : (T,) ndarray
         Code of the region of each triangle.
     patch : (T,) ndarray
@@ -110,7 +110,7 @@ class SingularEdges:
         Returns
         -------
         (N,) ndarray of bool
-            For each node.
+            One value for each node.
         """
         on = np.zeros(len(points), dtype=bool)
         for first, second in self.between:
@@ -132,7 +132,7 @@ class SingularEdges:
         Returns
         -------
         (N,) ndarray of bool
-            For each point.
+            One value for each point.
         """
         on_plane = [np.all(np.abs(mirror.side(self.ends)) <= tolerance, axis=1) for mirror in planes]
         ends = self.ends[np.any(on_plane, axis=0)] if on_plane else self.ends[:0]
@@ -167,7 +167,7 @@ def patch_sizes(patches: Patches, region: np.ndarray, mesh_size: float) -> np.nd
     Parameters
     ----------
     patches : Patches
-        Of the surface.
+        Patches of the surface.
     region : (T,) ndarray
         Code of the region of each triangle.
     mesh_size : float

@@ -91,7 +91,7 @@ def tagged(
     rules : sequence of Rule
         The first rule that matches a face gives its region.
     placement : Placement
-        By which the file was turned and moved.
+        Placement by which the file was turned and moved.
 
     Returns
     -------

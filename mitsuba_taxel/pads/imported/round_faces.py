@@ -90,7 +90,7 @@ def round_walls(mesh: VolumeMesh) -> list[tuple[int, int, tuple[np.ndarray, floa
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
 
     Returns
     -------

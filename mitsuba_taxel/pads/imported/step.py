@@ -57,7 +57,7 @@ def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float
     mesh_size : float
         Length of the edges of elements, mm.
     placement : Placement
-        By which the file is scaled, turned and moved.
+        Placement by which the file is scaled, turned and moved.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def surveyed(path: Path, digest: str, rules: tuple[Rule, ...], placement: Placem
     rules : tuple[Rule, ...]
         Regions of faces.
     placement : Placement
-        By which the file is scaled, turned and moved.
+        Placement by which the file is scaled, turned and moved.
 
     Returns
     -------

@@ -51,7 +51,7 @@ def mesh_surface(
     Parameters
     ----------
     content : bytes
-        Of the file.
+        Content of the file.
     suffix : str
         Its ending in small letters, with the dot.
     rules : tuple[Rule, ...]
@@ -59,7 +59,7 @@ def mesh_surface(
     mesh_size : float
         Length of the edges of elements, mm.
     placement : Placement
-        By which the file is scaled, turned and moved.
+        Placement by which the file is scaled, turned and moved.
 
     Returns
     -------
@@ -92,7 +92,7 @@ class SurfacePart:
     Attributes
     ----------
     mirrors : tuple[Mirror, ...]
-        By which the part is completed; empty for the entire surface.
+        Mirrors by which the part is completed; empty for the entire surface.
     vertices : (V, 3) ndarray
         In mm.
     triangles : (T, 3) ndarray of int
@@ -123,18 +123,18 @@ def surface_of(content: bytes, suffix: str, rules: tuple[Rule, ...], placement: 
     Parameters
     ----------
     content : bytes
-        Of the file.
+        Content of the file.
     suffix : str
         Its ending in small letters, with the dot.
     rules : tuple[Rule, ...]
         Regions of faces.
     placement : Placement
-        By which the file is scaled, turned and moved.
+        Placement by which the file is scaled, turned and moved.
 
     Returns
     -------
     SurfacePart
-        Without mirrors, mm.
+        Part without mirrors, mm.
 
     Raises
     ------
@@ -155,13 +155,13 @@ def parts_of(
     Parameters
     ----------
     content : bytes
-        Of the file.
+        Content of the file.
     suffix : str
         Its ending in small letters, with the dot.
     rules : tuple[Rule, ...]
         Regions of faces.
     placement : Placement
-        By which the file is scaled, turned and moved.
+        Placement by which the file is scaled, turned and moved.
 
     Returns
     -------

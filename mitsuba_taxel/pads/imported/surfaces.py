@@ -24,11 +24,11 @@ def read_surface(content: bytes, suffix: str, placement: Placement = UNMOVED) ->
     Parameters
     ----------
     content : bytes
-        Of the file.
+        Content of the file.
     suffix : str
         Its ending in small letters, with the dot.
     placement : Placement
-        By which it is scaled, turned and moved.
+        Placement by which it is scaled, turned and moved.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def check_mesh_size(mesh_size: float, volume: float) -> None:
     mesh_size : float
         Length of the edges of elements, mm.
     volume : float
-        Of the pad, mm³.
+        Volume of the pad, mm³.
 
     Raises
     ------

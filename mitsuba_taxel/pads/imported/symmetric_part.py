@@ -102,14 +102,14 @@ def completed(mesh: VolumeMesh, mirrors: Sequence[Mirror]) -> VolumeMesh:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the part; its faces along the planes have the region :data:`PLANE`.
+        Mesh of the part; its faces along the planes have the region :data:`PLANE`.
     mirrors : sequence of Mirror
         The group of the symmetry.
 
     Returns
     -------
     VolumeMesh
-        Of the pad, with cells numbered.
+        Mesh of the pad, with cells numbered.
     """
     on_surface = mesh.face_region != PLANE
     kept = (mesh.faces[on_surface], mesh.face_region[on_surface], mesh.face_cell[on_surface])

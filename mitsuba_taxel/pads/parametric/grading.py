@@ -47,7 +47,7 @@ def cut_towards(mesh: VolumeMesh, singular: np.ndarray, fraction: float) -> Volu
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the pad.
+        Mesh of the pad.
     singular : (N,) ndarray of bool
         Which nodes are singular.
     fraction : float
@@ -56,7 +56,7 @@ def cut_towards(mesh: VolumeMesh, singular: np.ndarray, fraction: float) -> Volu
     Returns
     -------
     VolumeMesh
-        With the same nodes, and new ones.
+        Mesh with the same nodes, and new ones.
     """
     corners = np.unique(mesh.tets[:, :4])
     number = np.full(len(mesh.points), -1)
@@ -85,12 +85,12 @@ class _CutEdges:
         simplices : (M, n) ndarray of int
             Corners.
         cuts, shapes : dict
-            By the number of singular corners: the edges that are cut, and the resulting pieces.
+            Cuts and shapes by the number of singular corners: the edges that are cut, and the resulting pieces.
 
         Returns
         -------
         corners : (P, n) ndarray of int
-            Of the pieces.
+            Corners of the pieces.
         coordinates : (P, n, n) ndarray
             Barycentric coordinates of these corners in the parent.
         parents : (P,) ndarray of int

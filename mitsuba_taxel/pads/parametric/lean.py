@@ -30,14 +30,14 @@ def leaning(pad: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
     Parameters
     ----------
     pad : DrawnPad
-        With leaning cells, in mm.
+        Pad with leaning cells, in mm.
     mesh : VolumeMesh
-        Of the upright pad.
+        Mesh of the upright pad.
 
     Returns
     -------
     VolumeMesh
-        With the same elements.
+        Mesh with the same elements.
     """
     return replace(mesh, points=mesh.points + lean(pad, mesh, mesh.points))
 
@@ -48,9 +48,9 @@ def lean(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     pad : DrawnPad
-        With leaning cells, in mm.
+        Pad with leaning cells, in mm.
     mesh : VolumeMesh
-        For its elements and regions.
+        Mesh for its elements and regions.
     upright : (N, 3) ndarray
         Nodes of the upright pad, mm.
 
@@ -70,7 +70,7 @@ def lean_rate(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray, name: str) -
     pad : DrawnPad
         In mm.
     mesh : VolumeMesh
-        For its elements and regions.
+        Mesh for its elements and regions.
     upright : (N, 3) ndarray
         Nodes of the upright pad, mm.
     name : str
@@ -98,7 +98,7 @@ def upright_nodes(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
     pad : DrawnPad
         In mm.
     mesh : VolumeMesh
-        Of the pad.
+        Mesh of the pad.
 
     Returns
     -------
@@ -126,14 +126,14 @@ def on_round_walls(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
     Parameters
     ----------
     pad : DrawnPad
-        With the shape of the cells.
+        Pad with the shape of the cells.
     mesh : VolumeMesh
-        Of the pad.
+        Mesh of the pad.
 
     Returns
     -------
     (N,) ndarray of bool
-        For each node.
+        One value for each node.
     """
     codes = [REGIONS[name] for name in pad.shape.round_regions]
     on_wall = np.zeros(len(mesh.points), dtype=bool)

@@ -278,7 +278,7 @@ def snapped(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
     points : (N, 3) ndarray
         In mm.
     pad : DrawnPad
-        For its height and symmetry.
+        Pad for its height and symmetry.
 
     Returns
     -------

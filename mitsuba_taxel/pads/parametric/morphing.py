@@ -33,7 +33,7 @@ def moved_onto(pad: DrawnPad, origin: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
     Parameters
     ----------
     pad : DrawnPad
-        With the new dimensions, in mm.
+        Pad with the new dimensions, in mm.
     origin : DrawnPad
         The pad of the mesh.
     mesh : VolumeMesh
@@ -42,7 +42,7 @@ def moved_onto(pad: DrawnPad, origin: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
     Returns
     -------
     VolumeMesh
-        With the same elements.
+        Mesh with the same elements.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def stretches(mesh: VolumeMesh, morphed: VolumeMesh) -> np.ndarray:
     Parameters
     ----------
     mesh, morphed : VolumeMesh
-        With the same elements.
+        Two meshes with the same elements.
 
     Returns
     -------

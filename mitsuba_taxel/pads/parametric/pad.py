@@ -190,7 +190,7 @@ class Pad(Kinded, Displayed):
         Returns
         -------
         Pad
-            With the cell ``profile``; a pad of such cells as it is.
+            Pad with the cell ``profile``; a pad of such cells as it is.
 
         Raises
         ------
@@ -236,7 +236,7 @@ class Pad(Kinded, Displayed):
         Returns
         -------
         Pad
-            With the dimensions of this pad.
+            Pad with the dimensions of this pad.
         """
         if origin.meshed_as:
             return replace(self, meshed_as=origin.meshed_as)

@@ -20,7 +20,7 @@ def onto_round_walls(
     Parameters
     ----------
     pad : Pad
-        With the walls, mm.
+        Pad with the walls, mm.
     points : (N, 3) ndarray
         In mm, undeformed, near the walls.
     region, cell : (N,) ndarray

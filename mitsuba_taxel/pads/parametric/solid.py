@@ -66,7 +66,7 @@ def singular_edges(solid: Any, pad: DrawnPad) -> list[Any]:
     solid : netgen.occ.TopoDS_Shape
         The symmetric part, at any scale.
     pad : DrawnPad
-        With its shape of cells.
+        Pad with its shape of cells.
 
     Returns
     -------
@@ -91,14 +91,14 @@ def singular_nodes(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the symmetric part.
+        Mesh of the symmetric part.
     pad : DrawnPad
-        With its shape of cells.
+        Pad with its shape of cells.
 
     Returns
     -------
     (N,) ndarray of bool
-        For each node.
+        One value for each node.
     """
     roof, side, bottom, outer = (_on_region(mesh, name) for name in ("roof", "side", "bottom", "outer"))
     singular = bottom & (side | outer)
@@ -116,9 +116,9 @@ def rounded(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the upright pad.
+        Mesh of the upright pad.
     pad : DrawnPad
-        With its shape of cells.
+        Pad with its shape of cells.
 
     Returns
     -------

@@ -37,9 +37,9 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     Parameters
     ----------
     pad : Pad
-        Before the change.
+        Pad before the change.
     mesh : VolumeMesh
-        Of the pad, undeformed: ``state.mesh`` of its states.
+        Mesh of the pad, undeformed: ``state.mesh`` of its states.
     parameter : str
         One of pitch, wall, height, cell_size, cell_height, top_x and top_y, or of the points of a profile,
         ``profile_r1`` and so on.

@@ -87,7 +87,7 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
     pixels : (H, W, 3) ndarray
         Linear colours.
     file : Path
-        Whose ending tells the format.
+        File whose ending tells the format.
 
     Raises
     ------
@@ -295,7 +295,7 @@ def most_pressure(parts: Sequence[ShownPart]) -> float:
     Parameters
     ----------
     parts : sequence of ShownPart
-        Of the picture.
+        Parts of the picture.
 
     Returns
     -------

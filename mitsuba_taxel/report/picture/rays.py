@@ -34,11 +34,11 @@ def plot_paths(scene: mi.Scene, paths: RayPaths, name: str, file: Path) -> None:
     scene : mi.Scene
         The scene of the paths.
     paths : RayPaths
-        Of a taxel, mm.
+        Paths of a taxel, mm.
     name : str
         Name of the scene in the title.
     file : Path
-        Of the picture, which is replaced if it exists.
+        File of the picture, which is replaced if it exists.
     """
     meshes = [mesh for shape in scene.shapes() if (mesh := shape_mesh(shape)) is not None]
     pair, index = find_taxel(scene, paths.taxel)
@@ -71,7 +71,7 @@ def write_vtk(paths: RayPaths, file: Path) -> None:
     Parameters
     ----------
     paths : RayPaths
-        Of a taxel, in mm and W.
+        Paths of a taxel, in mm and W.
     file : Path
         Which is replaced if it exists.
 

@@ -18,7 +18,7 @@ def without_derivative(scene: Scene, names: Iterable[str]) -> dict[str, str]:
     Parameters
     ----------
     scene : Scene
-        Described, not loaded.
+        Scene described, not loaded.
     names : iterable of str
         Parameters of the scene, or components of its load.
 

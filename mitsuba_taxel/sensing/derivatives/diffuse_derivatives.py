@@ -56,13 +56,14 @@ def derivatives_by(
     Parameters
     ----------
     changes : list[Rates]
-        Of :func:`rates`, one for each parameter.
+        Results of :func:`rates`, one for each parameter.
     live : mi.Scene
         The loaded scene.
     with_errors : bool
         Whether to compute errors, which take most of the time; else they are NaN.
     degree : int
-        Of the solutions on a patch; degree 1, available without errors, is accurate to a percent in half the time.
+        Degree of the solutions on a patch; degree 1, available without errors, is accurate to a percent in half the
+        time.
     wider : float
         Factor of the width over which the step at the horizon is spread.
     of_light_alone : bool

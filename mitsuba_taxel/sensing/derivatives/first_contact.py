@@ -45,7 +45,7 @@ def why_no_contact(scene: Scene, along: str) -> str | None:
     Parameters
     ----------
     scene : Scene
-        Described, not loaded.
+        Scene described, not loaded.
     along : str
         A parameter of the scene.
 

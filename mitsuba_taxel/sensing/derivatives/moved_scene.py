@@ -40,7 +40,7 @@ class MovingWalls:
     Attributes
     ----------
     displacement : (N, 3) ndarray
-        Of the nodes of the scene's pad, in mm.
+        Displacement of the nodes of the scene's pad, in mm.
     nodal : Nodal
         Their rates with the parameter.
     chords : bool

@@ -56,15 +56,15 @@ def derivatives_of_paths(
     Parameters
     ----------
     changes : list[Rates]
-        Of :func:`rates`, one for each parameter.
+        Results of :func:`rates`, one for each parameter.
     ready : Prepared
         The scene.
     powers : (R, T) ndarray
         Readings, in W.
     seed : int
-        Of the readings.
+        Seed of the readings.
     points : int
-        Of the readings, per taxel and replicate.
+        Points of the readings, per taxel and replicate.
     fixed : bool
         Whether derivatives take as many points; else up to `MORE_POINTS` times as many, if noise asks for them.
 

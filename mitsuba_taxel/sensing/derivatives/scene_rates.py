@@ -89,7 +89,7 @@ def rates(scene: Scene, name: str) -> Rates:
     Parameters
     ----------
     scene : Scene
-        Described, not loaded.
+        Scene described, not loaded.
     name : str
         A ``<default>`` of the scene; a component of the load (fx, fy, fz, ux, uy, uz) or of a point of the profile
         (profile_r1, profile_z1, ...); or a parameter of one of its plugins, preceded by the plugin and a dot if several

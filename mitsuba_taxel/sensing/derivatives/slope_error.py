@@ -51,7 +51,7 @@ def mechanics_errors(
     Parameters
     ----------
     comparisons : list[Comparison]
-        Of each taxel.
+        Comparisons of each taxel.
     reading : (T, 1) ndarray
         Per W of the LED.
     second : SecondState or None

@@ -62,7 +62,7 @@ class CellPatches:
         parameter : str
             Name of the dimension.
         displacement : (N, 3) ndarray
-            Of the nodes of the elements, in mm.
+            Displacement of the nodes of the elements, in mm.
 
         Returns
         -------

@@ -106,7 +106,7 @@ class DiffuseCells:
     scene : mi.Scene
         A loaded scene.
     points : int
-        Along a side of each phototransistor.
+        Points along a side of each phototransistor.
     patch_size : float, optional
         Size in mm of the patches for the light instead of the default.
 
@@ -289,7 +289,7 @@ class DiffuseCells:
         number : int
             Index of the cell.
         degree : int
-            Of the polynomials, 1 or 2.
+            Degree of the polynomials, 1 or 2.
 
         Returns
         -------
@@ -315,7 +315,7 @@ class DiffuseCells:
         Returns
         -------
         CellWalls
-            With the scattering and the package after the change.
+            Walls with the scattering and the package after the change.
 
         Raises
         ------
@@ -368,9 +368,9 @@ class DiffuseCells:
         number : int
             Index of the cell.
         mesh : Mesh
-            From :meth:`light_mesh`.
+            Mesh from :meth:`light_mesh`.
         positions : (F + G, 15, 3) ndarray
-            Of its patches, in mm.
+            Positions of its patches, in mm.
 
         Returns
         -------

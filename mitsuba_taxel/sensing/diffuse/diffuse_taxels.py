@@ -49,9 +49,9 @@ class Taxel:
     Attributes
     ----------
     power : float
-        Of the LED, in W.
+        Power of the LED, in W.
     led, phototransistor : End
-        In the frame of the pad.
+        LED and phototransistor in the frame of the pad.
     body : Box or None
         Their package, in the frame of the pad.
     package : PackageFaces or None
@@ -101,9 +101,9 @@ class PackageFaces:
         Returns
         -------
         positions : (G, 15, 3) ndarray
-            Of the patches, in mm.
+            Positions of the patches, in mm.
         fraction : (G,) ndarray
-            Of the incident light that each patch scatters.
+            Fraction of the incident light that each patch scatters.
         """
         return self.faces.positions(cuts), np.repeat(self.fractions, 2 * cuts.prod(axis=1))
 
@@ -114,7 +114,7 @@ def scattered_fractions(wall: mi.BSDF) -> tuple[float, float]:
     Parameters
     ----------
     wall : mi.BSDF
-        Of a surface.
+        Wall of a surface.
 
     Returns
     -------
@@ -152,9 +152,9 @@ def diffuse_taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int
     into_pad : IntoPad
         From world coordinates to the frame of the pad.
     scale : float
-        Of the pad in the scene.
+        Scale of the pad in the scene.
     points : int
-        Along a side of each phototransistor.
+        Points along a side of each phototransistor.
 
     Returns
     -------

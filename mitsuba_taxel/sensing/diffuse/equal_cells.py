@@ -32,7 +32,7 @@ def equal_cells(
     cells : DiffuseCells
         All cells of a scene.
     state : State
-        Of the pad, on any elements.
+        State of the pad, on any elements.
     fields, errors : Sequence[ndarray]
         Vectors (N, 3) at its nodes, on which the results of cells, and their errors, depend.
 

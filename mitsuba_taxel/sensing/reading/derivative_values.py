@@ -76,7 +76,7 @@ class Derivatives:
         Returns
         -------
         xarray.Dataset
-            With the attribute ``method``.
+            Dataset with the attribute ``method``.
         """
         import xarray
 
@@ -120,9 +120,9 @@ def derivatives_text(derivatives: Derivatives, width: int | None = None) -> str:
     Parameters
     ----------
     derivatives : Derivatives
-        Of readings.
+        Derivatives of readings.
     width : int, optional
-        Of a line in characters.
+        Width of a line in characters.
 
     Returns
     -------

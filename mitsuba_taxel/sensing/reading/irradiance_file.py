@@ -20,9 +20,9 @@ def write_irradiance(readings: Readings, file: Path) -> None:
     Parameters
     ----------
     readings : Readings
-        With a map.
+        Readings with a map.
     file : Path
-        Of OpenEXR, which is replaced if it exists.
+        OpenEXR file, which is replaced if it exists.
 
     Raises
     ------

@@ -46,7 +46,7 @@ def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> t
     Parameters
     ----------
     scene : mi.Scene
-        With a loaded pad; its pads are restored on return.
+        Scene with a loaded pad; its pads are restored on return.
     powers : Callable[[], ndarray]
         Traces the present scene, always with the same random numbers, and returns powers (R, T) in W.
 
@@ -86,7 +86,7 @@ def moved(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> 
     Parameters
     ----------
     scene : mi.Scene
-        That holds the pads.
+        Scene that holds the pads.
     pads : Sequence[PadShape]
         Which move.
     surfaces : list[Places]
@@ -109,7 +109,7 @@ def restored(scene: mi.Scene, pads: Sequence[PadShape]) -> Iterator[None]:
     Parameters
     ----------
     scene : mi.Scene
-        That holds the pads.
+        Scene that holds the pads.
     pads : Sequence[PadShape]
         Which the block may move.
 
@@ -131,7 +131,7 @@ def move(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> N
     Parameters
     ----------
     scene : mi.Scene
-        That holds the pads.
+        Scene that holds the pads.
     pads : Sequence[PadShape]
         Which move.
     surfaces : list[Places]

@@ -28,7 +28,7 @@ class Settings(NamedTuple):
     points : int
         Per taxel and replicate; 0 without random numbers.
     mesh_size : float or None
-        Of pads, in mm; None for the mesh size of the scene.
+        Mesh size of pads, in mm; None for the mesh size of the scene.
     """
 
     points: int
@@ -118,9 +118,9 @@ class PreparedFor(NamedTuple):
     ready : Prepared
         The scene.
     errors : ShapeErrors
-        By its shape, with the readings if it needs no random paths.
+        Errors by the shape of the scene, and the readings if no random paths are needed.
     settings : Settings
-        Of the reading.
+        Settings of the reading.
     light_error : float
         Relative standard error that random paths should reach.
     alternative : PreparedFor or None
@@ -149,11 +149,11 @@ def prepared_without_random_numbers(ready: Prepared, scene: AnyScene, errors: Sh
     scene : AnyScene
         The scene as described.
     errors : ShapeErrors
-        With the readings.
+        Errors with the readings.
 
     Returns
     -------
     PreparedFor
-        Without points.
+        Prepared scene without points.
     """
     return PreparedFor(ready, errors, Settings(0, mesh_size_of(scene)))

@@ -29,7 +29,7 @@ def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
     Parameters
     ----------
     deviation : (T,) ndarray
-        Of readings on elements of twice the size, W.
+        Deviation of readings on elements of twice the size, W.
     power : (T,) ndarray
         Readings, W.
 
@@ -145,7 +145,7 @@ class Readings(Displayed):
     mesh_size : float or None
         Size in mm of the finite elements of pads whose mesh the scene does not fix; None for the default.
     derivatives : Derivatives or None
-        With respect to the requested parameters.
+        Derivatives with respect to the requested parameters.
     contact : FirstContact or None
         Where a pad loaded further first touches anything; None if not requested.
     roof_errors : list[RoofError | None]
@@ -313,7 +313,7 @@ def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
     Parameters
     ----------
     errors : sequence of (RoofError or None)
-        Of each loaded pad; None if unknown.
+        Errors of each loaded pad; None if unknown.
 
     Returns
     -------
@@ -342,9 +342,9 @@ def readings_text(readings: Readings, width: int | None = None) -> str:
     Parameters
     ----------
     readings : Readings
-        Of a scene.
+        Readings of a scene.
     width : int, optional
-        Of a line in characters, as for `text_table`.
+        Width of a line in characters, as for `text_table`.
 
     Returns
     -------
@@ -372,7 +372,7 @@ def readings_answer(readings: Readings) -> str:
     Parameters
     ----------
     readings : Readings
-        Of a scene.
+        Readings of a scene.
 
     Returns
     -------
@@ -401,7 +401,7 @@ def readings_columns(readings: Readings) -> dict[str, list[str]]:
     Parameters
     ----------
     readings : Readings
-        Of a scene.
+        Readings of a scene.
 
     Returns
     -------
@@ -431,7 +431,7 @@ def light_error_line(readings: Readings) -> str:
     Parameters
     ----------
     readings : Readings
-        Of a scene.
+        Readings of a scene.
 
     Returns
     -------
@@ -450,9 +450,9 @@ def crosstalk_text(crosstalk: Crosstalk, width: int | None = None) -> str:
     Parameters
     ----------
     crosstalk : Crosstalk
-        Of a scene.
+        Crosstalk of a scene.
     width : int, optional
-        Of a line in characters.
+        Width of a line in characters.
 
     Returns
     -------

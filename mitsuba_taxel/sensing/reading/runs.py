@@ -54,12 +54,12 @@ def prepare(scene: AnyScene) -> Prepared:
     Parameters
     ----------
     scene : Scene or str or Path or dict or mi.Scene or Prepared
-        As for :func:`measure`.
+        See :func:`measure`.
 
     Returns
     -------
     Prepared
-        For :func:`measure` in place of the scene.
+        Prepared scene for :func:`measure` in place of the scene.
 
     Raises
     ------
@@ -131,7 +131,7 @@ class Run:
     ready : Prepared
         The scene.
     seed : int
-        Of the random numbers.
+        Seed of the random numbers.
     image : bool
         Whether to accumulate the irradiance map.
     continued : Readings, optional
@@ -197,7 +197,7 @@ def derived_seed(seed: int, index: int) -> int:
     Parameters
     ----------
     seed : int
-        From 0 on.
+        Seed from 0 on.
     index : int
         From 0 on.
 

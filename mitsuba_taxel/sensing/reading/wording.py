@@ -17,7 +17,7 @@ def light_of_study(study: xr.Dataset) -> str:
     Parameters
     ----------
     study : xr.Dataset
-        As returned by ``sweep``.
+        Result of ``sweep``.
 
     Returns
     -------
@@ -36,7 +36,7 @@ def budget_line(budget: Mapping[str, float]) -> str:
     Parameters
     ----------
     budget : Mapping[str, float]
-        As of :func:`error_budget`.
+        See :func:`error_budget`.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def budget_rows(budget: Mapping[str, float]) -> list[tuple[str, str]]:
     Parameters
     ----------
     budget : Mapping[str, float]
-        As of :func:`error_budget`.
+        See :func:`error_budget`.
 
     Returns
     -------

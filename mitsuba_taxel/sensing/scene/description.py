@@ -137,7 +137,7 @@ class Scene(Displayed):
         Returns
         -------
         Scene
-            Read again whenever it is loaded.
+            Scene read again whenever it is loaded.
 
         Raises
         ------
@@ -182,7 +182,7 @@ class Scene(Displayed):
         Returns
         -------
         mi.Scene
-            With its pads deformed.
+            Scene with its pads deformed.
 
         Raises
         ------
@@ -263,7 +263,7 @@ class Scene(Displayed):
         Parameters
         ----------
         folder : Path
-            Of the file that will hold the text; paths in the text are relative to it.
+            Folder of the file that will hold the text; paths in the text are relative to it.
 
         Returns
         -------
@@ -471,7 +471,7 @@ def write_xml(scene: Scene, path: str | Path) -> None:
     Parameters
     ----------
     scene : Scene
-        Read from a file or made in Python.
+        Scene read from a file or made in Python.
     path : str or Path
         The file, which is replaced if it exists.
 

@@ -19,7 +19,7 @@ def find_scene(source: str | Path) -> Path:
     Returns
     -------
     Path
-        Of an existing file.
+        Path of an existing file.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def why_unreadable(path: Path) -> str | None:
     Parameters
     ----------
     path : Path
-        Of anything.
+        Any path.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def is_file(path: Path) -> bool:
     Parameters
     ----------
     path : Path
-        Of any length.
+        Path of any length.
 
     Returns
     -------

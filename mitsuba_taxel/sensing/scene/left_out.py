@@ -29,7 +29,7 @@ def left_out(parameters: Mapping[str, str]) -> set[str]:
     Returns
     -------
     set[str]
-        With the value `NONE`.
+        Names with the value `NONE`.
     """
     return {name for name, value in parameters.items() if value == NONE}
 
@@ -40,7 +40,7 @@ def used_by(attributes: Mapping[str, str]) -> set[str]:
     Parameters
     ----------
     attributes : Mapping[str, str]
-        Of an XML element.
+        Attributes of an XML element.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[
     config : mi.parser.ParserConfig
         Of the variant that will build the scene.
     path : Path
-        Of the XML file.
+        Path of the XML file.
     parameters : Mapping[str, str]
         Values by name.
 

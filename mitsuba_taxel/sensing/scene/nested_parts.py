@@ -22,9 +22,9 @@ def unused_parts(nodes: list[mi.parser.SceneNode], node: mi.parser.SceneNode) ->
     Parameters
     ----------
     nodes : list[mi.parser.SceneNode]
-        Of the parsed scene.
+        Nodes of the parsed scene.
     node : mi.parser.SceneNode
-        Of the scene or of a shape.
+        Node of the scene or of a shape.
 
     Returns
     -------

@@ -98,7 +98,7 @@ class PadSensor(Displayed):
         Returns
         -------
         Scene
-            With a dictionary of Mitsuba objects as its source.
+            Scene with a dictionary of Mitsuba objects as its source.
 
         Raises
         ------

@@ -28,7 +28,7 @@ def roles_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
     Parameters
     ----------
     scene : Path
-        Of the XML file.
+        XML file of the scene.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def forces_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
     Parameters
     ----------
     scene : Path
-        Of the XML file.
+        XML file of the scene.
 
     Returns
     -------
@@ -84,7 +84,7 @@ def load_constants(scene: Path) -> dict[str, str]:
     Parameters
     ----------
     scene : Path
-        Of the XML file.
+        XML file of the scene.
 
     Returns
     -------

@@ -23,7 +23,7 @@ def units_of_parameters(scene: Path) -> dict[str, str]:
     Parameters
     ----------
     scene : Path
-        Of the XML file.
+        XML file of the scene.
 
     Returns
     -------

@@ -22,7 +22,7 @@ def refusal_of(scene: Scene) -> InputError | None:
     Parameters
     ----------
     scene : Scene
-        Described, not loaded.
+        Scene described, not loaded.
 
     Returns
     -------

@@ -61,7 +61,7 @@ def guilty_parameters(parameters: Mapping[str, str]) -> str:
     Parameters
     ----------
     parameters : Mapping[str, str]
-        Of a scene, by name.
+        Parameters of a scene, by name.
 
     Returns
     -------
@@ -85,12 +85,12 @@ def parser_config(variant: str) -> mi.parser.ParserConfig:
     Parameters
     ----------
     variant : str
-        Of Mitsuba.
+        Variant of Mitsuba.
 
     Returns
     -------
     mi.parser.ParserConfig
-        With which no objects are merged.
+        Settings with which no objects are merged.
     """
     import mitsuba as mi
 
@@ -108,7 +108,7 @@ def as_own_error(error: RuntimeError, scene: Described) -> InputError | Computat
     Parameters
     ----------
     error : RuntimeError
-        Of Mitsuba's parser, or of a plugin that it builds.
+        Error of Mitsuba's parser, or of a plugin that it builds.
     scene : Described
         The scene.
 
@@ -152,7 +152,7 @@ def with_own_parameters(message: str, scene: Described) -> str:
     message : str
         It shows each value as ``name = value``, or begins with the name of the plugin's parameter.
     scene : Described
-        From a file; a scene made in Python has no parameters of its own.
+        Scene from a file; a scene made in Python has no parameters of its own.
 
     Returns
     -------

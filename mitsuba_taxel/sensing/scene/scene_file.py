@@ -25,7 +25,7 @@ def read_scene_file(path: Path) -> Iterator[tuple[Path, ElementTree.Element]]:
     Parameters
     ----------
     path : Path
-        Of the XML file.
+        Path of the XML file.
 
     Yields
     ------

@@ -50,7 +50,7 @@ def scene_text(
     config : mi.parser.ParserConfig
         Settings of the parser.
     folder : Path
-        Of the file that will hold the text: files that are not found from there are named by their full paths.
+        Folder of the file that will hold the text: files that are not found from there are named by their full paths.
     file : Path or None
         The XML file that the scene is from, whose uses of parameters are kept; None for a scene made in Python. There,
         each number of a plugin, and each word of a plugin of this package, becomes a parameter of the same name.

@@ -66,9 +66,9 @@ def emit(
     Returns
     -------
     position : mi.Point3f
-        Where the ray leaves the package, in mm.
+        Position where the ray leaves the package, in mm.
     ray : mi.Ray3f
-        From there.
+        Ray from there.
     passed : mi.Float
         Fraction of its power that leaves the package.
     """
@@ -107,7 +107,7 @@ def follow(
     sampler : mi.Sampler
         Source of random numbers.
     most_reflections : int
-        After which a path is abandoned; its last ``onward`` power is then lost.
+        Number of reflections after which a path is abandoned; its last ``onward`` power is then lost.
     weighted : int
         Number of first reflections.
     visit : Callable[[PathStep], None]
@@ -141,7 +141,7 @@ def landed(pair: TaxelPair, step: PathStep) -> tuple[mi.Bool, mi.UInt32]:
     pair : TaxelPair
         The arrays.
     step : PathStep
-        Of the paths.
+        Step of the paths.
 
     Returns
     -------
@@ -163,8 +163,8 @@ class RayPaths:
     Attributes
     ----------
     vertices : list of ndarray
-        For each path (n, 3) positions in mm, n from 2 to 64: the LED or its window, each reflection, the end. A path
-        that escapes ends shortly after its last reflection; light that does not leave a package has none.
+        Vertices for each path (n, 3) positions in mm, n from 2 to 64: the LED or its window, each reflection, the end.
+        A path that escapes ends shortly after its last reflection; light that does not leave a package has none.
     reached : (N,) ndarray
         Whether each has reached the taxel's own phototransistor.
     power : (N,) ndarray

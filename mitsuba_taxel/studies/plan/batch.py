@@ -54,7 +54,7 @@ class Batch:
     axes : tuple[Axis, ...]
         Dimensions, at least one.
     target_error, points, time_budget, mesh_size, seed : float or None and int or None and int
-        As for ``sweep``; common to all scenes. With 0 points, which no file states, light is computed without random
+        See ``sweep``; common to all scenes. With 0 points, which no file states, light is computed without random
         numbers.
     maps : bool
         Whether irradiance maps are stored as well.
@@ -162,35 +162,35 @@ def make_batch(
     source : str or Path
         Path or name of the scene.
     vary : Mapping[str, str or Iterable[object]]
-        As for :func:`sweep`.
+        See :func:`sweep`.
     defines : Mapping[str, object], optional
-        As for :func:`sweep`.
+        See :func:`sweep`.
     together : Mapping[str, str or Iterable[object]], optional
-        As for :func:`sweep`.
+        See :func:`sweep`.
     target_error : float, optional
-        As for :func:`sweep`.
+        See :func:`sweep`.
     points : int, optional
-        As for :func:`sweep`.
+        See :func:`sweep`.
     time_budget : float, optional
-        As for :func:`sweep`.
+        See :func:`sweep`.
     mesh_size : float, optional
-        As for :func:`sweep`.
+        See :func:`sweep`.
     seed : int
-        As for :func:`sweep`.
+        See :func:`sweep`.
     maps : bool
-        As for :func:`sweep`.
+        See :func:`sweep`.
     derivatives : sequence of str
-        As for :func:`sweep`.
+        See :func:`sweep`.
     target_slope : float, optional
-        As for :func:`sweep`.
+        See :func:`sweep`.
     circuit : Circuit, optional
-        As for :func:`sweep`.
+        See :func:`sweep`.
     meshes : str
-        As for :func:`sweep`.
+        See :func:`sweep`.
     name : str
-        Of the scene, in a study of several.
+        Name of the scene, in a study of several.
     folder : Path
-        To which names of files are relative.
+        Folder to which names of files are relative.
 
     Returns
     -------
@@ -275,7 +275,7 @@ def loads_among(roles: Mapping[str, tuple[str, int]]) -> list[str]:
     Parameters
     ----------
     roles : Mapping[str, tuple[str, int]]
-        Of `roles_of_parameters`.
+        Result of `roles_of_parameters`.
 
     Returns
     -------

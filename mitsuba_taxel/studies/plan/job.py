@@ -33,15 +33,15 @@ class Job:
         Values of its parameters. With a value of `TO_CONTACT`, derivatives are those of the first contact, not of the
         readings.
     points, seed : int
-        As for ``measure``; 0 if light should be computed without random numbers.
+        See ``measure``; 0 if light should be computed without random numbers.
     mesh_size : float or None
-        As for ``Scene``.
+        See ``Scene``.
     mechanics_error : bool
-        As for ``measure``.
+        See ``measure``.
     meshes, maps : bool
         Whether to return the surfaces of the deformed pads, and the irradiance map.
     derivatives : tuple[str, ...]
-        As for ``measure``; their errors are computed together with that of the mechanics.
+        See ``measure``; their errors are computed together with that of the mechanics.
     where_smooth : bool
         Whether derivatives are computed only if the readings need no random numbers, and else omitted without a remark.
     bare : bool

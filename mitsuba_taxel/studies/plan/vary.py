@@ -38,7 +38,7 @@ class Axis(NamedTuple):
     dim : str
         Name: that of its parameter, or ``step``.
     values : dict[str, list[str]]
-        By parameter, one word for each index along the dimension.
+        Values by parameter, one word for each index along the dimension.
     is_open : bool
         Whether the values are the two ends of a range whose steps are still to be chosen.
     is_force : bool

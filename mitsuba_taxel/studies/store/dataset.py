@@ -410,7 +410,7 @@ def study_error_budget(study: xr.Dataset) -> dict[str, float]:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Study of one scene.
 
     Returns
     -------
@@ -432,7 +432,7 @@ def stage_totals(study: xr.Dataset) -> dict[str, float]:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Study of one scene.
 
     Returns
     -------

@@ -76,7 +76,7 @@ def rows_line(counts: Mapping[str, int]) -> str:
     Parameters
     ----------
     counts : Mapping[str, int]
-        By part.
+        Counts by part.
 
     Returns
     -------

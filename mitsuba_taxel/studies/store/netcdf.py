@@ -16,7 +16,7 @@ def write_netcdf(study: xr.Dataset, file: Path) -> None:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Study of one scene.
     file : Path
         Which is replaced if it exists.
 

@@ -93,7 +93,7 @@ def stored_study(folder: Path) -> dict[str, Any]:
     Parameters
     ----------
     folder : Path
-        Of anything.
+        Any path.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def read_results(folder: Path) -> dict[str, Any]:
     Parameters
     ----------
     folder : Path
-        That was the ``output`` of a study.
+        Folder that was the ``output`` of a study.
 
     Returns
     -------

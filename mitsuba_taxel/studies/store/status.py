@@ -48,7 +48,7 @@ def study_status(folder: str | Path) -> list[Status]:
     Parameters
     ----------
     folder : str or Path
-        That is the ``output`` of a study.
+        Folder that is the ``output`` of a study.
 
     Returns
     -------

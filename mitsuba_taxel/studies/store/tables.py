@@ -90,7 +90,7 @@ def summary_table(study: xr.Dataset) -> pandas.DataFrame:
     Parameters
     ----------
     study : xr.Dataset
-        Of one scene.
+        Study of one scene.
 
     Returns
     -------

@@ -90,7 +90,7 @@ def uniform_cone(cosine: float) -> CosineFactor:
     Parameters
     ----------
     cosine : float
-        Of the angle between the axis and the surface of the cone.
+        Cosine of the angle between the axis and the surface of the cone.
 
     Returns
     -------
@@ -109,11 +109,11 @@ class End:
     points : (L, 3) ndarray
         In mm.
     weights : (L,) ndarray
-        Of an LED, fractions of its power; of a phototransistor, areas in mm².
+        Weights of an LED, fractions of its power; of a phototransistor, areas in mm².
     normal : (3,) ndarray
         Unit normal, in the viewing direction.
     law : AngularLaw
-        Of an LED, fraction of its power per solid angle; of a phototransistor, response relative to the ideal one.
+        Law of an LED, fraction of its power per solid angle; of a phototransistor, response relative to the ideal one.
     """
 
     points: np.ndarray

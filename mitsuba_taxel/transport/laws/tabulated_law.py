@@ -21,7 +21,8 @@ class TabulatedLaw:
     Attributes
     ----------
     cosines, values : (N,) ndarray
-        At the nodes. Cosines increase up to 1; if the first value is above 0, the law ends there with a step.
+        Cosines and values at the nodes. Cosines increase up to 1; if the first value is above 0, the law ends there
+        with a step.
     """
 
     cosines: np.ndarray

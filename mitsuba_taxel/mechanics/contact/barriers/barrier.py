@@ -40,7 +40,7 @@ class Barrier:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the whole undeformed pad, which stands on the board.
+        Mesh of the whole undeformed pad, which stands on the board.
     modulus : float
         MPa, which scales the repulsion: its pressure at a third of the reach is about twice the modulus.
     fraction : float
@@ -110,7 +110,7 @@ class Barrier:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
         steady : bool
             Whether negative eigenvalues of each pair are set to 0.
 

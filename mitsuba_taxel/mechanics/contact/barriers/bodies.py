@@ -45,7 +45,7 @@ class RigidBodies:
     Attributes
     ----------
     corners : bytes
-        Of the triangles (K, 3, 3), in mm in the frame of the pad.
+        Corners of the triangles (K, 3, 3), in mm in the frame of the pad.
     """
 
     corners: bytes

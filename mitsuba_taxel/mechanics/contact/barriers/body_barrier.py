@@ -34,7 +34,7 @@ class BodyBarrier:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the whole undeformed pad, which touches no body.
+        Mesh of the whole undeformed pad, which touches no body.
     modulus : float
         MPa, as of :class:`Barrier`.
     bodies : RigidBodies
@@ -104,7 +104,7 @@ class BodyBarrier:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
         steady : bool
             Whether negative eigenvalues of each pair are set to 0.
 

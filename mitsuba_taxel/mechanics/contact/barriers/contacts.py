@@ -22,7 +22,7 @@ class Contacts:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the whole undeformed pad.
+        Mesh of the whole undeformed pad.
     modulus : float
         MPa, as of :class:`Barrier`.
     bodies : RigidBodies or None
@@ -53,7 +53,7 @@ class Contacts:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
         steady : bool
             Whether negative eigenvalues of each pair are set to 0.
 
@@ -73,9 +73,9 @@ class Contacts:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
         velocity : (N, 3) ndarray
-            Of the nodes.
+            Velocity of the nodes.
 
         Returns
         -------

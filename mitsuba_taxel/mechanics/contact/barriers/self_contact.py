@@ -57,7 +57,7 @@ class ContactTest:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     obstacles : (K, 3, 3) ndarray, optional
         Corners of the triangles of closed surfaces, in mm: the packages in the cells.
     nodes : (n,) ndarray, optional
@@ -88,7 +88,7 @@ class ContactTest:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Of the nodes, mm.
+            Displacement of the nodes, mm.
 
         Returns
         -------

@@ -31,7 +31,7 @@ def widest_shut(mesh: VolumeMesh, bodies: RigidBodies) -> float:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     bodies : RigidBodies
         Bodies that the pad may touch.
 

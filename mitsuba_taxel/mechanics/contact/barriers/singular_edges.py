@@ -33,7 +33,7 @@ def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
 
     Returns
     -------
@@ -66,12 +66,12 @@ def judged_nodes(mesh: VolumeMesh) -> np.ndarray:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
 
     Returns
     -------
     (N,) ndarray of bool
-        Of each node.
+        One value of each node.
     """
     walls = np.isin(mesh.face_region, [REGIONS["roof"], REGIONS["side"]])
     judged = np.zeros(len(mesh.points), dtype=bool)
@@ -109,7 +109,7 @@ def rim_corners(mesh: VolumeMesh, region: str, least_turn: float) -> np.ndarray:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     region : str
         "bottom" or "top", whose rim with the outside is meant.
     least_turn : float

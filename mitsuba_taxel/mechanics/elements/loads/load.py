@@ -174,7 +174,7 @@ class DeadForce(Load):
         Parameters
         ----------
         mesh : VolumeMesh
-            Of the undeformed pad.
+            Mesh of the undeformed pad.
 
         Returns
         -------
@@ -204,7 +204,7 @@ def face_areas(mesh: VolumeMesh, faces: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the undeformed pad.
+        Mesh of the undeformed pad.
     faces : (B, 6) ndarray of int
         Their nodes.
 

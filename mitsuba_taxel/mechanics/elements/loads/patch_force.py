@@ -23,7 +23,7 @@ class PatchForce(DeadForce, name="patch_force", rank=1):
     centre : tuple[float, float]
         (x, y) in mm.
     size : tuple[float, float]
-        Of the rectangle along x and y, in mm; parts outside the top carry no force.
+        Size of the rectangle along x and y, in mm; parts outside the top carry no force.
     self_contact : bool
         As of a `SpreadForce`; so it is for other loads.
     """

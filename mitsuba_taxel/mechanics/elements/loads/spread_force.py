@@ -43,7 +43,7 @@ class SpreadForce(DeadForce, name="spread_force", rank=0):
         Parameters
         ----------
         mesh : VolumeMesh
-            Of the undeformed pad.
+            Mesh of the undeformed pad.
         mirror : Mirror
             A plane of symmetry of the mesh.
         image : (N,) ndarray of int

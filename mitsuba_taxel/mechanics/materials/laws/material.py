@@ -62,7 +62,7 @@ class Material(Kind, Checked, Displayed, family="material"):
         Returns
         -------
         Mapping[str, Parameter]
-            By name, in the order of the fields.
+            Parameters by name, in the order of the fields.
         """
         declared = parameters_of(cls)
         law: Any = cls
@@ -125,7 +125,7 @@ class Material(Kind, Checked, Displayed, family="material"):
         Returns
         -------
         Material
-            Of the same class.
+            Material of the same class.
 
         Raises
         ------

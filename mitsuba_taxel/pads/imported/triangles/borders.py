@@ -24,7 +24,7 @@ def conforming(points: np.ndarray, tets: np.ndarray, patches: Patches, reach: fl
     tets : (M, 4) ndarray of int
         Straight, positively oriented tetrahedra.
     patches : Patches
-        Of the surface.
+        Patches of the surface.
     reach : float
         Largest distance of the mesh from the surface, mm.
 

@@ -35,7 +35,7 @@ def remeshed(
     Parameters
     ----------
     patches : Patches
-        Of the surface.
+        Patches of the surface.
     size : Callable
         Returns the target length (N,) of edges in mm at points (N, 3), on the patches given by ``belongs`` (N,
         patches).

@@ -253,7 +253,7 @@ def is_sliver(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     Returns
     -------
     (T,) ndarray of bool
-        For each triangle.
+        One value for each triangle.
     """
     corners = vertices[triangles]
     longest = np.linalg.norm(corners[:, [1, 2, 0]] - corners, axis=2).max(axis=1)

@@ -216,7 +216,7 @@ def snapped(
     patch : (B,) ndarray of int
         Patch that each boundary triangle follows.
     patches : Patches
-        Of the surface.
+        Patches of the surface.
     mesh_size : float
         Length of the edges of elements, mm.
 
