@@ -35,7 +35,7 @@ class LoadLine:
 
     @property
     def ordered(self) -> bool:
-        """Whether the load passed through the forces in this order: forces with a dimension of their own are
+        """Whether the load passed through the forces in this order. Forces with a dimension of their own belong to
         independent scenes."""
         return self.dim not in FORCES
 
@@ -74,7 +74,7 @@ def load_lines(study: xr.Dataset) -> list[LoadLine]:
 
 
 def loading_lines(study: xr.Dataset) -> list[LoadLine]:
-    """The lines of growing force; of a path up and down along a line, the first run."""
+    """The lines of growing force; of a path that goes up and down along one line, only the first run."""
     first: dict[tuple, LoadLine] = {}
     for line in load_lines(study):
         if line.loading:

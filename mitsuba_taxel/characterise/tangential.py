@@ -152,7 +152,8 @@ def symmetric_pairs(maps: Iterable[TangentialMap]) -> pandas.DataFrame:
 
 
 def _pairs(taxels: TangentialMap, sign: int) -> Iterator[dict[str, Any]]:
-    """The pairs of a mirror at the line of the load (``sign`` 1) or across it (``sign`` -1)."""
+    """Pairs of taxels that are mirror images in the line of the load (``sign`` 1), or in the line across it (``sign``
+    -1)."""
     rows, columns = taxels.shape
     y, x = np.meshgrid((rows - 1) / 2 - np.arange(rows), np.arange(columns) - (columns - 1) / 2, indexing="ij")
     position = np.stack([x.ravel(), y.ravel()], axis=1)

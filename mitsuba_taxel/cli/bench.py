@@ -143,7 +143,7 @@ def light_command(only: str | None, csv: Path | None, markdown: Path | None) -> 
 @markdown_option
 @debug_option
 def drags_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Compare forces and roofs below balls that are dragged to a place with those of balls pressed there.
+    """Compare forces and roofs below balls that are dragged to a position with those of balls pressed in there.
 
     Each state is solved in its own process; files contain those solved so far, which are not solved again.
     """
@@ -220,7 +220,7 @@ def horizon_command(markdown: Path | None) -> None:
 @markdown_option
 @debug_option
 def nominal_command(only: str | None, markdown: Path | None) -> None:
-    """Read four shapes under normal and tangential force to 0.5 % with slopes to 2 %, from nothing."""
+    """Read four shapes under normal and tangential force, to 0.5 % and with slopes to 2 %, with empty caches."""
     from mitsuba_taxel.evidence.accuracy.nominal import HEADINGS, NominalRow, nominal, nominal_cells, write_page
 
     def keep(rows: Sequence[NominalRow]) -> None:

@@ -12,7 +12,7 @@ from .options import debug_option, json_option
 @json_option
 @debug_option
 def command(clear: bool, as_json: bool) -> None:
-    """Say where solved deformations are kept, and how much they take.
+    """Print the folder of solved deformations, and its size.
 
     The folder is MITSUBA_TAXEL_CACHE, or mitsuba_taxel in the user's cache folder. Beyond 10 GB those that were used
     longest ago are removed; nothing that was used in the last ten minutes is.

@@ -26,7 +26,7 @@ from .options import Fraction, debug_option, json_option, output_option
 @json_option
 @debug_option
 def command(source: Path, output: Path, coverage: float, noise: float | None, as_json: bool) -> None:
-    """Fit forces to the readings of the study in DIR, or of a bench.
+    """Fit a model of the forces to the readings of the study in DIR, or of a bench measurement.
 
     The model is a polynomial of the readings, in volts if they are measured or the study has a circuit. It is
     cross-validated on whole paths: curves of a study, or runs of a measurement. Intervals are calibrated on paths that

@@ -51,7 +51,7 @@ def _as_json(result) -> dict[str, Any]:
 
 
 def _counts(result) -> dict[str, int]:
-    """The number of samples in words, and that of the exact ones if it is smaller."""
+    """The number of samples in words, and the number of exact samples if that is smaller."""
     samples = result.samples
     return {"samples": len(samples), "exact": int(samples.exact.sum())} if "exact" in samples else {}
 

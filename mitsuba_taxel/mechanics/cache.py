@@ -1,4 +1,4 @@
-"""Cache of arrays on disk, under a key of everything that determines them.
+"""Cache of arrays on disk, under a key that contains everything the arrays depend on.
 
 Files are written atomically; damaged files are ignored. A folder that cannot be written only costs time.
 """
@@ -60,13 +60,13 @@ def load(name: str) -> dict[str, np.ndarray] | None:
 
 
 def holds(name: str) -> bool:
-    """Whether something is stored under ``name``, even if damaged."""
+    """Whether there is an entry ``name``, even a damaged one."""
     return (folder() / f"{name}.npz").is_file()
 
 
 @contextmanager
 def alone(name: str) -> Iterator[None]:
-    """Lock ``name`` against other processes, so that its arrays are computed once.
+    """Lock ``name`` against other processes, so that its arrays are computed only once.
 
     Parameters
     ----------
@@ -98,7 +98,8 @@ def alone(name: str) -> Iterator[None]:
 
 
 class _Limit:
-    """Keeps the folder below :data:`LARGEST`, by a check at first, and after each hundredth of it that is stored."""
+    """Keeps the folder below :data:`LARGEST`: it is checked at first, and after each hundredth of that size has been
+    stored."""
 
     def __init__(self) -> None:
         self._since = LARGEST

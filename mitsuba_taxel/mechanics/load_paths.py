@@ -149,7 +149,7 @@ def state_after(
     mesh_tolerance: float | None = None,
     obstacles: np.ndarray | None = None,
 ) -> State:
-    """The last state of :func:`load_path`, if states depend on earlier ones, without keeping these in memory.
+    """The last state of :func:`load_path`, without keeping the earlier states on which it depends in memory.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def state_at_rest(
     mesh_size: float | None = None,
     mesh_tolerance: float | None = None,
 ) -> State:
-    """The unloaded state on the elements that the last state of :func:`load_path` has.
+    """The unloaded pad on the elements of the last state of :func:`load_path`.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def remembering(material: Material | Viscoelastic) -> Viscoelastic:
 
 
 def _elastic_state(path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
-    """The deformed pad under a value of a load, without friction, as :func:`solved_on` its elements."""
+    """The deformed pad under a value of a load, without friction, solved on the elements of :func:`solved_on`."""
     try:
         on, _, state = solved_on(path, value, obstacles)
     except LoadPathEnds as end:

@@ -34,7 +34,7 @@ Leg = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Refinement:
-    """Extent and fineness of the refinement of a mesh under an indenter.
+    """Region and element size of the refinement of a mesh under an indenter.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> 
 
 
 def swept_legs(positions: Sequence[tuple[float, float, float]], reach: float) -> tuple[Leg, ...]:
-    """Legs that cover the straight movements of a body between successive positions.
+    """Straight segments (legs) that a body moves along between successive positions.
 
     Movements above z = 0 are left out. Legs seldom change as positions are added: movements in one direction are one
     leg, whose length is ``reach`` times a power of 2, and a movement within :data:`CLOSE` times ``reach`` of a leg is
@@ -147,7 +147,7 @@ def swept_legs(positions: Sequence[tuple[float, float, float]], reach: float) ->
 
 
 def _covers(legs: Sequence[Leg], line: np.ndarray, distance: float) -> bool:
-    """Whether a straight line (2, 2) is within a distance in mm of the start of the body or of legs."""
+    """Whether a straight line (2, 2) lies within a distance in mm of the start of the body or of its legs."""
     count = 2 + int(np.linalg.norm(line[1] - line[0]) / distance)
     points = line[0] + np.linspace(0, 1, count)[:, None] * (line[1] - line[0])
     distances = np.linalg.norm(points, axis=1)

@@ -1,4 +1,4 @@
-"""First contacts of designs, from their study."""
+"""First contacts of designs, from the study of their loads."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def lines_without_contact(plan: Plan, batch: Batch, designs: Sequence[Design]) -
 
 
 def undetermined_end(plan: Plan, responses: DesignResponses, contacts: Mapping[str, DesignContact]) -> str:
-    """Reason why a figure of a design is undetermined: its load path ends, and derivatives of that end are missing.
+    """Reason why a figure of a design is undetermined: its load path ends, and the derivatives of the end are unknown.
 
     Empty if all figures are determined. A constraint that the design meets at the end of the path needs no derivatives.
     """

@@ -1,4 +1,4 @@
-"""Figures of merit of a design, each with its gradient.
+"""Figures of merit of a design, with their gradients.
 
 A figure has components, such as the sensitivities of all taxels; the worst component counts. Components are analytic
 functions of readings and dimensions. These are complex numbers whose imaginary parts are derivatives by one variable:

@@ -99,7 +99,7 @@ class PadFile(Displayed):
 
     @property
     def is_drawn(self) -> bool:
-        """Whether the file holds curved faces, as a drawing does, and not triangles."""
+        """Whether the file contains curved faces, as a CAD drawing does, rather than triangles."""
         return self.suffix in STEP_FORMATS
 
     @property

@@ -41,7 +41,8 @@ _WEIGHTED_REFLECTIONS = 8
 
 @dataclass(frozen=True)
 class EnergyAudit:
-    """Where the power that all LEDs emit ends, as fractions of it.
+    """Fractions of the power of all LEDs by where the light ends: on a surface, on a phototransistor or outside the
+    scene.
 
     Attributes
     ----------
@@ -97,7 +98,7 @@ def energy_audit(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> EnergyAudit:
-    """Follow the light of all LEDs to where it ends.
+    """Trace the light of all LEDs until it is absorbed, detected or lost, and add up the power at each place.
 
     Paths are sampled from the scene's BSDFs, starting at the light: weights never grow, and absorbed power is summed at
     each wall in double precision. Runs of the same seed agree to some 1e-12, as the order of summation varies. If the
@@ -281,7 +282,7 @@ class _Surfaces:
         return dr.gather(mi.UInt32, self.table, start + stride * step.si.prim_index, step.hit)
 
     def unseen_fraction(self, surface: mi.UInt32, step: PathStep) -> mi.Float:
-        """Fraction of the light that ends here which would meet a second facet."""
+        """Fraction of the light ending at a rough mirror that a real mirror would reflect by a second facet."""
         reflectance = dr.gather(mi.Float, self.reflectance, surface, step.hit)
         return dr.select(step.weight < reflectance, (reflectance - step.weight) / (1 - step.weight), 0)
 

@@ -287,7 +287,8 @@ def _changes(scene: AnyScene, names: Sequence[str]) -> list[Rates]:
 def _derivatives(
     scene: AnyScene, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
 ) -> Derivatives:
-    """Derivatives without random numbers if possible, else by paths; if ``fixed``, by as many points as readings."""
+    """Derivatives without random numbers if possible, else by random paths; if ``fixed``, with as many points as the
+    readings."""
     from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
     from mitsuba_taxel.sensing.diffuse.diffuse_cells import NotFollowed
     from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse

@@ -382,7 +382,8 @@ def finer_mesh(
 
 
 def rungs_to(target: float, meshes: list[tuple[float, float]], order: float = ORDER) -> int:
-    """Estimated number of rungs from the last mesh size to that with a target error.
+    """Estimated number of rungs on the ladder of mesh sizes, from the last mesh size to the size that reaches the
+    target error.
 
     Errors scatter from one mesh to the next. The expected error is the geometric mean of the errors on all meshes, each
     scaled to the last size.

@@ -187,7 +187,7 @@ def compare(
 
 
 def _score(by: str, value: np.ndarray) -> np.ndarray:
-    """The larger, the better: magnitude of a slope, minus a deviation."""
+    """Score of a variant, larger for a better one: magnitude of its slope, or minus its deviation."""
     return -value if by in DEVIATIONS else np.abs(value)
 
 
@@ -320,7 +320,7 @@ def _one_channel(variants: list[_Variant]) -> tuple[list[_Variant], str]:
 
 
 def _first_run_figures(readings: Sequence[Experiment], names: Sequence[str], column: str = "value") -> np.ndarray:
-    """Figures (figures, readings) of the first run of growing force of each reading, or their errors."""
+    """Figures (figures, readings) of the first run of growing force of each reading, or the errors of these figures."""
     table = characteristics([replace(reading, where={"number": number}) for number, reading in enumerate(readings)])
     rows: list[dict[str, float]] = [{} for _ in readings]
     for number, figure, loading, cell in zip(table.number, table.figure, table.loading, table[column], strict=True):

@@ -1,1 +1,1 @@
-"""Recordings of a sensor on the bench: tables of force and voltage enter, experiments with their noise leave."""
+"""Recordings of a sensor on the bench: from tables of force and voltage to experiments with their noise."""

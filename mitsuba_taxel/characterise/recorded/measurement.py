@@ -125,7 +125,7 @@ def read_measurement(file: str | Path) -> Measurement:
 
 
 def _quantity(column: Column, voltages: int, refuse: Callable[[str], NoReturn]) -> str | int:
-    """``time``, a force's name or a taxel's number."""
+    """The quantity of a column: ``time``, the name of a force, or the number of a taxel."""
     bare = re.sub(r"[ _]", "", column.name.lower())
     voltage = _VOLTAGE.fullmatch(column.name.lower())
     name: str | int = NAMES.get(bare, "")

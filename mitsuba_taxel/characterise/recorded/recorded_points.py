@@ -1,4 +1,5 @@
-"""Points of a recorded run: a point for each hold of the force, and for even ranges of force where it moves."""
+"""Points of a recorded run: one for each hold of the force, and one for each of equal ranges of force while it moves.
+"""
 
 from __future__ import annotations
 

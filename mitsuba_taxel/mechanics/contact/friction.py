@@ -69,7 +69,8 @@ class Friction:
         return self._body.carried @ displacement - self._body.area[:, None] * moved
 
     def tangents(self, contact_state: ContactState) -> np.ndarray:
-        """(m, 2, 3) unit vectors along the surface of the indenter at each node; 0 across the planes of mirrors."""
+        """(m, 2, 3) unit vectors along the surface of the indenter at each node; 0 for a direction across the plane of
+        a mirror."""
         normal = (
             contact_state.area_normal / np.maximum(np.linalg.norm(contact_state.area_normal, axis=1), TINY)[:, None]
         )

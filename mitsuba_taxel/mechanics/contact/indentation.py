@@ -265,6 +265,7 @@ class Indentation:
         return self.faces[active], matrices.reshape(-1, 18, 18)
 
     def _turning(self, contact: ContactState) -> np.ndarray:
-        """(B, q, 3, 3) N/mm, derivative of the force at each quadrature point by its position, as the normal turns."""
+        """(B, q, 3, 3) N/mm, derivative of the force at each quadrature point with respect to its position, due to the
+        change of the normal."""
         force = np.einsum("bqh,bh->bq", self._weights, contact.pressure[self.numbers])
         return force[:, :, None, None] * contact.gaps.curvature.reshape(*force.shape, 3, 3)

@@ -124,5 +124,5 @@ class Indenter(Kinded):
 
     @cached_property
     def body(self) -> IndenterShape:
-        """The body of its kind, with these dimensions: distances from it, its symmetries, contact and surface."""
+        """The rigid body of this kind and these dimensions, which gives distances, symmetries, contact and surface."""
         return IndenterShape.named(self.shape)(self)

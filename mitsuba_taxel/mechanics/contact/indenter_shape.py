@@ -68,7 +68,7 @@ class IndenterShape(Kind, family="indenter"):
         self.indenter = indenter
 
     def check(self) -> None:
-        """Refuse parameters that do not go together.
+        """Refuse parameters that contradict each other.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def digest(self) -> str:
-        """Digest of what determines the body beside its parameters, such as the content of a file.
+        """Digest of everything besides the parameters that the body depends on, such as the content of a file.
 
         Returns
         -------
@@ -345,7 +345,8 @@ class RoundBody(IndenterShape):
         return Gap(size, normal, curvature)
 
     def contact_radius(self, depth: float) -> float:
-        """By Hertz for a ball. As of a ball for a rod: on a half-space its depth is not determined by its contact."""
+        """Half the width of the contact, by Hertz for a ball. A rod has the value of a ball: on a half-space the depth
+        of a rod is not determined by its contact."""
         radius = self.indenter.radius
         return math.sqrt(radius * min(depth, self.deepest * radius))
 

@@ -1,4 +1,4 @@
-"""Equilibria along a growing load: segments of a path, the lengths of their steps, where they end, how they buckle.
+"""Equilibria along a growing load: segments of load paths, step lengths, ends of paths, and buckling.
 
 Enters: a pad, a material, a load, the size of elements, and a value. Leaves: a
 :class:`~mitsuba_taxel.mechanics.continuation.state.State`, bitwise the same whichever others are requested; or

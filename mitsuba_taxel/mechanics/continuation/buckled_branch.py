@@ -1,4 +1,4 @@
-"""The stable states of a pad that has buckled: those on the branch that begins at the end of a segment.
+"""The stable states of a buckled pad: the states on the branch that begins at the end of a segment.
 
 At the start of a branch the derivative of the displacement by the load is unbounded, and both are smooth functions of
 the amplitude of the mode in which the pad buckles. So the branch is a segment of states of prescribed amplitude, with
@@ -94,7 +94,7 @@ class BuckledPad:
         return solution, bordered
 
     def solve_linearised(self, start: np.ndarray, amplitude: np.ndarray) -> tuple[Solution, _Bordered]:
-        """As :meth:`solve_symmetric`, without a check of stability."""
+        """See :meth:`solve_symmetric`; stability is not checked."""
         unknowns = start
         for iteration in range(MOST_ITERATIONS):
             value = self._segment.value(unknowns[-1])
@@ -188,7 +188,7 @@ class BuckledBranch:
 
     @property
     def place(self) -> np.ndarray:
-        """(3,) mm, point of contact where it ends; NaN without contact."""
+        """(3,) mm, point of contact where the branch ends; NaN without contact."""
         return self._last.place
 
     @property
@@ -203,11 +203,11 @@ class BuckledBranch:
         return self._segment.value(s)
 
     def reaches(self, s: float) -> bool:
-        """Whether a state at a distance is one by its amplitude that needs no further solve."""
+        """Whether the state at a distance follows from the states by amplitude, without a further solve."""
         return min(self.solved_to, self.limit) >= s
 
     def extend(self, s: float, contact: ContactTest, touched: Callable[[], bool]) -> None:
-        """Solve the states by their amplitude.
+        """Solve states of growing amplitude.
 
         Parameters
         ----------
@@ -233,7 +233,7 @@ class BuckledBranch:
         )  # fmt: skip
 
     def load_at(self, amplitude: float) -> float:
-        """Distance along the segment of the state of an amplitude."""
+        """Distance along the segment at which the state has a given amplitude."""
         return float(self.curve.unknowns_at(amplitude)[-1])
 
     def at(self, pad: LoadedPad, s: float) -> Interpolated:
@@ -273,11 +273,12 @@ class BuckledBranch:
 
     @property
     def solved_to(self) -> float:
-        """Distance along the segment of the last state by its amplitude."""
+        """Distance along the segment of the last state that is solved for an amplitude."""
         return float(self.curve.nodes[-1].unknowns[-1])
 
     def _amplitude(self, s: float) -> float:
-        """Amplitude in mm of the state at a distance: beyond the interval in which the load has fallen, if it has."""
+        """Amplitude in mm of the state at a distance. If the load has fallen at first, amplitudes of that interval are
+        left out."""
         from scipy.optimize import brentq  # here, as only pads that buckle need it
 
         nodes = self.curve.nodes

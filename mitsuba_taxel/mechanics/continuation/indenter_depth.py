@@ -68,7 +68,7 @@ def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
 
 
 def depth_of(segments: PathSegments, value: np.ndarray, height: float, follow: Callable[[np.ndarray], object]) -> float:
-    """Depth of an indenter under a force, from disk or by the segment along z.
+    """Depth of an indenter under a force, from disk or by following the segment along z.
 
     Contact forces grow with the depth to a power of about 1.5, so that their power of 2/3 is nearly linear.
 

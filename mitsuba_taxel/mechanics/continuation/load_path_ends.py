@@ -1,4 +1,4 @@
-"""What ends a load path."""
+"""Ends of load paths, and their messages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mitsuba_taxel.mechanics.equilibrium.solution import UNSTABLE
 
 
 class LoadPathEnds(ComputationError):
-    """A load path does not lead as far as it was to.
+    """A load path ends before the requested load.
 
     Attributes
     ----------
@@ -187,5 +187,5 @@ class Obstacles:
         return self._first.get(segment)
 
     def touch(self, displacement: np.ndarray) -> bool:
-        """Whether a pad of a displacement (N, 3) touches them."""
+        """Whether the pad touches an obstacle at a displacement (N, 3)."""
         return self._test.find_package(displacement) is not None

@@ -215,7 +215,7 @@ class LoadSegment:
         return self.step / self.ticks
 
     def _between(self, pad: Followed, start: Node, end: Node, fits: bool) -> list[Node]:
-        """The nodes beyond ``start`` up to ``end``; further ones are inserted unless the interpolation ``fits``."""
+        """The nodes beyond ``start`` up to ``end``; more nodes are inserted until the interpolation ``fits``."""
         if fits:
             return [end]
         s = 0.5 * (start.s + end.s)
@@ -254,13 +254,14 @@ class LoadSegment:
         return self._is_little(correction, unknowns, pad)
 
     def _is_little(self, correction: np.ndarray, unknowns: np.ndarray, pad: Followed) -> bool:
-        """Whether the displacements, the first of the unknowns, are within the tolerance."""
+        """Whether a change of the unknowns is within the tolerance; only displacements count, which are the first
+        unknowns."""
         displacements = pad.numbering.displacements
         error = math.sqrt(np.square(correction[:displacements]).mean())
         return bool(error <= self.tolerance * np.abs(unknowns[:displacements]).max())
 
     def _look_for_contact(self, pad: Followed, test: ContactTest) -> None:
-        """End the segment at the first contact since the penultimate node, if there is one at the last."""
+        """End the segment at the first contact after the penultimate node, if the pad is in contact at the last one."""
         if len(self.nodes) < 2 or math.isfinite(self.limit):
             return
         find = test.find_package if pad.load.self_contact else test.find
@@ -270,7 +271,7 @@ class LoadSegment:
             self.reason, self.place = f"touches {contact.what}", np.array(contact.place)
 
     def end_buckling(self, pad: Followed, contact: ContactTest, node: Node, mode: np.ndarray) -> None:
-        """End the segment, which was found to be unstable beyond its last node, where the pad buckles in a ``mode``.
+        """End the segment where the pad buckles in a ``mode``; beyond its last node it has been found unstable.
 
         Parameters
         ----------
@@ -286,8 +287,8 @@ class LoadSegment:
     def first_contact(
         self, pad: Followed, index: int, find: Callable[[np.ndarray], Contact | None]
     ) -> tuple[float, Contact] | None:
-        """Distance along the segment without contact, and the contact, if there is one at a node but not at the one
-        before.
+        """The longest distance along the segment without contact, and the contact, if the pad is in contact at a node
+        but not at the node before.
 
         Parameters
         ----------
@@ -310,7 +311,7 @@ class LoadSegment:
         return free, first_contact
 
     def at(self, pad: LoadedPad, s: float) -> Interpolated:
-        """The interpolated state at a distance, which the segment must reach.
+        """The interpolated state at a distance, up to which the segment must have been extended.
 
         Parameters
         ----------
@@ -336,7 +337,7 @@ class LoadSegment:
         return Interpolated.of(pad.figures_at(hermite(start, end, s), self.value(s), 0, checked), self.seconds_to(s))
 
     def unknowns_at(self, s: float) -> np.ndarray:
-        """The unknowns at distance ``s``, which the segment must reach."""
+        """The unknowns at distance ``s``, up to which the segment must have been extended."""
         return hermite(*self.interval(s), s)
 
     def seconds_to(self, s: float) -> float:
@@ -344,7 +345,7 @@ class LoadSegment:
         return sum(node.seconds for node in self.nodes[: self._first_from(s) + 1])
 
     def solved(self, pad: Followed, s: float) -> Node:
-        """The equilibrium at a distance, which the segment must reach.
+        """The equilibrium at a distance, up to which the segment must have been extended.
 
         Parameters
         ----------
@@ -373,7 +374,8 @@ class LoadSegment:
             return self._node(pad, pad.solve_linearised, s, end.unknowns)[0]
 
     def rate(self, s: float) -> np.ndarray:
-        """Derivative of the unknowns by the distance at ``s``, which the segment must reach."""
+        """Derivative of the unknowns with respect to the distance at ``s``, up to which the segment must have been
+        extended."""
         return hermite_rate(*self.interval(s), s)
 
     def beyond(self, pad: LoadedPad, s: float) -> Node:
@@ -403,7 +405,7 @@ class LoadSegment:
         return next(index for index, node in enumerate(self.nodes) if node.s >= s)
 
     def interval(self, s: float) -> tuple[Node, Node]:
-        """The nodes before and at or beyond distance ``s``, which the segment must reach."""
+        """The two nodes around distance ``s``, up to which the segment must have been extended."""
         after = self._first_from(s)
         return self.nodes[max(after - 1, 0)], self.nodes[after]
 

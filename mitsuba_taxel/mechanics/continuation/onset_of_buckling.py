@@ -1,4 +1,5 @@
-"""Onset of buckling: the load at which a pad becomes unstable against displacements without the symmetry of its state.
+"""Onset of buckling: the load at which a pad becomes unstable against displacements that break the symmetry of its
+state.
 
 There a branch of equilibria without that symmetry begins, and leaves the symmetric branch along the null vector of the
 tangent. The mirrored branch is as likely: one of both is chosen by a moment of the displacement that does not depend on
@@ -128,6 +129,6 @@ def _tangent(pad: LoadedPad, segment: LoadSegment, block: TangentBlock, node: No
 
 
 def is_kept(mode: np.ndarray, mirror: Mirror, image: np.ndarray) -> bool:
-    """Whether a mode of an `Onset` is its own mirror image; ``image`` is that of the nodes."""
+    """Whether a mode of an `Onset` is its own mirror image; ``image`` gives the mirror images of the nodes."""
     displacement = mode[: 3 * len(image)].reshape(-1, 3)
     return bool(np.abs(mirror.image(displacement[image]) - displacement).max() <= ALIKE)

@@ -62,12 +62,12 @@ class PadPath(PathStates):
 
     @cached_property
     def mesh(self) -> VolumeMesh:
-        """Of the undeformed pad."""
+        """Mesh of the undeformed pad."""
         return super().mesh if self.load.driven is None else self.driven.mesh
 
     @cached_property
     def driven(self) -> PadPath:
-        """The path on which the body is moved that presses with a force."""
+        """The path of the displacement of an indenter, from which states under a force on the indenter follow."""
         assert self.load.driven is not None
         arguments = self.pad, self.material, self.load.driven, self.mesh_size, self.judged
         return pad_path(*arguments, None, self.bodies, self.step_tolerance, self._refinement)
@@ -132,8 +132,8 @@ class PadPath(PathStates):
         )
 
     def bearing(self, value: np.ndarray) -> PadPath:
-        """The path that leads to a value: this path, or where its judge does not bear the load, one that is judged
-        itself."""
+        """The path that leads to a value: this path or, if the path by which its error is judged does not bear the
+        load, a path with another judge."""
         if self.judge is None:
             return self
         _ = self.judge.mesh  # first, because the mesher makes one mesh at a time
@@ -188,7 +188,7 @@ class PadPath(PathStates):
         return pad_path(self.pad, self.material, self.load, mesh_size, judged, *settings)
 
     def bears(self, value: np.ndarray) -> bool:
-        """Whether its path leads as far as ``value`` without buckling."""
+        """Whether the path leads as far as ``value`` without buckling."""
         try:
             return self.state(value).buckled_at is None
         except ComputationError:
@@ -197,7 +197,8 @@ class PadPath(PathStates):
     def force(
         self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, fraction: float = 1
     ) -> np.ndarray:
-        """Force of a canonical state on the plate or indenter that moves it, or on the board.
+        """Force of a canonical state on the plate or indenter whose displacement is prescribed; for other loads, on the
+        board.
 
         Parameters
         ----------
@@ -258,7 +259,7 @@ def pad_path(
     step_tolerance: float = INTERPOLATION_TOLERANCE,
     refinement: Refinement | None = None,
 ) -> PadPath:
-    """The shared path of these arguments; defaults may be given or left out.
+    """The path of these arguments, shared by all callers; defaults may be given or left out.
 
     Parameters
     ----------

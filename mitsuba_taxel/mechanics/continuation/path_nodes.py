@@ -28,7 +28,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Interpolated:
-    """A state at or between nodes, with its own figures, and the seconds of all nodes up to there.
+    """A state at or between nodes, its figures, and the seconds that all nodes up to it took.
 
     ``iterations`` are 0 between nodes; ``stability_checked`` tells whether it lies between states that were checked.
     """
@@ -42,7 +42,7 @@ class Interpolated:
 
     @classmethod
     def of(cls, solution: Solution | Node, seconds: float) -> Interpolated:
-        """A solution that is known after some seconds."""
+        """A solution as an interpolated state, with the seconds that it took."""
         return cls(
             unknowns=solution.unknowns,
             min_jacobian=solution.min_jacobian,

@@ -1,4 +1,4 @@
-"""What a load path is of: a pad of one material under one kind of load, on elements of one size."""
+"""The problem that a load path solves: a pad of one material under one kind of load, on elements of one size."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _OF_LOCKS = threading.Lock()
 
 
 def lock_of(pad: Pad | PadFile) -> Any:
-    """The lock of a pad: its paths share meshes, factors and states, which one thread at a time adds to.
+    """The lock of a pad. Its paths share meshes, factors and states, to which only one thread may add at a time.
 
     Paths of different pads share nothing that changes, so that threads solve them at once.
 
@@ -49,7 +49,8 @@ def lock_of(pad: Pad | PadFile) -> Any:
 
 
 class PathProblem:
-    """A pad, its material and load, and the elements on which it is solved: with all that follows from these alone.
+    """A pad, its material and load, and the elements on which it is solved, with the quantities that follow from these
+    alone.
 
     Parameters
     ----------
@@ -92,12 +93,12 @@ class PathProblem:
 
     @cached_property
     def refinement(self) -> Refinement:
-        """Of the mesh under an indenter."""
+        """Refinement of the mesh under an indenter."""
         return self._refinement or Refinement(min(1.0, self.mesh_size / self.pad.default_mesh_size))
 
     @cached_property
     def mesh(self) -> VolumeMesh:
-        """Of the undeformed pad."""
+        """Mesh of the undeformed pad."""
         indenter = self.load.indenter
         if indenter is None:
             return pad_mesh(self.pad, self.mesh_size)
@@ -112,18 +113,18 @@ class PathProblem:
 
     @cached_property
     def images(self) -> dict[Mirror, np.ndarray]:
-        """The mirrors that leave mesh, load's distribution and bodies as they are."""
+        """The mirrors that leave the mesh, the distribution of the load and the bodies unchanged."""
         images = mirror_images(self.mesh, self.load)
         return {mirror: image for mirror, image in images.items() if self.bodies is None or self.bodies.kept_by(mirror)}
 
     @cached_property
     def contact(self) -> ContactTest:
-        """Test of displacements of the whole pad, in which it must not touch itself, the board or bodies."""
+        """Contact test for displacements of the whole pad, which must not touch itself, the board or bodies."""
         return ContactTest(self.mesh, None if self.bodies is None else self.bodies.triangles)
 
     @cached_property
     def own_contact_at_rest(self) -> Contact | None:
-        """A contact of the undeformed pad with the board or itself: of those that mirrors map onto each other, one."""
+        """A contact of the undeformed pad with the board or itself; one of each set of mirror images."""
         kept = np.ones(len(self.mesh.points), dtype=bool)
         for mirror in self.images:
             kept &= mirror.side(self.mesh.points) >= 0
@@ -131,7 +132,7 @@ class PathProblem:
 
     @cached_property
     def step(self) -> float:
-        """Change of the load's value by a whole step."""
+        """Change of the load's value in a whole step."""
         return natural_step(self.mesh, self.material, self.load)
 
     @property
@@ -143,6 +144,6 @@ class PathProblem:
 
 
 def _name_of(instance: object) -> str:
-    """The class of an object, and the code of one that is not of this package."""
+    """The class of an object, and the code of the class if it is not part of this package."""
     kind: Any = type(instance)
     return f"{kind.__module__}.{kind.__qualname__}{own_code(kind)}"

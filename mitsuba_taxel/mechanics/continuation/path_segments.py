@@ -1,4 +1,4 @@
-"""Segments of the paths to loads, and the branches on which paths go on where a pad buckles."""
+"""Segments of load paths, and the branches on which paths continue after buckling."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Touch = Callable[[LoadSegment, Followed], tuple[float, Contact] | None]
 
 
 def nothing(segment: LoadSegment, pad: Followed) -> None:
-    """What a path touches that nothing stands in the way of."""
+    """No contact: nothing can end this path."""
 
 
 class PathSegments:
@@ -38,7 +38,7 @@ class PathSegments:
         self.branches: dict[LoadSegment, BuckledBranch] = {}
 
     def to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
-        """The segments of the path to ``value``, and how far along each it goes."""
+        """The segments of the path to ``value``, and the distance to which each is followed."""
         if len(value) == 1:
             return [(self.towards(np.zeros(1), np.sign(value)), abs(value[0]))]
         normal, tangential = value[2], float(np.hypot(value[0], value[1]))
@@ -98,11 +98,12 @@ class PathSegments:
         return self.pad_between(mirrors, segment.ticks if segment else TICKS)
 
     def pad_between(self, mirrors: tuple[Mirror, ...], ticks: int) -> LoadedPad:
-        """The part of the pad between mirrors, which are symmetries of it, for a segment with so many ticks."""
+        """The part of the pad between mirrors, which are symmetries of the pad, for a segment with this number of
+        ticks."""
         return loaded_pad(self._path.mesh, self._path.material, self._path.load, mirrors, self._path.bodies, ticks)
 
     def extend(self, segment: LoadSegment, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:
-        """Solve a segment as far as a distance, or until the pad touches something.
+        """Solve a segment up to a distance, or until the pad touches something.
 
         States that another process has solved meanwhile are read from disk.
 
@@ -149,7 +150,7 @@ class PathSegments:
         return cache.key("segment", *self._path.key_parts, numerics, *ends)
 
     def extended_branch(self, segment: LoadSegment, s: float, touch: Touch) -> BuckledBranch:
-        """The branch beyond the end of a segment, as far as a distance, or until the pad touches something.
+        """The branch beyond the end of a segment, up to a distance, or until the pad touches something.
 
         Parameters
         ----------
@@ -182,7 +183,7 @@ class PathSegments:
         return branch
 
     def part_to(self, segment: LoadSegment, s: float) -> tuple[LoadSegment | BuckledBranch, float, LoadedPad]:
-        """The curve that leads to a distance along a segment that has been followed.
+        """The segment or branch that contains the state at a distance along a segment that has been followed.
 
         Parameters
         ----------
@@ -247,7 +248,7 @@ class PathSegments:
         return self._path.judged and self._path.load.indenter is None
 
     def follow_normal(self, value: np.ndarray) -> None:
-        """Solve the normal segment as far as a load with a tangential part needs it, which tells its symmetries."""
+        """Solve the normal segment as far as a load with a tangential part needs it; this determines its symmetries."""
         if self.may_buckle and len(value) == 3 and value[2] and value[:2].any():
             ((segment, s),) = self.to(np.array([0.0, 0.0, value[2]]))
             if not segment.reaches(s):
@@ -255,7 +256,7 @@ class PathSegments:
                 self.extend(segment, self.pad_for(segment.origin, segment.direction), s, lambda: rest, nothing)
 
     def mirrors_at(self, value: np.ndarray) -> list[Mirror]:
-        """The mirrors that leave the pad under the normal part of a load as it is."""
+        """The mirrors that leave the pad unchanged under the normal part of a load."""
         if not self.may_buckle or len(value) == 1 or not value[:2].any():
             return list(self._path.images)
         normal = np.array([0.0, 0.0, value[2]])

@@ -1,4 +1,4 @@
-"""Canonical states of a load path: by its segments, its branches, and the depth of an indenter under a force."""
+"""Canonical states of a load path: from its segments and branches, and from the depth of an indenter under a force."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class PathStates(PathProblem):
 
     @property
     def driven(self) -> PathStates:
-        """The path on which an indenter is moved that presses with the force of this path."""
+        """The path of the displacement of the indenter, from which the states under a force follow."""
         raise NotImplementedError(f"{self.load} drives no other load")
 
     def driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
@@ -85,7 +85,7 @@ class PathStates(PathProblem):
     def _canonical_driven(
         self, moved: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
     ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
-        """As `canonical` of the driven path, whose end is reported with the largest force as well."""
+        """See `canonical` of the path of the displacement; the largest force is reported if that path ends."""
         driven = self.driven
         try:
             return driven.canonical(moved, mirrors, obstacles)
@@ -99,7 +99,7 @@ class PathStates(PathProblem):
             raise end.under(self.load, np.array([0.0, 0.0, -carried])) from end
 
     def turned(self, value: np.ndarray) -> tuple[np.ndarray, list[Mirror]]:
-        """A value on the kept side of all mirrors of the pad, and the mirrors that map it there."""
+        """A value mapped to the kept side of all mirrors of the pad, and the mirrors that map it there."""
         used: list[Mirror] = []
         self.segments.follow_normal(value)
         for mirror in self.segments.mirrors_at(value):
@@ -111,7 +111,7 @@ class PathStates(PathProblem):
     def mirrored(
         self, displacement: np.ndarray, pressure: np.ndarray, mirrors: Iterable[Mirror]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """A state after some mirrors of the pad in turn.
+        """A state after reflection by some mirrors of the pad in turn.
 
         Parameters
         ----------
@@ -258,7 +258,7 @@ class PathStates(PathProblem):
         s: float,
         mirrors: list[Mirror],
     ) -> None:
-        """Raise LoadPathEnds if a segment touches something before it leads to ``s``."""
+        """Raise LoadPathEnds if a segment touches something before the distance ``s``."""
         if touched and touched[0] < min(s, segment.limit):
             free, contact = touched
             raise self._end(segment.value(free), f"touches {contact.what}", np.array(contact.place), mirrors)
@@ -271,7 +271,8 @@ class PathStates(PathProblem):
         mirrors: list[Mirror],
         folded_at: Place | None = None,
     ) -> LoadPathEnds:
-        """The end of a segment that ends too early, for the load that ``mirrors`` turned into the segment's."""
+        """The error for a segment that ends too early, stated for the load that ``mirrors`` map to the load of the
+        segment."""
         buckled_at = self.segments.buckled_at(value, mirrors)
         for mirror in reversed(mirrors):
             value, place = mirror.image(value), mirror.image(place)

@@ -1,4 +1,4 @@
-"""Elements under a body: a path whose mesh is fine wherever the body goes, and fine enough for how deep it is.
+"""Elements under a body: paths whose mesh is fine wherever the body moves, and fine enough for its depth.
 
 Without friction a state does not depend on the way to it: that of a dragged body is that of one which starts above
 where it is taken. Else the mesh is fine along the whole way.
@@ -24,7 +24,7 @@ SHALLOWER, MOST_FINER = 0.25, 3
 
 
 def path_along(path: PadPath, values: Sequence[Sequence[float]]) -> PadPath:
-    """The path on elements that are small wherever an indenter goes that is moved to some values in turn.
+    """The path on elements that are small along the movement of an indenter to some values in turn.
 
     Parameters
     ----------
@@ -39,7 +39,8 @@ def path_along(path: PadPath, values: Sequence[Sequence[float]]) -> PadPath:
 
 
 def _reach(path: PadPath) -> float:
-    """Half the width in mm of the contact that elements are small for; infinite for a plate and without an indenter."""
+    """Half the width in mm of the contact for which elements are small; infinite for a plate and without an indenter.
+    """
     indenter = path.load.moved_indenter
     if indenter is None:
         return math.inf

@@ -1,4 +1,4 @@
-"""States of a pad that a tangential force changes little, by the tangent under its normal force alone.
+"""States under a small tangential force, solved with the tangent of the state under the normal force alone.
 
 The blocks of that tangent are much smaller than the tangent under both, and bring a state to balance in a few
 iterations. No other states on the way to it are needed: what a path would interpolate is solved for directly.
@@ -28,7 +28,7 @@ SMALL = 1e-3
 
 
 class PushedStates:
-    """States beside that under a normal force.
+    """States near the state under a normal force.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class PushedStates:
         return Interpolated.of(solution, time.perf_counter() - began)
 
     def rate(self, pad: LoadedPad, segment: LoadSegment, s: float, unknowns: np.ndarray) -> np.ndarray:
-        """Derivative of the unknowns of such a state by the distance along its segment.
+        """Derivative of the unknowns of such a state with respect to the distance along its segment.
 
         Parameters
         ----------
@@ -100,7 +100,7 @@ class PushedStates:
         tangent, little = self._tangent(pad), SMALL * segment.step
 
         def correction(rate: np.ndarray) -> np.ndarray | None:
-            """By the change of the out-of-balance forces along the rate."""
+            """Correction of the unknowns by the change of the out-of-balance forces along the rate."""
             ahead, behind = (
                 pad.correction(tangent, unknowns + change * rate, segment.value(s + change))
                 for change in (little, -little)
@@ -124,7 +124,7 @@ class PushedStates:
         return tangent_blocks(self._pad)
 
     def _factor(self, block: TangentBlock) -> Factorisation:
-        """Of a block of the tangent of the normal force; raises Rejected if it is unstable."""
+        """Factor of a block of the tangent under the normal force; raises Rejected if it is unstable."""
         at_normal = self._at_normal[1]
         if block.model is self._pad.model:
             return at_normal.factor

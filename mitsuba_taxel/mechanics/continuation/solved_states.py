@@ -1,4 +1,4 @@
-"""States of a path that are solved for where they are asked for, and not interpolated between its nodes."""
+"""States of a path that are solved at the requested loads, instead of interpolated between its nodes."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ class SolvedStates:
         self._rates_beside: dict[LoadSegment, dict[float, np.ndarray]] = {}
 
     def at(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
-        """The equilibrium at a distance that a segment reaches: in contact, cubics are inaccurate.
+        """The equilibrium at a distance that a segment reaches. It is solved, as cubic interpolation is inaccurate in
+        contact.
 
         Parameters
         ----------
@@ -102,7 +103,7 @@ class SolvedStates:
         return part.at(pad, s)
 
     def beside(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
-        """The state at a distance along a tangential segment, by the tangent of the normal force alone.
+        """The state at a distance along a tangential segment, solved with the tangent under the normal force alone.
 
         None if that tangent does not lead there, or if the pad then touches itself or the board.
 
@@ -143,7 +144,7 @@ class SolvedStates:
         return None if self._path.contact.find(pad.split(state.unknowns)[0]) else state
 
     def rate_beside(self, segment: LoadSegment, s: float, pad: LoadedPad, unknowns: np.ndarray) -> np.ndarray:
-        """Derivative by the distance of the unknowns of a state beside that under a normal force.
+        """Derivative with respect to the distance, for the unknowns of a state of :meth:`beside`.
 
         Parameters
         ----------

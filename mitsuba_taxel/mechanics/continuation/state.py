@@ -181,7 +181,7 @@ class State(Displayed):
 
     @property
     def probed_share(self) -> float:
-        """Share of the :attr:`deviations` by which a pad is displaced to see what they change.
+        """Fraction of the :attr:`deviations` by which a pad is displaced to find their effect on readings.
 
         Changes of readings are proportional to it, but where a pad may touch bodies: there it is that of the error.
         """
@@ -195,5 +195,6 @@ class State(Displayed):
 
     @property
     def seconds(self) -> float:
-        """Seconds of the solution of the equilibria on the way to it, on both meshes, even if cached."""
+        """Seconds that the solution of all equilibria of the path up to this state took, on both meshes, even if
+        cached."""
         return self.solved_in + self._compared.seconds

@@ -1,4 +1,4 @@
-"""The displacement against which a pad is least stiff, and the change of its stiffness with the pad.
+"""The mode against which a pad is least stiff, and the change of its stiffness when the pad changes.
 
 A pad becomes unstable where the least eigenvalue of its tangent falls to 0. To first order, the eigenvalue of a tangent
 that changes is the stiffness against the mode of the tangent before (T. Kato, Perturbation Theory for Linear Operators,

@@ -158,7 +158,8 @@ class LinearisedState:
         return self._response(self._push_of_shape(array_of("velocity", velocity, self.displacement.shape)))
 
     def by_place(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
-        """(N, 3) derivative of the displacement by the place of a patch or an indenter over the undeformed pad.
+        """(N, 3) derivative of the displacement with respect to the position of a patch or an indenter on the
+        undeformed pad.
 
         Parameters
         ----------
@@ -218,7 +219,7 @@ class LinearisedState:
         adjoints: dict[TangentBlock, np.ndarray] = {}
 
         def along(push: Push) -> float:
-            """Derivative of L by a change with these forces."""
+            """Derivative of L for a change that causes these forces."""
             total = 0.0
             for block, forces in push.items():
                 if block not in adjoints:
@@ -316,7 +317,7 @@ class LinearisedState:
 
 
 class PressedState(LinearisedState):
-    """As a `LinearisedState`, under a force along z on an indenter, whose displacement changes so that the force is
+    """A linearised state under a force along z on an indenter, whose displacement changes so that the force stays
     constant.
 
     The value of the linearised pad is the displacement of the indenter.
@@ -343,7 +344,8 @@ class PressedState(LinearisedState):
         return self._under_force(rate, float(self._body.force_rate(self._contact_state, shift, np.zeros_like(rate))[2]))
 
     def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
-        """As of a `LinearisedState`; the value has a derivative along z alone, others are NaN."""
+        """See :meth:`LinearisedState.pull_back`. The derivative with respect to the value of the load exists along z
+        alone; others are NaN."""
         gradient = array_of("gradient", gradient, self.displacement.shape)
         by_force = float(np.vdot(gradient, self._by_height)) / self._stiffness
         at_depth = super().pull_back(gradient - by_force * self._body.force_gradient(self._contact_state), shapes)

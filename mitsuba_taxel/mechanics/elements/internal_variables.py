@@ -36,7 +36,7 @@ class StressUpdate:
     part: SymmetricPart
 
     def on(self, part: SymmetricPart, whole: VolumeMesh) -> StressUpdate:
-        """The same on another part of the whole mesh."""
+        """The stress update on another part of the whole mesh."""
         if part is self.part:
             return self
         return StressUpdate(self.factor, expand_stress(self.offset, self.part, whole)[part.elements], part)
@@ -143,7 +143,7 @@ class InternalVariables:
         return material.shares * (first - square), material.shares * square
 
     def _initial_change(self, growth: Growth) -> np.ndarray:
-        """(m, q, 6) MPa, change of S over a whole growth if its rate stayed that at the start."""
+        """(m, q, 6) MPa, change of S over a whole growth if its rate stayed constant at the rate at the start."""
         assert self.rate is not None
         return self.rate / growth.rate(0.0)
 
@@ -182,13 +182,13 @@ class InternalVariables:
         return _scaled(material.shares * (cube - square), cubic)
 
     def with_error(self, error: np.ndarray) -> InternalVariables:
-        """The same with an ``error`` (k, m, q, 6) of the terms added."""
+        """The variables with an ``error`` (k, m, q, 6) of the terms added."""
         return replace(self, error=self.error + error)
 
     def with_law_error(
         self, material: Viscoelastic, law_error: np.ndarray, growth: Growth | None = None
     ) -> InternalVariables:
-        """The same with an error of S (m, q, 6) at the end of the last step, and its effect on the terms."""
+        """The variables with an error of S (m, q, 6) at the end of the last step added, and its effect on the terms."""
         by_change = self._weights(material, self.step, growth)[1]
         return replace(self, error=self.error + _scaled(by_change, law_error), law_error=law_error)
 
@@ -201,7 +201,7 @@ class InternalVariables:
         return self.term_stress.sum(axis=0) - float(material.shares.sum()) * self.stress
 
     def on(self, part: SymmetricPart, whole: VolumeMesh, own: SymmetricPart) -> InternalVariables:
-        """The same on another part of the whole mesh; ``own`` is the part of these variables."""
+        """The variables on another part of the whole mesh; ``own`` is the part of these variables."""
         if part is own:
             return self
 

@@ -1,4 +1,4 @@
-"""Free memory, and a lack of it as an error of one line before a compiled solver would crash the process."""
+"""Free memory: a lack of it becomes an error of one line, before a compiled solver crashes the process."""
 
 from __future__ import annotations
 

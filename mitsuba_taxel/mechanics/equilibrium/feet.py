@@ -25,7 +25,7 @@ SHARP = 30.0
 
 
 def where_linear(mesh: VolumeMesh, load: Load, fraction: float = 1.0) -> np.ndarray | None:
-    """Quadrature points of the elements at which the law is linear: near the feet of the cells' walls.
+    """Quadrature points of the elements at which the law is linear: those near the feet of the cells' walls.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def near_feet(mesh: VolumeMesh, fraction: float = 1.0) -> np.ndarray:
 
 
 def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
-    """A sentence for messages if the pad touches the board below a foot.
+    """A sentence for messages if the pad touches the board near a foot.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class IndentedPad(LoadedPad):
 
     @cached_property
     def friction(self) -> Friction | None:
-        """Friction of the indenter; None without."""
+        """Friction of the indenter; None if it has none."""
         body = self.model.indentation
         return Friction(body, self.part.mesh.points, self.part.group) if body.indenter.friction else None
 
@@ -239,7 +239,8 @@ class IndentedPad(LoadedPad):
         return replace(state, residual=state.residual + state.load - load, load=load, entries=None, contact_state=own)
 
     def _gap_error(self, state: Configuration) -> float:
-        """Largest gap at a node in contact, or depth at one that is not, relative to the pad's height."""
+        """Error of the gaps, relative to the pad's height: the largest gap at a node in contact, or depth at any other
+        node."""
         contact_state, body = _contact_state_of(state), self.model.indentation
         gap = np.where(
             contact_state.pressure > 0,
@@ -263,7 +264,8 @@ class IndentedPad(LoadedPad):
 
     @cached_property
     def _small_load(self) -> float:
-        """Scale for smaller forces: that of a natural strain on the smallest area of a node."""
+        """Scale of the residual for smaller forces: the force that strains the smallest area of a node by the natural
+        strain."""
         return NATURAL_STRAIN * self.material.youngs_modulus * float(self.model.indentation.area.min())
 
 

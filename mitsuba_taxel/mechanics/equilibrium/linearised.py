@@ -41,7 +41,8 @@ class Steps(Protocol):
 
 
 class Linearised:
-    """The tangent of a pad at a state, from its ``entries``, and a factor: its own, or that of a state ``near`` by.
+    """The tangent of a pad at a state, from its ``entries``, with its own factor or the factor of the nearby state
+    ``near``.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ class Linearised:
         return self.constraints.flexibility(self.factor)
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """As :meth:`correction`, to the accuracy of the factor, for use in an iteration.
+        """See :meth:`correction`; to the accuracy of the factor, for use in an iteration.
 
         Parameters
         ----------
@@ -91,7 +92,7 @@ class Linearised:
         return self._answer(residual, gap)[0]
 
     def _answer(self, residual: np.ndarray, gap: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """Change of the unknowns to the accuracy of the factor, and the Lagrange multipliers."""
+        """Change of the unknowns to the accuracy of the factor, and Lagrange multipliers."""
         free = self.factor.solve_roughly(residual)
         if not len(self.constraints.slack):
             return free, np.zeros(0)

@@ -93,7 +93,7 @@ class LoadedPad(MeshedPad):
         return solution, linearised
 
     def solve_symmetric(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve`, but without the check of :meth:`refuse_unstable`.
+        """See :meth:`solve`; without the check of :meth:`refuse_unstable`.
 
         Only one factored matrix is then in memory at a time: that of a nearby state, if it suffices.
 
@@ -147,7 +147,7 @@ class LoadedPad(MeshedPad):
             raise singular(failure) from failure
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """Solve as :meth:`solve` does, and return the linearised pad as well.
+        """The solution of :meth:`solve`, and the linearised pad there.
 
         It is for the pad at rest, and between states of a path that are known to be stable: stability against
         displacements that break the symmetry of the load is not tested again. The pad may be linearised at a nearby
@@ -180,7 +180,8 @@ class LoadedPad(MeshedPad):
         return self._accepted(balanced, self.is_stable(linearised, balanced.unknowns, value)), linearised
 
     def solve_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve_linearised`, with the tangent of the state itself; its factor may be that of a nearby one.
+        """See :meth:`solve_linearised`; the tangent is that of the state itself, but its factor may be that of a nearby
+        state.
 
         Parameters
         ----------
@@ -209,7 +210,7 @@ class LoadedPad(MeshedPad):
         return replace(solution, unknowns=unknowns), linearised
 
     def equilibrium_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve_with_tangent`, but the equilibrium may be unstable.
+        """See :meth:`solve_with_tangent`; the equilibrium may be unstable.
 
         Parameters
         ----------
@@ -238,14 +239,14 @@ class LoadedPad(MeshedPad):
     def _further_step(
         self, linearised: Linearised, state: Configuration, unknowns: np.ndarray, value: np.ndarray
     ) -> np.ndarray:
-        """The unknowns after one more Newton step from an equilibrium, which costs a back-solve and removes the effect
-        of the residual on derivatives."""
+        """The unknowns after one more Newton step from an equilibrium. The step costs one back-substitution, and
+        removes the effect of the residual on derivatives."""
         return unknowns - linearised.step(self._free_residual(state), self._plate_gap(unknowns, value))
 
     def solve_after(
         self, start: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
     ) -> tuple[Solution, Linearised]:
-        """As :meth:`solve` after a ``history``, with the factor of a state ``near`` by while that suffices.
+        """See :meth:`solve`, after a ``history``; the factor of a state ``near`` by is used as long as it suffices.
 
         Displacements without the symmetry of the load are not checked.
 
@@ -507,7 +508,7 @@ HARMLESS = 0.2
 
 
 def gives_way(force: float, mesh: VolumeMesh, material: Material, load: Load) -> float:
-    """Pressure at which corners of the top become unstable, if a load exceeds it.
+    """Pressure at which corners of the top become unstable, if the load exceeds it.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ class MeshedPad:
         return None
 
     def _linear(self) -> np.ndarray | None:
-        """(M, q) whether the law is linear at the quadrature points of the whole pad; None if it is at none."""
+        """(M, q) whether the law is linear at the quadrature points of the whole pad; None if it is linear nowhere."""
         return None
 
     @property
@@ -95,7 +95,7 @@ class MeshedPad:
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """The guess, or a point on the line from the unknowns of a state to it, from which a solve may start.
+        """Start of a solve: the guess, or a point on the line from the unknowns of a state to the guess.
 
         Parameters
         ----------
@@ -196,7 +196,7 @@ class MeshedPad:
 
     @cached_property
     def contact(self) -> ContactTest:
-        """Test of states of the whole pad, which the part determines."""
+        """Contact test for states of the whole pad, which the states of the part determine."""
         return ContactTest(self.whole, nodes=self.part.nodes)
 
     def correction(
@@ -280,8 +280,8 @@ class MeshedPad:
 
     @cached_property
     def _small_load(self) -> float:
-        """Norm of the load vector of a natural step, or of as many ticks where these are smaller: the scale for smaller
-        loads."""
+        """Scale of the residual for smaller loads: the norm of the load vector of a natural step, or of this number of
+        ticks if they are smaller."""
         zero = np.zeros((len(self.part.mesh.points), 3))
         value = np.zeros(self.load.components)
         value[-1] = self.step
@@ -305,7 +305,7 @@ class MeshedPad:
     def _linearised(
         self, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None = None
     ) -> Linearised:
-        """The linearised pad with given entries at a state, with the factor of a state ``near`` by if given."""
+        """The linearised pad with given entries at a state; the factor is that of the state ``near``, if given."""
         lower = self.model.assembly.matrix(entries)
         constraints = self.model.constraints(self.numbering.split(unknowns)[0], value)
         return Linearised(entries, lower, self._factored, constraints, self.numbering.displacements, near)

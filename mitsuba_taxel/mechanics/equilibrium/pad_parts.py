@@ -47,7 +47,7 @@ def loaded_pad(
     bodies: RigidBodies | None = None,
     ticks: int = TICKS,
 ) -> LoadedPad:
-    """The part of a pad between mirrors, kept off ``bodies`` where the load goes on.
+    """The part of a pad between mirrors, kept off ``bodies`` if its load has ``self_contact``.
 
     Parameters
     ----------
@@ -82,7 +82,8 @@ def new_pad(
     fraction: float = 1.0,
     ticks: int = TICKS,
 ) -> LoadedPad:
-    """As :func:`loaded_pad`, but not shared with other callers; ``fraction`` is that of a :class:`SelfTouchingPad`.
+    """See :func:`loaded_pad`; the part is not shared with other callers. ``fraction`` is that of
+    :class:`SelfTouchingPad`.
 
     Parameters
     ----------

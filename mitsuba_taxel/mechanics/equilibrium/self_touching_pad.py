@@ -69,7 +69,7 @@ class SelfTouchingPad(LoadedPad):
         return sparse.csr_array(self.model.over_unknowns(of_part))
 
     def closer(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """The unknowns in equilibrium near those of a state, with half the reach."""
+        """The unknowns of the equilibrium with half the reach of the barrier, near those of a state."""
         arguments = self.whole, self.material, self.load, self.mirrors, self.images, self._solver_name
         return type(self)(*arguments, bodies=self._bodies, fraction=0.5 * self._fraction).equilibrium(unknowns, value)
 
@@ -101,8 +101,8 @@ class SelfTouchingPad(LoadedPad):
     def is_stable(
         self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> bool:
-        """As of a `LoadedPad`, without the effect of forces that turn about corners: corners of cut faces and of bodies
-        are sharper than the elements."""
+        """See :meth:`LoadedPad.is_stable`; forces that turn about corners are left out, as corners of cut faces and of
+        bodies are sharper than the elements."""
         try:
             return super().is_stable(linearised, unknowns, value, history)
         except Rejected:
@@ -116,7 +116,7 @@ class SelfTouchingPad(LoadedPad):
         linearised: Linearised | None = None,
         history: History = NO_HISTORY,
     ) -> Balanced:
-        """Newton's method with steps that collide with nothing, shortened until they lead closer to balance.
+        """Newton's method; steps are shortened until nothing collides and the state is closer to balance.
 
         Barriers are smooth, and their forces grow without limit towards contact (M. Li et al., Incremental Potential
         Contact, ACM Trans. Graph. 39, 2020).
@@ -242,7 +242,7 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
         return self._with_contacts(super()._under_forces(unknowns, value, forces, with_tangent, history), unknowns)
 
     def _with_fixed_directions(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
-        """As of an :class:`IndentedPad`; forces that turn about corners of walls do not make it unstable either."""
+        """See :class:`IndentedPad`; forces that turn about corners of walls do not make it unstable either."""
         inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.stress_update)
         assert inside.entries is not None  # no element is inverted
         return self._linearised(inside.entries, unknowns, value, steady=True).factor

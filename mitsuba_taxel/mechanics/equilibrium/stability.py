@@ -1,4 +1,4 @@
-"""Stability of an equilibrium against displacements that need not have the symmetry of its state.
+"""Stability of an equilibrium, also against displacements that break the symmetry of its state.
 
 The tangent of the whole decomposes into blocks, one for each irreducible representation of the mirrors, and the pad is
 stable if each block is. Most states can be shown to be stable at less cost: the pad is cut along planes of symmetry,
@@ -30,7 +30,7 @@ from mitsuba_taxel.mechanics.elements.symmetry import CUT, SymmetricPart, cut_bl
 
 
 class Stability:
-    """Check of the displacements that a factored tangent of the part between mirrors does not cover.
+    """Stability check against the displacements that the factored tangent of the part between mirrors does not contain.
 
     They are those without the symmetry of the state, or all, where pieces are checked.
 
@@ -72,8 +72,8 @@ class Stability:
         value: np.ndarray,
         stress_update: StressUpdate | None = None,
     ) -> int:
-        """Number of negative eigenvalues beyond those of the pressures, in the first block that has some; 0 if the pad
-        is stable.
+        """Number of negative eigenvalues beyond those of the pressures, in the first block that has more than these; 0
+        if the pad is stable.
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ class _Pieces:
             return False
 
     def with_pressure(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """The entries, with those of the pressure in the cuts added."""
+        """The entries, plus the entries for the pressure in the cuts."""
         displacement, pressure = self._model.part.restrict(displacement, pressure)
         in_cuts = pressure[self._cuts[:, :3]].mean(axis=1)
         stiffness = in_cuts[:, None, None] * pressure_stiffness((self._model.mesh.points + displacement)[self._cuts])

@@ -62,11 +62,11 @@ class TangentBlock:
         self._solver = make_solver()
 
     def turned(self, mirror: Mirror) -> TangentBlock:
-        """The displacements that a mirror maps to these."""
+        """The block of displacements that a mirror maps to the displacements of this block."""
         return TangentBlock(self._whole, self.model, self._signs, self._images, mirror)
 
     def of_value(self, value: np.ndarray) -> np.ndarray:
-        """The part of this symmetry type of a load's value, a vector or a pressure."""
+        """Component of this symmetry type of a load's value, which is a vector or a pressure."""
         if len(value) == 1:
             return value if all(sign > 0 for _, sign in self._signs) else 0 * value
         value = self._turn.image(value) if self._turn else value
@@ -135,7 +135,7 @@ class TangentBlock:
     def tangent(
         self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray, contacts: Contacts | None = None
     ) -> Linearised:
-        """As :meth:`factored`, of a state that need not be stable.
+        """See :meth:`factored`; the state may be unstable.
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class TangentBlock:
 
     @cached_property
     def _shares(self) -> np.ndarray:
-        """(n,) the part's share of each of its nodes, as nodes on its walls belong to other parts too."""
+        """(n,) fraction of each node that belongs to the part: nodes on its walls belong to other parts too."""
         return np.bincount(self.model.part.source) / self.model.part.copies
 
     @cached_property
@@ -249,7 +249,7 @@ def _block(pad: LoadedPad, part: SymmetricPart, signs: Signs) -> TangentBlock:
 
 
 class _Share(NamedTuple):
-    """States of a part that belong to a block: the part's unknowns from those of the block."""
+    """States of a part that belong to a block: unknowns of the part from unknowns of the block."""
 
     spread: sparse.csr_array
     collect: sparse.csr_array
@@ -257,7 +257,7 @@ class _Share(NamedTuple):
 
 
 class SplitTangent:
-    """The tangent at a symmetric state, on the part of a ``pad`` that less symmetric states need.
+    """The tangent at a symmetric state, over the larger part of a ``pad`` that states of less symmetry need.
 
     Parameters
     ----------

@@ -194,13 +194,12 @@ class RoofComparison:
         return np.array([along, rest]) / ERROR_SHARE
 
     def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """Signed difference of the least and the estimated error along the displacement, relative to the
-        displacement."""
+        """Least minus estimated error along the displacement, relative to the displacement."""
         short = self._short(moved, difference)
         return math.copysign(max(self._least - abs(short), 0.0), short)
 
     def _short(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """Estimated mean deficit of the roofs' displacement, relative to the displacement."""
+        """Estimated mean error by which the displacement of the roofs is too small, relative to the displacement."""
         square = self._weight @ (moved**2).sum(axis=1)
         return -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square if square else 0.0
 

@@ -1,4 +1,4 @@
-"""The error of a path of a pad, by the same path on another mesh."""
+"""The error of a load path, from the same path on another mesh."""
 
 from __future__ import annotations
 
@@ -124,8 +124,8 @@ class SecondMeshes:
         return with_reach(path, result, value, displacement, pressure) if path.load.self_contact else result
 
     def _compared_with(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
-        """The path on elements of another size; None if there is no such mesh, or its actual size differs too
-        little."""
+        """The path on elements of another size; None if there is no such mesh, or the actual sizes differ too little.
+        """
         path = self._path
         judge = path.judge
         second = judge if judge and judge.mesh_size == mesh_size else path.on_elements(mesh_size)
@@ -143,12 +143,12 @@ class SecondMeshes:
 
     @property
     def _typical_at_top(self) -> float:
-        """Typical error of a force, if domes alone have smaller elements than those of their judge."""
+        """Typical error of a force, if only the domes have smaller elements than on the other mesh."""
         judge = self._path.judge
         return 0.0 if judge is None else TYPICAL_ERROR * top_ratio(judge.mesh, self._path.mesh) ** ORDER
 
     def typical(self, error: float) -> float:
-        """The error on the elements of the path, from an error that is typical of the default size."""
+        """The error on the elements of the path, scaled from a typical error on elements of the default size."""
         relative_size = min(self._path.mesh_size / self._path.pad.default_mesh_size, COARSENING)
         return error * relative_size**ORDER  # larger elements may all have the coarsest possible mesh
 
@@ -237,7 +237,7 @@ def share_of(error: float, force: np.ndarray) -> float:
 def carried_to(
     path: PadPath, mesh: VolumeMesh, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
-    """A canonical state of a path; under an indenter, solved directly from the same state on another mesh.
+    """A canonical state of a path; under an indenter, solved with the same state on another mesh as first guess.
 
     Without friction a state does not depend on the path that leads to it.
 

@@ -53,7 +53,7 @@ def second_state(
     judged_on: float | None = None,
     bodies: RigidBodies | None = None,
 ) -> SecondState | None:
-    """The state of :func:`load_path` on the second mesh that tells its error.
+    """The state of :func:`load_path` on the second mesh, from which its error is estimated.
 
     Parameters
     ----------

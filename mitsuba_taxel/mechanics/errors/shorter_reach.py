@@ -1,4 +1,4 @@
-"""Error of a state by the reach of the barriers, and by the size of the feet with a linear law: from the same state
+"""Error of a state due to the reach of the barriers and to the size of the feet with a linear law, from the same state
 with half of both."""
 
 from __future__ import annotations

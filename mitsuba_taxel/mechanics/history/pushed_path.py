@@ -1,4 +1,5 @@
-"""The states of a pad whose past counts under forces of an indenter: at poses at which it presses as asked.
+"""States under forces of an indenter that depend on earlier states: the indenter is moved until it presses with the
+given force.
 
 The body moves along z, and along the sideways parts of its force and of that of the row before; else it is guided.
 Poses are found by Broyden's method (Math. Comput. 19, 1965), each from the state at the row before.
@@ -39,7 +40,7 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 
 
 class PushedPath(TimedPath):
-    """As :class:`TimedPath`; values of rows are forces."""
+    """A :class:`TimedPath` whose rows have forces as values."""
 
     def _next(self, before: TimeState, rows: LoadHistory) -> TimeState:
         began, at = clock.perf_counter(), self._pushed(before, rows)
@@ -50,8 +51,8 @@ class PushedPath(TimedPath):
         return replace(at, figures=replace(at.figures, seconds=seconds))
 
     def _halved(self, before: TimeState, rows: LoadHistory, whole: TimeState, allowed: float, left: int) -> TimeState:
-        """The pad at the end of the last row, in as many even movements as it takes; ``whole`` is that by one,
-        ``allowed`` in mm, and ``left`` the number of further halvings."""
+        """The pad at the end of the last row, reached by as many equal movements as needed. ``whole`` is the pad after
+        a single movement, ``allowed`` is in mm, and ``left`` is the number of further halvings."""
         (time, force), last = rows[-1], rows[-2][1] if len(rows) > 1 else (0.0, 0.0, 0.0)
         middle = 0.5 * (before.time + time), tuple(0.5 * (a + b) for a, b in zip(last, force, strict=True))
         before_last = tuple(rows[:-1])
@@ -71,7 +72,8 @@ class PushedPath(TimedPath):
         return self._halved(first, halves[1], self._pushed(first, halves[1]), allowed, left - 1)
 
     def _pushed(self, before: TimeState, rows: LoadHistory) -> TimeState:
-        """The pad at the end of the last row, if the body moves evenly; raises `ComputationError` if it slips.
+        """The pad at the end of the last row if the body moves at a constant rate; raises `ComputationError` if it
+        slips.
 
         Poses are found by Broyden's method (Math. Comput. 19, 577, 1965), with the stiffness of the pad along the
         directions of both forces as the matrix that is updated.
@@ -120,7 +122,7 @@ class PushedPath(TimedPath):
         raise ComputationError(f"the indenter slips: the load path ends at force = ({reached}) N.")
 
     def _without_friction(self, force: np.ndarray) -> np.ndarray:
-        """(3,) mm, how far the body would move under the normal part of a force."""
+        """(3,) mm, movement of the body under the normal part of a force."""
         path = self._path
         load: Any = path.load
         load = replace(load, indenter=replace(load.indenter, friction=0.0))

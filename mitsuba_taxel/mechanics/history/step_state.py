@@ -14,8 +14,8 @@ from mitsuba_taxel.mechanics.materials.creep import Growth
 
 
 class PathEnded(Exception):
-    """No further state: the ``reason``, the ``value`` of the load and the ``fraction`` of the way reached, and a
-    ``contact`` there."""
+    """There is no further state: the ``reason``, the last ``value`` of the load, the ``fraction`` of the interval
+    reached, and the ``contact`` there."""
 
     def __init__(self, value: np.ndarray, fraction: float, reason: str, contact: Contact | None = None) -> None:
         super().__init__(reason)
@@ -23,7 +23,7 @@ class PathEnded(Exception):
 
 
 class StepTooLong(Exception):
-    """A step that leads beyond rows is not accurate; one of ``factor`` times its length may be."""
+    """A step beyond the next rows is not accurate enough; a step of ``factor`` times its length may be."""
 
     def __init__(self, factor: float) -> None:
         super().__init__(factor)
@@ -61,7 +61,7 @@ class PartMidStep:
 
 @dataclass(frozen=True, eq=False)
 class StepState:
-    """A state between two rows, at a ``fraction`` of the way.
+    """A state between two rows, at a ``fraction`` of the interval.
 
     Attributes
     ----------
@@ -97,5 +97,5 @@ class StepState:
 
     @property
     def unknowns(self) -> np.ndarray:
-        """Of the part."""
+        """Unknowns of the part."""
         return self.solution.unknowns

@@ -65,7 +65,7 @@ class LoadState:
 
 @dataclass(frozen=True, eq=False)
 class MidStep:
-    """What is known between the ends of a step, of the whole pad.
+    """The state of the whole pad in the middle of a step.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class MidStep:
 
 @dataclass(frozen=True, eq=False)
 class StepControl:
-    """What the next step starts from.
+    """Data of a step from which the next step starts.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Figures:
 
 @dataclass(frozen=True, eq=False)
 class TimeState:
-    """The pad at a ``time`` in s; ``variables`` are those of its solved part.
+    """The pad at a ``time`` in s; ``variables`` are the internal variables of the solved part of the pad.
 
     ``traction`` (2 N, 3) in MPa is that of friction at nodes of the top, then of the outside. ``mid_step`` is None if
     the last step leads to a row.
@@ -137,7 +137,7 @@ class TimeState:
     mid_step: MidStep | None = None
 
     def on_its_way(self, time: float, value: np.ndarray) -> bool:
-        """Whether a load whose rate does not change has a value at another time.
+        """Whether a load has a given value at another time, if its rate does not change.
 
         Parameters
         ----------

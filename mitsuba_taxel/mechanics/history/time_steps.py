@@ -1,4 +1,4 @@
-"""Time steps between two rows of a load, of lengths for which the stress changes evenly enough.
+"""Time steps between two rows of a load, short enough that the stress changes evenly within each.
 
 Within a step, the stress of the law is a parabola over the step's :class:`Growth`, that begins with its rate; in
 contact, with an indenter or of the pad with itself, it is linear in time.
@@ -92,7 +92,7 @@ class RowSteps:
         self._judged = judged
 
     def run(self, touch: Touch) -> StepState:
-        """The state at the end, in as many steps as their errors ask for.
+        """The state at the end of the interval, in as many steps as the error requires.
 
         Where stress is linear in time, after a change of the load's rate the error of the first step is estimated
         together with the second, and both are repeated if it is too large.
@@ -157,7 +157,7 @@ class RowSteps:
         return replace(here, next_length=min(length * self._duration, self._furthest))
 
     def single(self, touch: Touch) -> StepState:
-        """The state at the end by one step, between whose ends states may be interpolated.
+        """The state at the end of the interval by a single step, within which states may be interpolated.
 
         Parameters
         ----------
@@ -196,7 +196,7 @@ class RowSteps:
         return CAUTION / ratio if ratio else MOST_GROWTH
 
     def _step(self, here: StepState, fraction: float) -> StepState:
-        """The state at a ``fraction`` of the way, by one step.
+        """The state at a ``fraction`` of the interval, by one step.
 
         The overstress of a Prony series follows the stress of the law by convolution integrals, which are exact for
         stress that is linear, or a parabola, over the step (R. L. Taylor, K. S. Pister and G. L. Goudreau, Int. J.
@@ -255,7 +255,7 @@ class RowSteps:
         return replace(after, mid_step=self._mid_step(here, after, measures))
 
     def _with_start_velocity(self, here: StepState) -> StepState:
-        """The state at the start with its velocity, where that is needed and not known."""
+        """The state at the start, with its velocity if that is needed but unknown so far."""
         if not (self._leaps and self._duration and here.velocity is None):
             return here
         pad, variables, (value, change) = self._pad, here.variables, self._load
@@ -266,7 +266,7 @@ class RowSteps:
         return self._with_velocity(here, velocity)
 
     def _with_velocity(self, state: StepState, velocity: np.ndarray) -> StepState:
-        """A state that has a ``velocity``, and so a rate of its stress."""
+        """A state with a ``velocity``, and therefore with a rate of its stress."""
         displacement, moving = (self._pad.numbering.split(field)[0] for field in (state.unknowns, velocity))
         stress_rate = self._pad.model.assembly.elements.isochoric_rate(displacement, moving)
         return replace(state, velocity=velocity, variables=replace(state.variables, rate=stress_rate))
@@ -279,7 +279,8 @@ class RowSteps:
         cubics = StepCubics(measures, size, *ends, here.velocity, after.velocity)
 
         def correction(time: float, unknowns: np.ndarray) -> np.ndarray:
-            """What Newton's method would subtract from unknowns within the step, at a time in s since its start."""
+            """Correction that Newton's method would subtract from unknowns within the step, at a time in s since its
+            start."""
             stress_update = here.variables.stress_update(self._material, time, pad.part, growth.until(time))
             value = self._load[0] + (here.fraction + time / self._duration) * self._load[1]
             step = pad.correction(tangent, unknowns, value, History(stress_update))

@@ -131,7 +131,7 @@ class TimedPath(TimedStates):
             self._clear.add((key, rows[:count]))
 
     def _comparison(self, rows: LoadHistory) -> StateComparison:
-        """Comparison with the same rows on the first other mesh that reaches them, and in longer steps."""
+        """Comparison with the same rows on the first other mesh that reaches them, and with longer time steps."""
         with self._path.lock:
             here, mesh = self.reached(rows), self._path.mesh
             displacement = here.shape.displacement

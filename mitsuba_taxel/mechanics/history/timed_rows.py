@@ -20,7 +20,7 @@ DIGEST_SIZE = 32
 
 
 def rubs(load: Load) -> bool:
-    """Whether a load has friction, so that states depend on earlier ones.
+    """Whether a load has friction, so that its states depend on earlier states.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class LoadHistory:
 
     @property
     def digest(self) -> bytes:
-        """Of all rows, exactly as they are."""
+        """Digest of all rows, to the last bit."""
         return self._digests[self._count]
 
     def __len__(self) -> int:

@@ -154,7 +154,7 @@ class TimedStates:
         )
 
     def _cubics(self, rows: LoadHistory) -> tuple[TimeState, StepCubics]:
-        """The state before the step to the last row and beyond, and the cubics from there."""
+        """The state before the step that leads to the last row or beyond, and the cubic polynomials of that step."""
         if self._last is None or self._last[0] != rows:
             start, end = self._before(rows), self._kept(rows)
             assert end.mid_step is not None
@@ -172,7 +172,7 @@ class TimedStates:
         return shape_within(start, end, cubics, rows[-1][0])
 
     def _solved(self, rows: LoadHistory) -> TimeState:
-        """The last solved state that some rows need: at their end, or beyond it."""
+        """The last solved state that some rows need: at the end of the rows, or beyond it."""
         done = len(rows)
         while done and rows[:done] not in self._count and not cache.holds(self._name(rows[:done])):
             done -= 1

@@ -130,12 +130,13 @@ class Viscoelastic(Displayed):
 
 @dataclass(frozen=True)
 class Elastic(Viscoelastic):
-    """An elastic silicone as a viscoelastic one without terms: under friction its states depend on earlier ones too."""
+    """An elastic silicone as a viscoelastic one without terms: under friction its states depend on earlier states too.
+    """
 
     prony: Terms = ()
 
     def __post_init__(self) -> None:
-        """There is nothing to check."""
+        """Check nothing: there are no terms."""
 
 
 def checked_terms(prony: object) -> Terms:

@@ -1,4 +1,4 @@
-"""The largest strain of a deformed pad, as one number that smaller elements do not change.
+"""The largest strain of a deformed pad, as one number that does not depend on the element size.
 
 At a glued rim and in sharp corners the strain is singular, so that its maximum grows without limit as elements shrink.
 Its mean over the most strained fraction of the volume is the integral of an integrable singularity, which converges
@@ -49,7 +49,7 @@ class LargestStrain:
         self.value = float(self._weight @ self._strain) / (SHARE * self._volume)
 
     def rate(self, displacement: np.ndarray, velocity: np.ndarray) -> float:
-        """Derivative of the value.
+        """Derivative of the largest strain with respect to a parameter.
 
         The averaged volume changes too; by the envelope theorem, its threshold, the last strain, does not contribute.
 

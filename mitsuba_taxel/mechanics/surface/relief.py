@@ -1,4 +1,4 @@
-"""A rough surface relative to the smooth surface of an undeformed pad, with whose deformation it moves."""
+"""A rough surface, stored relative to the smooth surface of an undeformed pad, with which it deforms."""
 
 from __future__ import annotations
 

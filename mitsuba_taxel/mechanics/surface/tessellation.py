@@ -326,7 +326,7 @@ def _walls(
 
 
 def knows_walls(pad: Pad | PadFile | None) -> bool:
-    """Whether the exact round walls of a pad are known, which elements approximate by parabolas."""
+    """Whether the exact round walls of a pad, which elements approximate by parabolas, are known."""
     return isinstance(pad, Pad) or (isinstance(pad, PadFile) and pad.is_drawn)
 
 

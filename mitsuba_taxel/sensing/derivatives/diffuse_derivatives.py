@@ -51,7 +51,7 @@ def derivatives_by(
     of_light_alone: bool = False,
     patch_size: float | None = None,
 ) -> Derivatives:
-    """Derivatives of the readings of a loaded scene by the parameters whose :func:`rates` are given.
+    """Derivatives of the readings of a loaded scene with respect to parameters, from their :func:`rates`.
 
     Parameters
     ----------
@@ -94,8 +94,8 @@ def derivatives_by(
 
 
 class _Linearised:
-    """A scene of diffuse cells, and the derivatives of its readings by the positions of its walls, in the pad's state
-    or another one of the same pad."""
+    """A scene of diffuse cells, with the derivatives of its readings with respect to the positions of its walls. The
+    pad is linearised about its state, or about another state of the same pad."""
 
     def __init__(self, cells: DiffuseCells, degree: int, state: State, wider: float = 1.0) -> None:
         self.cells, self.degree, self.state, self.wider = cells, degree, state, wider
@@ -236,7 +236,7 @@ class _CellRates:
         return _CellDerivatives(fine.reading, values, light, comparison, fine.flows())
 
     def _change_by_wider_horizon(self, coarse: Cell, gradient: np.ndarray) -> np.ndarray:
-        """(P,) changes of the derivatives with a horizon of twice the width, which only isotropic light has."""
+        """(P,) changes of the derivatives if the horizon is twice as wide; only isotropic light has a horizon."""
         if not self._scene.cells.cells[self._number].isotropic.any():
             return np.zeros(len(self._velocities))
         change = coarse.gradient(wider=2) - gradient
@@ -259,7 +259,7 @@ class _CellRates:
         return np.hypot(moving, relative * values)
 
     def _difference_of_sides(self, cell: Cell) -> np.ndarray:
-        """(P,) half the difference of the derivatives on the two sides of a kink, where their mean is stated."""
+        """(P,) half the difference of the one-sided derivatives at a kink, where the mean of both is stated."""
         return np.array(
             [
                 0.0 if side else np.ptp(self._bent(cell, velocity, side).sum(axis=1)) / 2
@@ -268,14 +268,14 @@ class _CellRates:
         )
 
     def _bent(self, cell: Cell, velocity: np.ndarray, side: int) -> np.ndarray:
-        """(S, F) derivatives of the light between points of one plane, which walls at rest have: on the side on which
-        the pad is pressed, or on both."""
+        """(S, F) derivatives of the light between points that lie in one plane while the pad is at rest: for a movement
+        to the side on which the pad is pressed, or to both sides."""
         if self._scene.state.displacement.any():
             return np.zeros((1, len(self._rest)))
         return np.array([cell.bent(velocity, sign) for sign in ((side,) if side else (1, -1))])
 
     def _compared(self, second: _Second, reading: float, by_patch: np.ndarray, gradient: np.ndarray) -> Comparison:
-        """The coarser solution compared with that of a second mesh."""
+        """Comparison of the derivatives with those on the second mesh, both from the coarser solution of the light."""
         second_rates = _CellRates(second.scene, self._number, second.nodal, self._changed)
         cell = second_rates._solved(COARSE)
         second_gradient = cell.gradient()

@@ -133,8 +133,8 @@ def first_contact(
 def _end_by_instability(
     at: Callable[[float], Scene], along: str, last: float, increase: float, names: Sequence[str]
 ) -> FirstContact:
-    """The end of a path where the pad becomes unstable, extrapolated from a state before; if that misses the end, the
-    end of the path with unknown derivatives."""
+    """The load at which the pad becomes unstable, extrapolated from an earlier state. If the extrapolation misses the
+    end of the load path: the end of the path, with unknown derivatives."""
     try:
         instability = Instability(at(last + (1 - NEAR_END) * increase), along)
         if abs(instability.value - last - increase) <= 2 * NEAR_END * abs(increase):
@@ -172,7 +172,7 @@ class _Touching:
         return float(total)
 
     def _distance(self, step: float, nodal: Nodal, bodies: np.ndarray | None) -> float:
-        """Change of ``along`` up to the contact with bodies, after the nodes have moved with another parameter."""
+        """Change of ``along`` up to the contact with a body, after the nodes have moved with another parameter."""
         distance = self._ahead.after(step * nodal.velocity, step * nodal.displacement, bodies)
         if not np.isfinite(distance):
             raise ComputationError(

@@ -96,7 +96,8 @@ class LinearisedPad:
         return strain.value, np.array([strain.rate(rate.displacement, rate.velocity) for rate in nodal])
 
     def _by_load(self, load: np.ndarray) -> np.ndarray:
-        """(N, 3) displacement for a change of the load, to first order; along its load path a state knows it."""
+        """(N, 3) first-order displacement for a change of the load. Along the load path, the state already contains it.
+        """
         ahead = self.state.path_rate()
         if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
             return (load @ ahead.direction) * ahead.displacement
@@ -107,6 +108,7 @@ class LinearisedPad:
 
 
 def _side(load: np.ndarray) -> int:
-    """Sign of a change of a load: 1 if it presses the pad, a pressure or a force or displacement downwards."""
+    """Sign of a change of the load: 1 for a change that presses on the pad, such as a pressure or a downward force or
+    displacement."""
     presses = load[0] if len(load) == 1 else -load[-1]
     return int(np.sign(presses))

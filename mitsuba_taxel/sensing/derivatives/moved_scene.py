@@ -35,7 +35,7 @@ BESIDE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MovingWalls:
-    """How the walls of a pad lie and move.
+    """Positions of the walls of a pad, and their velocities with a parameter.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class MovedScene:
         return errors + offset * growing * rates
 
     def _scene(self, offset: float) -> mi.Scene:
-        """The loaded scene with its other parts changed, and with the guides that pilot runs have found."""
+        """The loaded scene with its other parts changed, and with the guides from pilot runs."""
         if not self._change.beside:
             return self._ready.scene
         if offset != self._moved[0]:

@@ -88,7 +88,7 @@ def clearances(
 
 
 def _separate(bodies: list[np.ndarray]) -> Iterator[np.ndarray]:
-    """The packages that bodies consist of, one by one."""
+    """Divide bodies into single packages."""
     for body in bodies:
         number = body_of_each(body)
         yield from (body[number == k] for k in range(number.max() + 1))

@@ -51,7 +51,7 @@ Mean = Callable[[np.ndarray], float]
 def derivatives_of_paths(
     changes: list[Rates], ready: Prepared, powers: np.ndarray, seed: int, points: int, fixed: bool
 ) -> Derivatives:
-    """Derivatives of the readings of a prepared scene by the parameters whose :func:`rates` are given.
+    """Derivatives of the readings of a prepared scene with respect to parameters, from their :func:`rates`.
 
     Parameters
     ----------

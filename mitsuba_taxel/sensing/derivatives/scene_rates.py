@@ -124,7 +124,7 @@ def rates(scene: Scene, name: str) -> Rates:
 
 @dataclass(frozen=True)
 class _Parameter:
-    """A parameter of a scene, and ``at``, which parses the scene with a value of it."""
+    """A parameter of a scene; ``at`` parses the scene with another value of the parameter."""
 
     name: str
     unit: str
@@ -133,7 +133,7 @@ class _Parameter:
 
 
 def _parameter(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Parameter:
-    """The parameter of a name: a ``<default>`` of the scene, else a parameter of one of its plugins."""
+    """The parameter with this name: a ``<default>`` of the scene, or else a parameter of one of its plugins."""
     # A <default>: the scene is parsed with another value of it.
     if name in scene.parameters:
         text = scene.parameters[name]

@@ -76,5 +76,5 @@ def mechanics_errors(
 
 
 def _root_mean_square(values: np.ndarray) -> np.ndarray:
-    """Over the first axis."""
+    """Root mean square over the first axis."""
     return np.sqrt((values**2).mean(axis=0))

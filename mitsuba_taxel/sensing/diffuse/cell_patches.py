@@ -51,7 +51,7 @@ class CellPatches:
         return self._with_package(self.faces.pattern, package) + 0.0  # no negative zeros
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """(F + G, 15, 3) displacement of the patches, or its rate, from that (N, 3) of the nodes of the elements."""
+        """(F + G, 15, 3) displacement of the patches, or its rate, from the displacement (N, 3) of the nodes."""
         return self._with_package(self.faces.carried(nodal), np.zeros_like(self.package))
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:

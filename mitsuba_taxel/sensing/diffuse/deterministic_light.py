@@ -106,7 +106,8 @@ def deterministic_light(
 
 
 def _touches(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> bool:
-    """Whether the walls of a cell touch a package, as they are or displaced by the deviations (N, 3) at the nodes."""
+    """Whether the walls of a cell touch a package, either as they are or after displacement by the deviations (N, 3) of
+    the nodes."""
     state, walls = cells.pad.state, cells.patches(number).faces
     if state.bodies is None:
         return False

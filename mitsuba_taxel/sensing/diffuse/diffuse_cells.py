@@ -159,7 +159,8 @@ class DiffuseCells:
     def _cell(
         self, taxel: Taxel, fractions: dict[int, tuple[float, float]], scatters: np.ndarray, pad_cells: _PadCells
     ) -> CellWalls:
-        """Build the cell nearest to a taxel, from the laws of regions that scatter and the mesh faces (F,) that do."""
+        """Build the cell nearest to a taxel, from the scattering laws by region and the mesh faces (F,) that scatter
+        light."""
         nearest = np.linalg.norm(pad_cells.centres - taxel.middle, axis=1).argmin()
         faces = np.flatnonzero(scatters & (self._mesh.face_cell == pad_cells.drawn[nearest]))
         if not len(faces):
@@ -184,7 +185,8 @@ class DiffuseCells:
         return CellWalls(number, faces, cuts, edged, package, *scattered.T)
 
     def _cuts(self, package: PackageFaces) -> np.ndarray:
-        """(R, 2) numbers of parts of the faces of a package, which are no larger than the patches of walls."""
+        """(R, 2) numbers of parts into which the faces of a package are divided along their two sides: no part is
+        larger than the patches of walls."""
         return package.faces.cuts(self.patch_size or self.pad.pad.default_mesh_size)
 
     def _refuse_other_cells(self) -> None:

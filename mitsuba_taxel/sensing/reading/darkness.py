@@ -1,4 +1,4 @@
-"""What a phototransistor may receive though no path brought light to it."""
+"""Bounds on the power of phototransistors that no path has reached."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WITH_HITS = ("all", "unidirectional_hits")
 
 
 def dark_errors(scene: mi.Scene, integrator: mi.Integrator, paths: int, taxels: int) -> np.ndarray:
-    """(T,) power in W that taxels may receive though ``paths`` of each brought none, one standard deviation.
+    """(T,) W, one standard deviation of the power on taxels for which none of ``paths`` paths found light.
 
     If no path brings more than w P, with the power P of the LED, and p on average, it brings light with a probability
     of p / (w P) at least. Released as the LED shines, w is 1; emission guiding makes it larger.
@@ -54,6 +54,6 @@ def _of_pair(scene: mi.Scene, integrator: mi.Integrator, pair: TaxelPair, paths:
 
 
 def _releases_as_leds_shine(integrator: mi.Integrator) -> bool:
-    """Whether paths start at the LED, and those that hit the phototransistor count."""
+    """Whether paths start at the LED and count where they hit the phototransistor."""
     made = integrator.specification
     return isinstance(made, AnalogTracer) or isinstance(made, TaxelTracer) and made.strategy in _WITH_HITS

@@ -110,7 +110,7 @@ class Derivatives:
 
 
 def unit_of(parameter: str) -> str:
-    """Unit of the derivative of a power by a parameter, from the unit of that."""
+    """Unit of the derivative of a power with respect to a parameter, from the unit of the parameter."""
     return "W" if parameter == "1" else f"W/{parameter}"
 
 

@@ -45,7 +45,7 @@ def with_chords(scene: mi.Scene) -> Iterator[None]:
 
 
 def tilt_share(scene: mi.Scene) -> float:
-    """Relative error of readings because flat triangles are tilted against the walls that they stand for.
+    """Relative error of readings because flat triangles are tilted against the curved walls that they replace.
 
     Within each triangle the tilt, from its normal to the wall's, is zero on average. So it cancels out where light is
     even, not where a spot covers a part of a triangle or a few of them. Its mean over the light of an LED is found by
@@ -62,7 +62,7 @@ def tilt_share(scene: mi.Scene) -> float:
 
 
 def _square_share(scene: mi.Scene, end: mi.Endpoint) -> float:
-    """Mean square share over the faces of an LED or phototransistor."""
+    """Mean square of the relative error, over the faces of LEDs or phototransistors."""
     from mitsuba_taxel.geometry.surfaces.triangles import area_normals, unit  # a plate has no use for it
 
     x, y, z, w = (mi.Float((0.5 + np.arange(RAYS) * LATTICE**-k) % 1.0) for k in range(1, 5))
@@ -84,7 +84,7 @@ def _square_share(scene: mi.Scene, end: mi.Endpoint) -> float:
 
 
 def _turning(pad: PadShape) -> np.ndarray:
-    """(regions,) share of the light of each region's wall that turns with it, by the region's code."""
+    """(regions,) fraction of the light of each region that turns with the normal of its wall, by code of the region."""
     wall = pad.bsdf()
     walls = wall.walls if is_region(wall) else dict.fromkeys(REGIONS, wall)
     turning = np.ones(max(REGIONS.values()) + 1)

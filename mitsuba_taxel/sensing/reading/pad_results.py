@@ -20,7 +20,7 @@ class Estimate(NamedTuple):
 
 
 class PadResult(NamedTuple):
-    """A number that a state of a pad has.
+    """A number that is computed from the state of a pad.
 
     Attributes
     ----------
@@ -37,8 +37,8 @@ class PadResult(NamedTuple):
 
 
 def _largest_strain(state: State, with_error: bool) -> Estimate:
-    """The error is that of the finite elements: the change of the strain by both parts of the deviation of coarser
-    elements."""
+    """The largest strain of a state. Its error is that of the finite elements: the change of the strain by both parts
+    of the deviation of coarser elements."""
     from mitsuba_taxel.mechanics.results.largest_strain import largest_strain
 
     if not state.displacement.any():
@@ -63,7 +63,7 @@ PAD_RESULTS = [
 
 
 def pad_results(states: Sequence[State], with_errors: bool = True) -> dict[str, Estimate]:
-    """The results of some pads by name; empty without any."""
+    """Results of pads by name; empty without pads."""
     if not states:
         return {}
     return {result.name: max(result.of(state, with_errors) for state in states) for result in PAD_RESULTS}

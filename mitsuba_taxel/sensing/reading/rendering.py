@@ -24,8 +24,8 @@ def render(
     develop: bool = True,
     evaluate: bool = True,
 ):
-    """The method of our integrators: irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height,
-    width, channels)."""
+    """Method ``render`` of our integrators: the irradiance map [W/mm²] of the phototransistors of one sensor, as a
+    tensor (height, width, channels)."""
     sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
     film = sensor.film()
     refuse_unmodelled(scene, integrator)

@@ -11,7 +11,8 @@ from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 
 def heed_packages(scene: mi.Scene) -> None:
-    """Let the bodies of `photo_reflector`s hold the pads with `self_contact`, and refuse other pads that touch them.
+    """Make the bodies of `photo_reflector`s obstacles for pads with `self_contact`, and refuse other pads that touch
+    them.
 
     Parameters
     ----------

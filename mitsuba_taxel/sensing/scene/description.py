@@ -399,7 +399,7 @@ def _build_pads_last(state: mi.parser.ParserState) -> None:
 
 
 def _announce_packages(state: mi.parser.ParserState) -> None:
-    """Announce to the pads of a scene with packages that `heed_packages` will follow."""
+    """Keep the pads of a scene with packages undeformed until `heed_packages` is called."""
     import mitsuba as mi
 
     from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE

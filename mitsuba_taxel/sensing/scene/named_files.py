@@ -1,4 +1,4 @@
-"""Checks of files that a scene names and Mitsuba opens, as a pipe would block it, and a device has no end."""
+"""Checks of files that Mitsuba opens for a scene: it would wait for a pipe, and never finish reading a device."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def check_spectra(scene: Path, parameters: Mapping[str, str]) -> None:
 
 
 def check_named_files(plugins: Iterable[mi.Properties]) -> None:
-    """Refuse plugins with a word that names, as Mitsuba resolves it, something other than a file, or too large a file.
+    """Refuse a plugin with a word that Mitsuba takes for the name of a file, if that is no regular file or too large.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ def read_scene_file(path: Path) -> Iterator[tuple[Path, ElementTree.Element]]:
 
 
 def _read(path: Path, around: tuple[Path, ...]) -> Iterator[tuple[Path, ElementTree.Element]]:
-    """``around`` are the files including it."""
+    """Read a file and the files that it includes; ``around`` are the files that include it."""
     if path.resolve() in around:
         raise InputError(f"{path.name} is not allowed: it includes itself.")
     if len(around) > DEEPEST_INCLUDE:

@@ -47,7 +47,7 @@ def known_points(scene: mi.Scene) -> dict[float, int]:
 
 
 def _keeper(scene: mi.Scene) -> PhototransistorSensor | None:
-    """The first phototransistor, which holds the state in which the scene was checked."""
+    """The first phototransistor, on which the state of the checked scene is stored."""
     return next((sensor for sensor in scene.sensors() if is_phototransistor(sensor)), None)
 
 

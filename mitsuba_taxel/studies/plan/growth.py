@@ -107,7 +107,7 @@ def _keys(words: Sequence[str]) -> list[Any]:
 
 
 def without_failed(stored: Mapping[str, Any], batch: Batch, done: Set[int], failed: Set[int]) -> dict[str, Any]:
-    """A stored study without varied values that only failed.
+    """A stored study without the varied values for which every job failed.
 
     A value is dropped if none of its scenes has a result, the batch does not request it, and one of its scenes has
     failed or it is a word among numbers.

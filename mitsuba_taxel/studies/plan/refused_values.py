@@ -46,7 +46,8 @@ def check_values(batch: Batch) -> None:
 
 
 def check_derivatives(batch: Batch) -> None:
-    """Refuse a batch with a derivative that no scene has; a scene that alone lacks it fails when it is computed.
+    """Refuse a batch with a derivative that no scene has; if only some scenes lack it, their jobs fail when they are
+    computed.
 
     Raises
     ------

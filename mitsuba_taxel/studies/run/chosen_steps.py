@@ -1,4 +1,4 @@
-"""Choice of the steps of a force whose range has no step size: as few as its curves and their slopes need.
+"""Choice of the steps of a force whose range has no step size: no more steps than its curves and slopes need.
 
 Between two steps, a curve is interpolated by the cubic Hermite polynomial of their readings and slopes. The reading in
 the middle is computed as well, and becomes a step. If it deviates from the polynomial, both halves are examined;

@@ -61,7 +61,7 @@ def piloted_settings(batch: Batch, machines: int) -> Settings:
 
 
 class _Pilot:
-    """Required settings and costs of the pilot scenes of a batch, collected by :meth:`read`."""
+    """Required settings and costs of the pilot scenes of a batch, collected by calls of :meth:`read`."""
 
     def __init__(self, batch: Batch, machines: int) -> None:
         self.batch, self.machines = batch, machines
@@ -72,7 +72,8 @@ class _Pilot:
         self._seconds: list[tuple[float, float]] = []  # by scene, see _costs
 
     def read(self, values: Mapping[str, str]) -> None:
-        """Determine points and mesh size of the scene with these values; the mesh of earlier scenes is its coarsest."""
+        """Determine points and mesh size of the scene with these values, starting from the mesh size of the earlier
+        scenes."""
         scene = self.batch.scene(values).with_mesh_size(self.mesh_size)
         # Without a target: points for the light alone, none if light without random numbers is accurate enough.
         if self.batch.target_error is None:

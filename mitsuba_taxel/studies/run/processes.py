@@ -77,6 +77,6 @@ def _begin(sharing: int) -> None:
 
 
 def _follow(parent: BaseProcess) -> None:
-    """End this process when its parent has ended, also if that was killed."""
+    """End this process when its parent process has ended, even if the parent was killed."""
     parent.join()
     os._exit(1)

@@ -299,7 +299,7 @@ class _BatchOutcome(NamedTuple):
 def _compute(
     batch: Batch, pool: Pool, store: Store | None, progress: Callable[[Progress], None] | None, clock: Clock
 ) -> _BatchOutcome:
-    """Results of the jobs of a batch, from the store where it holds them, else from the pool."""
+    """Results of the jobs of a batch: from the store if it has them, else from the pool."""
     # All jobs, by curve.
     settings, pilot_seconds = _settings(batch, store, pool.machines)
     indices = {number: index for number, (index, _) in enumerate(combinations(batch.axes))}
@@ -344,13 +344,14 @@ def _compute(
 
 
 def _is_enough(readings: Readings, settings: Settings) -> bool:
-    """Whether readings of an earlier run meet the present settings; if these have no points, random paths do not."""
+    """Whether readings of an earlier run meet the present settings. Readings by random paths do not meet settings
+    without points."""
     enough = readings.points >= settings.points if settings.points else not readings.points
     return enough and readings.mesh_size == settings.mesh_size
 
 
 def _continued(job: Job, kept: StoredResult | None, settings: Settings) -> Job:
-    """The job, which extends earlier readings of the same mesh with fewer points if there are any."""
+    """The job, set to continue earlier readings of the same mesh with fewer points, if there are any."""
     if kept is None or job.maps or not settings.points or kept.readings.mesh_size != settings.mesh_size:
         return job
     return job if kept.readings.points < FIRST_POINTS else replace(job, continued=kept.readings)

@@ -53,7 +53,7 @@ def changed_study(now: str, before: str, scene_now: str, scene_before: str) -> s
 
 
 def changed_files(now: dict[str, str], before: dict[str, str], scene_now: str, scene_before: str) -> str:
-    """The first file whose digest differs, and the first difference of the scene if it is that; empty if none differs.
+    """The first file whose digest differs; for the scene, its first difference as well. Empty if no file differs.
 
     Parameters
     ----------

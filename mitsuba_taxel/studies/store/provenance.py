@@ -64,7 +64,8 @@ def own_code() -> str:
 
 
 def _files_of(scene: Path, values: set[str]) -> list[Path]:
-    """The scene, and the files that it names, that values of its parameters name, and that scenes among them name.
+    """All files of a scene: its own, those that it or a value of its parameters names, and those that scenes among
+    these name.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ coordinate: corners in a scene are in single precision."""
 
 
 def body_of_each(triangles: np.ndarray) -> np.ndarray:
-    """Number of the body of each triangle; triangles of a body share corners.
+    """(K,) number of the body of each triangle; triangles that share a corner belong to one body.
 
     Parameters
     ----------

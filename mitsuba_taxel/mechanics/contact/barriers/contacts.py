@@ -42,7 +42,7 @@ class Contacts:
         return own, external if self._bodies is None else external + self._bodies.forces(displacement)
 
     def all_forces(self, displacement: np.ndarray) -> np.ndarray:
-        """(N, 3) N, the sum of both."""
+        """(3 N,) or (N, 3) N, the sum of these forces."""
         own, external = self.forces(displacement)
         return own + external
 

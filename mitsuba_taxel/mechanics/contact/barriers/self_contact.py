@@ -106,13 +106,13 @@ class ContactTest:
         return Contact("itself", place) if place else None
 
     def find_fold(self, displacement: np.ndarray) -> Place | None:
-        """A point in mm at which the pad intersects itself, also within the strip beside singular edges; None
-        without."""
+        """A point in mm at which the pad intersects itself, even in the strip beside singular edges; None if there is
+        none."""
         control = control_points(self._points + displacement, self._faces)
         return self._on_itself(np.concatenate([control, np.ones_like(self._beyond)]))
 
     def find_package(self, displacement: np.ndarray) -> Contact | None:
-        """As :meth:`find`, with obstacles alone."""
+        """A contact of the deformed pad with a package; see :meth:`find`."""
         if not self._obstacles:
             return None
         patches = control_points(self._points + displacement, self._faces)[:, self._faces.T]
@@ -121,7 +121,7 @@ class ContactTest:
 
     @cached_property
     def at_rest(self) -> Contact | None:
-        """A contact of the undeformed pad; None without."""
+        """A contact of the undeformed pad; None if there is none."""
         return self.find(np.zeros_like(self._points))
 
     @cached_property
@@ -243,7 +243,7 @@ class _Obstacles:
         self._inner = self._centres[:, outwards[np.cumsum(count) - count]]  # those nearest to the middle
 
     def point_within(self, patches: np.ndarray, tree: BoxTree) -> Place | None:
-        """A point in mm of a body inside the pad, or of the pad if it is inside a body; None without.
+        """A point in mm of a body inside the pad, or of the pad inside a body; None if there is none.
 
         The surfaces do not intersect, so that all triangles of a body are on the same side. A majority decides, because
         a point close to a curved face may be on the wrong side of its flat pieces.
@@ -294,7 +294,7 @@ def _boxes(patches: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _first_below(patches: np.ndarray, strip: float, tolerance: float) -> Place | None:
-    """A point of patches (4, 6, n) below the board; None without.
+    """A point of patches (4, 6, n) below the board; None if there is none.
 
     Where the fourth coordinate, the distance beyond the strip, is positive, a point must be above ``tolerance``, else
     above -``strip``. Patches are subdivided until this is decided.

@@ -26,7 +26,7 @@ POINTS_AT_ONCE = 4096
 
 @kept(4)  # the states of a path share their mesh
 def widest_shut(mesh: VolumeMesh, bodies: RigidBodies) -> float:
-    """Width below which a gap between a pad and a body is closed for light.
+    """Largest width of a gap between a pad and a body that is closed for light.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def widest_shut(mesh: VolumeMesh, bodies: RigidBodies) -> float:
 
 
 def kept_off(points: np.ndarray, bodies: RigidBodies, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points of a pad's surface, moved out of bodies where they are too close, and whether each touches a body.
+    """Points of a pad's surface, moved away from bodies that they are too close to, and whether each touches a body.
 
     Parameters
     ----------

@@ -58,7 +58,8 @@ def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
 
 
 def judged_nodes(mesh: VolumeMesh) -> np.ndarray:
-    """Nodes at which elements must not be inverted: those on the cells' walls, which light meets, outside the strip.
+    """Nodes at which elements must not be inverted: nodes of the cells' walls outside the strip, where light is
+    reflected.
 
     Elsewhere an element may fold at the middle of an edge, as it does where silicone rolls over onto the board. At
     quadrature points, which determine its energy, no element may be inverted.
@@ -132,7 +133,7 @@ def rim_corners(mesh: VolumeMesh, region: str, least_turn: float) -> np.ndarray:
 
 
 def has_right_angled_top(mesh: VolumeMesh) -> bool:
-    """Whether two upright sides somewhere meet the top and each other in a right angle, or a sharper one."""
+    """Whether there is a corner of the top at which two upright sides meet at a right or an acute angle."""
     sides = mesh.faces[mesh.face_region == REGIONS["outer"], :3]
     a, b, c = np.moveaxis(mesh.points[sides], 1, 0)
     normal = np.cross(b - a, c - a)

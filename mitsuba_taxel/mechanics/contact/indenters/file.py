@@ -56,7 +56,7 @@ class File(IndenterShape, name="file", rank=4):
         return False
 
     def contact_radius(self, depth: float) -> float:
-        """That of a ball with the same contact area at the depth."""
+        """Half the width of the contact: the radius of the circle with the area of the contact at the depth."""
         distance = self.solid.distance
         return distance.spacing * math.sqrt(len(distance.footprint(depth)) / (2 * math.pi))
 

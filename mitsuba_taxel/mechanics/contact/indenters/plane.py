@@ -15,7 +15,7 @@ THICKNESS = 0.1
 
 
 class Plane(IndenterShape, name="plane", rank=3):
-    """A plate that covers the pad; it starts where it touches it."""
+    """A plate that covers the pad; it starts at the height at which it touches the pad."""
 
     meaning = "a plate as large as it takes"
     uses = ("angle", "tilt")

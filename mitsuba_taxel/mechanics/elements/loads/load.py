@@ -104,7 +104,7 @@ class Load(Kind, family="load"):
 
     @property
     def has_position(self) -> bool:
-        """Whether the load has a position over the pad, by which states have a derivative."""
+        """Whether the load has a position on the pad, with respect to which states have derivatives."""
         return self.indenter is not None and not self.indenter.body.unbounded
 
     @property
@@ -125,11 +125,12 @@ class Load(Kind, family="load"):
         raise NotImplementedError(f"{self} is not spread over nodes")
 
     def loaded_area(self, mesh: VolumeMesh) -> float:
-        """Undeformed area in mm² on which it acts; raises `InputError` if there is none."""
+        """Undeformed area in mm² on which the force acts; raises `InputError` if there is none."""
         return float(face_areas(mesh, top_faces(mesh)).sum())
 
     def is_symmetric(self, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
-        """Whether its distribution is symmetric in a mirror of the mesh, which maps nodes to their ``image`` (N,)."""
+        """Whether the distribution of the load is symmetric in a mirror of the mesh, which maps nodes to their
+        ``image`` (N,)."""
         return True if self.indenter is None else self.indenter.body.keeps(mirror)
 
     @classmethod
@@ -149,7 +150,7 @@ class Load(Kind, family="load"):
         return cls(**parameters, **about)
 
     def scene_values(self) -> dict[str, Any]:
-        """Its parameters in a scene, without ``self_contact``."""
+        """Values of the parameters of the load in a scene, without ``self_contact``."""
         return {f"{self.prefix}{name}": value for name, value in values_of(self).items()}
 
 

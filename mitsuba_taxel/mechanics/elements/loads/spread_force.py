@@ -38,7 +38,7 @@ class SpreadForce(DeadForce, name="spread_force", rank=0):
         return Load.loaded_area(self, mesh)
 
     def is_symmetric(self, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
-        """True: it covers a region of the surface, symmetric like the mesh.
+        """True: the loaded region of the surface is as symmetric as the mesh.
 
         Parameters
         ----------

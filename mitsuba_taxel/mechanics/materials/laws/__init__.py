@@ -1,4 +1,4 @@
-"""Laws of rubber-like solids: their base class, and a file for each; every law here is one of scenes under its name."""
+"""Laws of rubber-like solids: the base class, and one file for each law; scenes know every law under its name."""
 
 from mitsuba_taxel.base.kinds import import_all
 from mitsuba_taxel.mechanics.materials.laws.arruda_boyce import ArrudaBoyce

@@ -101,7 +101,7 @@ class Material(Kind, Checked, Displayed, family="material"):
         self._check()
 
     def _check(self) -> None:
-        """Refuse finite parameters of an inadmissible material; laws may extend this."""
+        """Refuse an inadmissible material whose parameters are finite; laws may extend this check."""
         self._require("shear_modulus", self.shear_modulus > 0, "a finite number above 0 is needed")
 
     def _require(self, name: str, condition: bool, needed: str) -> None:
@@ -111,7 +111,7 @@ class Material(Kind, Checked, Displayed, family="material"):
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the law's numbers, each of which :meth:`changed` changes."""
+        """Names of the law's constants, each of which :meth:`changed` can change."""
         return tuple(field.name for field in fields(self))  # type: ignore[arg-type]
 
     def changed(self, **parameters: float) -> Material:

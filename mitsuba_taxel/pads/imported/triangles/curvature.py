@@ -1,4 +1,4 @@
-"""Radius of curvature of the patches of a surface of triangles, whatever the directions of its edges.
+"""Radius of curvature of the patches of a surface of triangles, independent of the directions of their edges.
 
 The curvature tensor is averaged over the edges around each vertex (D. Cohen-Steiner and J.-M. Morvan, Restricted
 Delaunay triangulations and normal cycle, 2003).
