@@ -1,4 +1,4 @@
-"""Selection of an LLVM that works, before Dr.Jit selects an unsuitable version.
+"""Selection of an LLVM that works, before Dr.Jit selects a version that does not.
 
 Dr.Jit 1.5 uses any LLVM on the system. It refuses version 14 with an exception, but versions 15 and 16 abort the
 process at the first render (``Cannot select: fminimum``). The library is fixed when mitsuba is imported.

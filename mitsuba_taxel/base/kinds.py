@@ -1,4 +1,5 @@
-"""Families of kinds, such as cell shapes or material laws: a new kind is a class, and missing members fail at once."""
+"""Families of kinds, such as cell shapes or material laws: a new kind is a class, and a member that it lacks is
+reported at once."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def read_document(path: Path) -> Element:
 
 
 def _read(path: Path, around: tuple[Path, ...], numbers: Iterator[int]) -> Element:
-    """The root of one file; ``around`` are the files that include it, and ``numbers`` counts included files."""
+    """The root element of one file; ``around`` are the files that include it, and ``numbers`` counts included files."""
     # Parse the file into a tree of elements.
     reader = _Reader(path)
     parser = expat.ParserCreate()

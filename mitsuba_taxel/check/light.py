@@ -27,7 +27,7 @@ _FROM_THE_LIGHT = ("ptracer",)
 
 
 def check_light(objects: SceneObjects) -> Iterator[Finding]:
-    """Find errors of light that show without tracing rays."""
+    """Find errors of light that can be found without tracing rays."""
     for shape in objects.shapes():
         yield from _walls(shape)
     yield from _nothing_comes_back(objects)

@@ -117,7 +117,7 @@ def respond(circuit: Circuit, power: Any) -> Response:
 
 
 def lit(power: Any) -> np.ndarray:
-    """Powers as input of a circuit: missing powers, and powers that are negative due to their error, become 0.
+    """Powers as input of a circuit: powers that are missing, or negative due to their error, become 0.
 
     Parameters
     ----------

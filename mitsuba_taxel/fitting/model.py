@@ -120,8 +120,8 @@ class ReadingModel:
         return power, rates
 
     def _difference(self, unknowns: np.ndarray, number: int, study: xr.Dataset) -> np.ndarray:
-        """Derivative (settings, taxels) by an unknown as a difference to the readings ``study``, with the least step
-        whose change exceeds the noise."""
+        """Derivative (settings, taxels) with respect to an unknown, as a difference to the readings ``study``: with the
+        smallest step whose change exceeds the noise."""
         unknown, here = self._plan.unknowns[number], self._taxels(study, "replicate_power")
         scale = abs(unknowns[number]) or 1.0
         for tried in range(self._first_step.get(number, 0), len(STEP_SHARES)):

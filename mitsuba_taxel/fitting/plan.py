@@ -38,7 +38,7 @@ class Unknown:
 
     @property
     def in_scene(self) -> bool:
-        """Whether it is a parameter of the scene."""
+        """Whether the unknown is a parameter of the scene."""
         return self.name not in OWN and not self.name.startswith(CIRCUIT)
 
 

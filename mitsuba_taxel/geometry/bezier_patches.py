@@ -103,7 +103,7 @@ def _touch(pairs: np.ndarray, shared: str, tolerance: float) -> Place | None:
 
 
 def _doubtful(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
-    """The pairs that may touch where contact counts."""
+    """The pairs of patches that may touch at a place where contact counts."""
     pairs = pairs[:, :, (pairs[3, :12] > 0).any(axis=0)]
     return pairs[:, :, ~_CERTIFICATES[shared](pairs[:3], tolerance)]
 
@@ -177,7 +177,7 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _plain(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
-    """Whether patches without a certificate touch: those that are flat, or as small as a point, do.
+    """Whether patches that are not proved to be separate touch: patches that are flat, or as small as a point, do.
 
     Flatness is absolute for patches that share nothing. For patches with a common vertex or edge it is relative to
     their size, as only angles matter.

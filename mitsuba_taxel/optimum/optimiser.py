@@ -106,7 +106,8 @@ class Optimiser:
     def _linearise(
         self, read: DesignEvaluation, spread: DesignEvaluation, goal: Goal, limits: Sequence[Limit]
     ) -> Linearisation | None:
-        """As :meth:`linearisation`, with each figure worse by the spread due to tolerances at the design ``spread``."""
+        """Goals and limits as in :meth:`linearisation`, each figure made worse by the spread that tolerances cause at
+        the design ``spread``."""
         scale = abs(worst_of(goal, self.read(self.before))) or 1.0
         goals, goal_rates = _loss(goal, read, spread)
         none = np.zeros((0, len(read.by)))

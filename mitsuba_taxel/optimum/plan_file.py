@@ -240,7 +240,7 @@ class _FigureReader:
         return limits
 
     def _refuse_beyond_loads(self, limit: Limit) -> None:
-        """Raise `InputError` if a range or a contact shall exceed the largest load that is computed."""
+        """Raise `InputError` if the bound of a range or a first contact is beyond the largest load that is computed."""
         if limit.figure.kind in TO_THE_END and limit.sign < 0:
             along, rows = self.lines[limit.figure.parameters["along"]]
             largest = max(abs(float(row[along])) for row in rows)

@@ -125,7 +125,7 @@ def parameters_of(cls: Any) -> Mapping[str, Parameter]:
 
 @kept(None)
 def _all_parameters(cls: Any, chosen: tuple[tuple[Any, ...], ...]) -> Mapping[str, Parameter]:
-    """Result of `parameters_of` for the kinds that exist now: ``chosen`` as of `_chosen`."""
+    """Result of `parameters_of` for the kinds that exist now; ``chosen`` is the result of `_chosen`."""
     of_kinds = _merged(cls, chosen) if issubclass(cls, Kinded) else {}
     return MappingProxyType({**_with_users(_declared_in(cls)), **of_kinds})
 
@@ -174,7 +174,7 @@ def _families_of(cls: Any) -> tuple[tuple[str, Any], ...]:
 
 @kept(None)
 def _merged(cls: Any, chosen: tuple[tuple[Any, ...], ...]) -> dict[str, Parameter]:
-    """Result of `_kind_parameters` for the kinds that exist now: ``chosen`` as of `_chosen`."""
+    """Result of `_kind_parameters` for the kinds that exist now; ``chosen`` is the result of `_chosen`."""
     declared = _declared_in(cls)
     merged: dict[str, Parameter] = {}
     for chooser, *kinds in chosen:

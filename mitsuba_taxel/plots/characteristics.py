@@ -454,7 +454,7 @@ def _draw(
 
 
 def _latex(table: pandas.DataFrame, pairs: pandas.DataFrame) -> str:
-    """Tables of slopes, of deviations, each for every unit of readings, and of pairs, as LaTeX; empty ones omitted."""
+    """Tables of slopes and deviations for every unit of readings, and of pairs, as LaTeX; empty tables are left out."""
     tables = [
         table_rows(readings, figures, latex=True)
         for figures in (SLOPES, DEVIATIONS)

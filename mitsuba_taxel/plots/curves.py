@@ -73,7 +73,7 @@ class Curve(NamedTuple):
 
     @property
     def rest(self) -> int:
-        """Index of the point with the least magnitude of x, or of the first if values are words."""
+        """Index of the point with the smallest magnitude of x, or of the first point if x has words as values."""
         return int(np.abs(self.x).argmin()) if self.x.dtype.kind in "fi" else 0
 
     def relative(self) -> Curve:
@@ -169,7 +169,7 @@ def curves_of(study: xr.Dataset) -> list[Curve]:
 
 
 def plot_curves(study: xr.Dataset, narrow: bool = False) -> Figure:
-    """Power against the study's curve parameter; voltage, with counts at the right, of a study in volts.
+    """Plot power against the study's curve parameter; for a study in volts, plot voltage, with counts on the right.
 
     Bars are 1 sigma of the light, bands the total error. Lines are straight between readings, or with derivatives the
     cubic curves through readings without random numbers. Steps that touch several places once are not joined.
@@ -332,8 +332,8 @@ def _since(study: xr.Dataset, curve: Curve) -> str:
 
 
 def _blocks(count: int, lines: int, narrow: bool) -> Any:
-    """Axes (blocks, lines): blocks side by side, with the panels of each below each other, and common ranges in a
-    row."""
+    """Axes (blocks, lines): blocks are side by side, the panels of a block below each other, and rows have a common
+    range."""
     across = 1 if narrow else min(math.ceil(math.sqrt(count)), 3)
     down = math.ceil(count / across)
     axes = panel_axes(lines * down, across, narrow=narrow)

@@ -42,7 +42,7 @@ straight piece continues."""
 
 
 def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomial, list[str]]:
-    """Write a model of a study's readings that needs nothing but an ONNX runtime.
+    """Write a model of a study's readings that runs in any ONNX runtime.
 
     Its input ``inputs`` (rows, inputs) has the varied parameters; its outputs are ``readings`` (rows, taxels) in W and
     ``inside`` (rows,), whether the inputs lie in the box covered by the study. Beyond it the readings are those at its
@@ -143,7 +143,7 @@ class StudyError(NamedTuple):
 
 
 def study_error(study: xr.Dataset) -> StudyError:
-    """The error of a study's own readings, which a model of them has beside that of its fit.
+    """The error of a study's own readings, which a model has in addition to the error of its fit.
 
     Parameters
     ----------

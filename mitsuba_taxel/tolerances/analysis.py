@@ -168,7 +168,7 @@ def _samples(plan: TolerancePlan, values_of: dict[str, np.ndarray], z: np.ndarra
 
 
 def _notes_of_indices(spread: pandas.DataFrame, shares: pandas.DataFrame, exact: int, parameters: int) -> list[str]:
-    """A note for each figure without Sobol' indices, with what would help."""
+    """A note for each figure without Sobol' indices, with a remedy."""
     notes = []
     for name, rows in spread.groupby("figure", sort=False):
         unknown = shares[(shares.figure == name) & shares.total.isna()].taxel.unique()
@@ -375,7 +375,7 @@ def _of_figure(
 def _corrected(
     plan: TolerancePlan, at_mean: np.ndarray, exact: np.ndarray, slopes: np.ndarray, z: np.ndarray, z_linear: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """The moments of :func:`corrected`, with the linear answer of both kinds of samples; NaN counts as 0."""
+    """The moments of :func:`corrected`, with the linear answers of both kinds of samples; NaN counts as 0."""
     linear, of_others = (np.nan_to_num(_linear(plan, at_mean, slopes, standardised)) for standardised in (z, z_linear))
     return corrected(exact, linear, of_others, plan.batch.seed)
 

@@ -40,7 +40,7 @@ class Factors:
         }
 
     def partial_derivatives(self, law: str) -> dict[str, float]:
-        """Derivatives of the parameters that depend on a law by it, at the mean of all laws."""
+        """Derivatives, with respect to a law, of the parameters that depend on it, at the mean of all laws."""
         means = {other_law.name: 1.0 if other_law.name == law else other_law.mean for other_law in self.laws}
         return {name: value for name, value in self.parameters(means).items() if law in self.products[name]}
 

@@ -401,7 +401,7 @@ def _lit(
     points: Sequence[np.ndarray],
     weights: Sequence[np.ndarray],
 ) -> LitPoints:
-    """Points of groups of pieces, in the order of the patches; each piece of a group has its entry of ``sizes``."""
+    """Points of groups of pieces, in the order of the patches; ``sizes`` has an entry for each piece of a group."""
     source, face = (
         np.concatenate([np.repeat(numbers, size) for numbers, size in zip(groups, sizes, strict=True)])
         for groups in (sources, faces)

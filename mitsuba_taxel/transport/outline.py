@@ -117,7 +117,7 @@ def _integrals(away: np.ndarray, rate: np.ndarray, within: Cumulative) -> np.nda
 
 
 def _distinct(sides: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The distinct ones (E, 5, 3) of sides (S, 5, 3), as adjacent patches have the same, in opposite directions.
+    """The distinct sides (E, 5, 3) among sides (S, 5, 3): adjacent patches share a side, in opposite directions.
 
     Also returned are, for each side, the sign (S,) of its direction and its number (S,) among the distinct sides.
     """

@@ -83,11 +83,11 @@ class _ReceivedPairs:
 
     @property
     def value(self) -> np.ndarray:
-        """(T,) as of :class:`Reception`."""
+        """(T,) received power per watt that falls on each point; see :class:`Reception`."""
         return (self._bare * self._response).sum(axis=1)
 
     def gradient(self, adjoint: np.ndarray, wider: float) -> tuple[np.ndarray, np.ndarray]:
-        """As of :class:`Reception`."""
+        """See :meth:`Reception.gradient`."""
         slopes = self._exchange.slopes((adjoint[:, None] * self._response).ravel(), WIDER * wider)
         by_end, by_normal = (
             np.stack([component.reshape(self._shape).sum(axis=1) for component in vector], axis=1)

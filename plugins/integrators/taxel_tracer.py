@@ -67,7 +67,7 @@ class TaxelTracer(mi.CppADIntegrator):
 
     @dr.syntax
     def sample_guided(self, scene, pair, index, led_index, sampler, pixels, emission, guide):
-        """Power [W] as of :meth:`sample_paths`, with guided directions.
+        """Power [W] as in :meth:`sample_paths`, with guided directions.
 
         Parameters
         ----------

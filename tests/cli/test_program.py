@@ -237,8 +237,10 @@ def test_a_reader_that_stops_early_is_no_error(program, tmp_path):
     "error, said",
     [
         (KeyError("surprise"), "KeyError: 'surprise' (run with --debug for the traceback)"),
-        (MemoryError(), "there is not enough memory for this command: use fewer or smaller pads, fewer points or "
-                        "fewer workers."),
+        (
+            MemoryError(),
+            "there is not enough memory for this command: fewer or smaller pads, points or workers need less.",
+        ),
         (
             OSError(errno.ENOSPC, "No space left on device", "a.csv"),
             "a.csv cannot be read or written: No space left on device (run with --debug for the traceback)",

@@ -187,7 +187,7 @@ def compare(
 
 
 def _score(by: str, value: np.ndarray) -> np.ndarray:
-    """Score of a variant, larger for a better one: magnitude of its slope, or minus its deviation."""
+    """Score of a variant, which is larger for a better one: the magnitude of a slope, or a negative deviation."""
     return -value if by in DEVIATIONS else np.abs(value)
 
 

@@ -1,4 +1,5 @@
-"""The whole chain: total error, stated and true, of a reading and of its slope by force, against target error."""
+"""The whole chain: stated and true total errors of a reading, and of its slope over the force, against the target
+error."""
 
 from __future__ import annotations
 

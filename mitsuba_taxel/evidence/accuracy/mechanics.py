@@ -172,7 +172,7 @@ def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting
 
 
 def _elements(pads: Sequence[PadRequest], size: float) -> int:
-    """Number of elements of the largest pad, from a mesh: smaller elements at walls make it hard to predict."""
+    """Number of elements of the largest pad, counted in a mesh: small elements at walls make it hard to predict."""
     return max(len(pad_mesh(pad.pad, size).tets) for pad in pads)
 
 
@@ -256,7 +256,7 @@ def size_errors(solved: Mapping[float, UncachedReadings], limit: FineMeshLimit, 
 
 
 def tolerance_errors(solved: Mapping[float, UncachedReadings], strict: FineMeshLimit) -> ErrorCurve:
-    """Errors by step tolerance on one mesh; readings state no error due to steps.
+    """Errors by step tolerance on one mesh; the stated errors of readings do not contain the error due to steps.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ class Method:
 
     @property
     def most_samples(self) -> int:
-        """Per taxel in one run: limit of the sampler's points, or of memory."""
+        """Largest number of samples per taxel in one run: the limit of the sampler, or of memory."""
         if self.is_ours:
             return MOST_POINTS * REPLICATES
         return MOST_POINTS if self.sampler == "owen_sobol" else MOST_LANES
@@ -156,7 +156,8 @@ def of_readings(prepared: Prepared) -> Estimator:
 
 
 def _stock(scene: Any) -> Estimator:
-    """Estimator by an integrator of Mitsuba: one launch per run, the cheapest way; these integrators state no error."""
+    """Estimator with an integrator of Mitsuba: one launch per run, which is the cheapest way. These integrators state
+    no error."""
     import drjit as dr
     import mitsuba as mi
 

@@ -101,7 +101,7 @@ def _cut_everything_finely() -> None:
 
 
 def _only_asked_for() -> None:
-    """No change here: the row requests this work by its arguments."""
+    """Change nothing: the row requests this work by its arguments."""
 
 
 ALL_THE_SAME: dict[str, Callable[[], None]] = {

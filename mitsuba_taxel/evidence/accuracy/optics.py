@@ -53,7 +53,8 @@ class SampleRuns:
 
 @dataclass(frozen=True)
 class _Trial:
-    """Runs of one method, before there is a reference; without runs, the reason why it does not support the scene."""
+    """Runs of one method before there is a reference; for a method that does not support the scene, the reason instead
+    of runs."""
 
     method: Method
     rungs: Sequence[SampleRuns]
@@ -61,12 +62,12 @@ class _Trial:
 
     @property
     def sees_all(self) -> bool:
-        """Whether the expected value of its estimates is the power of the taxels."""
+        """Whether the expected value of the estimates of a method is the power of the taxels."""
         return self.method.strategy == "all" and bool(self.rungs) and bool(self.rungs[-1].power.any())
 
     @property
     def scatter(self) -> float:
-        """Relative standard error of its longest runs, scaled to one second."""
+        """Relative standard error of the longest runs of a method, scaled to one second."""
         last = self.rungs[-1]
         return relative_rms(last.power.std(axis=0, ddof=1), last.power.mean(axis=0)) * math.sqrt(last.seconds)
 

@@ -190,8 +190,8 @@ def _four_cells() -> Iterator[CoverageCase]:
 
 
 def _other_kinds() -> Iterator[CoverageCase]:
-    """All registered kinds that no other setting has: cells with walls of several thicknesses, and laws and indenters
-    on cells in turn. A new kind is judged without being named here."""
+    """All registered kinds that occur in no other setting: cells with walls of several thicknesses, and laws and
+    indenters on cells in turn. A new kind is tested without being named here."""
     for cell in other_cells():
         for wall in (1.0, 0.5, 0.3):
             sensor = PadSensor(pad_of(cell, rows=1, columns=1, wall=wall), force=(0.0, 0.0, -1.0))

@@ -245,7 +245,7 @@ def _default_elements(cell: str, size: float) -> Iterator[None]:
 
 
 def _on_pad(load: Force, cells: int) -> list[float]:
-    """Force on the pad in N, from the force on each cell."""
+    """Force on the whole pad in N, from the force on each cell."""
     return [component * cells**2 for component in load]
 
 
@@ -278,7 +278,8 @@ def pad_cells(row: PadRow) -> list[str]:
 
 
 def summary(rows: Sequence[DomeRow]) -> str:
-    """A sentence with the number of readings within twice their stated error and three times the noise; the others."""
+    """A sentence with the number of readings within twice their stated error and three times the noise, and the names
+    of all other readings."""
     beyond = [row for row in rows if abs(row.deviation) > 2 * row.stated + 3 * row.noise]
     names = "; ".join(f"{row.cell}, {row.wall}, {row.cells} x {row.cells}, {_listed(row.load)} N" for row in beyond)
     counted = f"{len(rows) - len(beyond)} of {len(rows)} readings are within twice the stated error and the noise"

@@ -1,4 +1,4 @@
-"""Scenes drawn at random whose figures of merit at three target errors are compared with those on finer elements."""
+"""Scenes drawn at random: their figures of merit at three target errors are compared with those on finer elements."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class FigureCase:
         return FigureRow(self.name, end)
 
     def _truth(self, file: Path, fine: float, study: xr.Dataset) -> tuple[dict[str, float], xr.DataArray]:
-        """Figures in the limit of small elements, and their change by extrapolation from elements of ``fine`` mm; and
+        """Figures in the limit of small elements, their change by the extrapolation from elements of ``fine`` mm, and
         the readings in that limit."""
         random = POINTS if study.attrs["points"] else None
         seed = OTHER_SEED if random else 0
@@ -118,7 +118,7 @@ class FigureCase:
 
 
 def path_of_error(study: xr.Dataset, limit: xr.DataArray) -> dict[str, float]:
-    """How the true error of readings changes along the path, relative to that stated, and the largest strain.
+    """True error of the readings over the stated error along the path, and the largest strain.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def _figures(study: xr.Dataset) -> dict[str, tuple[float, float]]:
 
 
 def _true_figures(study: xr.Dataset, smooth: bool) -> dict[str, tuple[float, float]]:
-    """Value and error of each figure of readings in the limit, whose only error is the noise of random paths.
+    """Value and error of each figure of the readings in the limit; the only error is the noise of random paths.
 
     With derivatives, the slopes of a sweep are those of a smooth curve. Here they are those of the polynomial through
     all readings, which does not oscillate, as the loads are Chebyshev points.
@@ -176,7 +176,7 @@ def figure_cases(seed: int = SEED) -> list[FigureCase]:
 
 
 def _larger_loads(number: int, case: FigureCase) -> FigureCase:
-    """A scene under larger loads, at whose strains the course of the error is larger."""
+    """A scene under larger loads, where the error changes more along the path because strains are larger."""
     loads = [round(FACTOR * load, 5) for load in case.vary["fz"]]
     name = f"{number} larger loads: {case.name.partition(': ')[2].rpartition(', ')[0]}, {loads[-1]:g} N"
     return FigureCase(name, case.sensor, {"fz": loads}, {})

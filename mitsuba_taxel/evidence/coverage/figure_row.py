@@ -38,7 +38,7 @@ def _deviation(row: Any, figure: str, target: str) -> float:
 
 
 def _weakness(row: Any, figure: str, target: str) -> float:
-    """Error of the truth over the stated error: above 1, the comparison cannot judge the stated error."""
+    """Error of the truth over the stated error; above 1, the comparison cannot judge the stated error."""
     error = getattr(row, f"{figure}_{target}_error")
     return row.truth_error(figure) / error if error else math.nan
 

@@ -179,12 +179,13 @@ def summary(rows: Sequence[Any]) -> str:
 
 
 def taken_course(strain: float) -> float:
-    """Standard deviation of the change of a reading's error from the first load to the last, relative to its size."""
+    """Assumed standard deviation of the change of a reading's error from the first load to the last, relative to its
+    size."""
     return DIFFERENCE * min(max(COURSE, BY_STRAIN * strain), 1.0)
 
 
 def courses(rows: Sequence[Any]) -> str:
-    """Sentences with the course of the true error over that taken."""
+    """Sentences that compare the change of the true error along the path with the assumed change."""
     known = [row for row in rows if not math.isnan(row.course)]
     if not known:
         return "No scene of these rows has one."

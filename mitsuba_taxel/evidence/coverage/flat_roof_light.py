@@ -34,7 +34,8 @@ class FlatRoof:
     spacing: float
 
     def diffuse_power(self, law: str, count: int = 36) -> float:
-        """Power with a roof that scatters all light: it is reflected once, as the roof does not light itself.
+        """Power with a roof that scatters all light: light is reflected only once, as a flat roof does not illuminate
+        itself.
 
         Parameters
         ----------

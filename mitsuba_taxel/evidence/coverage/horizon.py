@@ -56,8 +56,8 @@ LINES: dict[str, tuple[Callable[[float], Scene], str, float, float]] = {
 
 @dataclass(frozen=True)
 class HorizonRow:
-    """Derivatives along a line, relative to the mean slope between its ends of readings with more points on the
-    phototransistor.
+    """Derivatives along a line, relative to the mean slope between its ends. That slope is from readings with more
+    points on the phototransistor.
 
     Attributes
     ----------

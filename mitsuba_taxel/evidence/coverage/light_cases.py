@@ -107,7 +107,7 @@ class LightCase:
         )
 
     def _slopes(self, scene: Scene, default: Readings) -> tuple[float, float, float]:
-        """Deviation, stated error and noise of the worst derivative, relative to the reading, per mm.
+        """Deviation, stated error and noise of the derivative that deviates most, relative to the reading, per mm.
 
         The worst one deviates most in combined errors. All are NaN for scenes whose light needs random paths.
         """
@@ -131,7 +131,7 @@ class LightCase:
 
 
 def traced(scene: Scene) -> Readings:
-    """Readings by random paths, as many as the noise asks for and the time allows."""
+    """Readings by random paths, with as many paths as the noise requires and the time allows."""
     start, points = time.process_time(), FIRST
     readings = measure(scene, points=points, seed=1, mechanics_error=False)
     while True:

@@ -74,7 +74,7 @@ class LightRow:
 
     @property
     def slope_deviates(self) -> float:
-        """The same for the worst derivative."""
+        """Deviation of the worst derivative over its combined error."""
         return _ratio(abs(self.slope_off), math.hypot(self.slope_stated, self.slope_noise))
 
 

@@ -124,7 +124,7 @@ class Dome:
         return value
 
     def _emitted(self, value) -> float:
-        """Mean of ``value`` over the LED's light on the roof."""
+        """Mean of ``value`` over the light of the LED on the roof."""
         side, w = gauss(-0.5 * LED, 0.5 * LED, 5)
         azimuth = 2 * math.pi * (np.arange(128) + 0.5) / 128
         x, y, phi = (a.ravel() for a in np.meshgrid(side - 0.5 * self.spacing, side, azimuth, indexing="ij"))

@@ -1,4 +1,4 @@
-"""The table of extreme cases: pads, scenes and circuits that are either right or refused in one line.
+"""The table of extreme cases: pads, scenes and circuits, each of which must be right or refused in one line.
 
 Cases enter; rows with an independent check leave (`taxel bench stability`).
 """

@@ -195,7 +195,7 @@ def _in_one_step(case: ExtremeCase) -> _Outcome:
 
 
 def _solve_figures(state: State) -> dict[str, float | str]:
-    """Figures of the solve of one state, for cases whose steps are not recorded: one step, or friction."""
+    """Figures of the solution of one state, for cases whose steps are not recorded: a single step, or friction."""
     return {
         "iterations": state.newton_iterations,
         "min_jacobian": state.min_jacobian,

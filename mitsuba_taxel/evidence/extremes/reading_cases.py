@@ -278,7 +278,7 @@ def _little_light(watts: float) -> ComparedReading:
 
 
 def _next_to_nothing(force: float) -> ComparedReading:
-    """Compare readings under a tiny force with those without a force."""
+    """Compare readings under a tiny force with readings without a force."""
     loaded, unloaded = (
         read(PadSensor(pad=Pad("spherical", 1, 1), force=(0.0, 0.0, z)).scene(), points=4096) for z in (force, 0.0)
     )
@@ -375,7 +375,8 @@ def _array(rows: int, columns: int) -> Scene:
 
 
 def _billion() -> ComparedReading:
-    """Compare a reading of 2^30 paths with one of fewer; the remark has the error of a naive single-precision sum."""
+    """Compare a reading of 2^30 paths with a reading of fewer; the remark states the error of a naive sum in single
+    precision."""
     long = read(_array(8, 4), points=POINTS_OF_A_BILLION, seed=1)
     short = read(_array(8, 4), points=1 << 16, seed=2)
     remark = f"a running single-precision sum of as many is off by {running_sum_error(1 << 30):.0%}"

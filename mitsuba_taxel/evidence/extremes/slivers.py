@@ -17,7 +17,7 @@ FLATNESS = 0.01
 
 @dataclass(frozen=True)
 class SliverPad(Pad):
-    """A pad in whose mesh many inner corners lie almost in the opposite face of one of their elements.
+    """A pad whose mesh has slivers: many inner corners lie almost in the opposite face of one of their elements.
 
     The mesh has no symmetry, so that the whole pad is solved.
     """

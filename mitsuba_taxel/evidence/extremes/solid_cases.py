@@ -76,7 +76,7 @@ def _box() -> Trimesh:
 
 
 def _pyramid() -> Trimesh:
-    """Upside down."""
+    """A pyramid whose tip points down."""
     import trimesh
 
     corners = SIDE / 2 * np.array([[0, 0, 0], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]])

@@ -48,13 +48,15 @@ def _kinds() -> list[tuple[str, str, str]]:
 
 
 def _sizes(errors: str) -> dict[str, float]:
-    """Approximate errors of the figures, in %/N and %; an error of elements changes a nonlinearity by its course."""
+    """Approximate errors of the figures, in %/N and %; an error of elements changes a nonlinearity by its change along
+    the path."""
     course = 1.0 if "light" in errors else COURSE
     return {"relative_slope": 100 * CHANGE * ERROR / 2, "nonlinearity": 13 * ERROR * course}
 
 
 def _behind(by: str, errors: str, seed: int) -> dict[str, float]:
-    """Error of the difference of two variants; with more, the rank would select those whose errors favour them."""
+    """Error of the difference of two variants. With more variants, the rank would select those that their errors
+    favour."""
     study, true_study = (study.isel(case=[0, 1]) for study in _made_up(errors, seed))
     table = compare({"made up": study}, by).table.sort_values("case")
     residual = np.diff(table[by].to_numpy()) - np.diff(_figures(true_study)[by])

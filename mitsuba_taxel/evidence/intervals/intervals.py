@@ -132,7 +132,7 @@ def intervals(only: str | None = None, starting: Callable[[str], None] | None = 
 
 
 def summary(rows: Sequence[IntervalRow]) -> str:
-    """A sentence with the number of figures whose stated errors hold."""
+    """A sentence with the number of figures whose stated errors are large enough."""
     good = sum(row.within >= TWICE - ALLOWED for row in rows)
     within = np.average([row.within for row in rows], weights=[row.made for row in rows]) if rows else math.nan
     return (

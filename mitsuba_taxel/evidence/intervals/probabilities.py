@@ -60,7 +60,7 @@ class ProbabilityRow:
 
     @property
     def holds(self) -> bool:
-        """Whether the fraction agrees with the mean probability, within noise and the allowed deviation."""
+        """Whether the frequency agrees with the mean probability, within noise and the allowed deviation."""
         return abs(self.true - self.mean) <= SIGMAS * self.noise + SLACK
 
 

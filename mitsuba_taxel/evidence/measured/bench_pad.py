@@ -95,7 +95,7 @@ class IndenterPress(NamedTuple):
     y: float = 0.0
 
     def moved(self, x: float, y: float) -> IndenterPress:
-        """The same press at another position."""
+        """The same indenter and pad, with the indenter at another position."""
         return self._replace(x=x, y=y)
 
     @property
@@ -124,7 +124,8 @@ def path(
     mesh_size: float | None = None,
     assumed: PadAssumptions = AS_FITTED,
 ) -> xr.Dataset:
-    """Force and readings along the travel of an indenter, as far as the pad bears it, by ``travel`` and ``taxel``.
+    """Force and readings along the travel of an indenter, as far as the pad bears the load, by ``travel`` and
+    ``taxel``.
 
     ``force`` is in N for a modulus of 1 MPa, to which forces are proportional; ``change`` is that of the power,
     relative to rest. With errors, these are total ones. The attribute ``end`` tells why a path ends early; else it is

@@ -48,7 +48,7 @@ class HysteresisLoop(NamedTuple):
 
 
 class MemoryErrors(NamedTuple):
-    """Errors of the computation, as those of `PronyFit`: of elements, by a finer mesh, of time steps and of the light.
+    """Numerical errors of a `PronyFit`: by elements, from a finer mesh; by time steps; and by the light.
 
     Attributes
     ----------
@@ -65,7 +65,9 @@ class MemoryErrors(NamedTuple):
 
 
 class PronyFit(NamedTuple):
-    """Attributes
+    """A Prony series fitted to the voltage after release, and what it predicts.
+
+    Attributes
     ----------
     terms : tuple[tuple[float, float], ...]
         Shares and relaxation times in s.

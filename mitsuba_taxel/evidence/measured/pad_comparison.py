@@ -64,7 +64,9 @@ class NeighbourChange(NamedTuple):
 
 
 class PadComparison(NamedTuple):
-    """Attributes
+    """The fitted pad, and its predictions for all taxels.
+
+    Attributes
     ----------
     found : FittedPad
     taxels : dict[int, TaxelComparison]
@@ -149,7 +151,7 @@ def curve_of(study: xr.Dataset, taxel: int) -> PressedTaxel:
 
 
 def compare(study: xr.Dataset, taxel: int, fitted_pad: FittedPad, measured_taxel: PressedTaxel) -> TaxelComparison:
-    """The computed path of a taxel beside its measured curve."""
+    """The computed path of a taxel together with its measured curve."""
     computed = curve_of(study, taxel)
     travels = np.linspace(0.0, computed.travel[-1], 200)
     along, at_measured = (computed.at(travel) for travel in (travels, measured_taxel.travel + fitted_pad.late))

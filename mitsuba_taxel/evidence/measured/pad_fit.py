@@ -57,7 +57,7 @@ class PressedTaxel(NamedTuple):
 
 
 class FittedPad(NamedTuple):
-    """What a fit found.
+    """Result of a fit of the pad and its indenter.
 
     Attributes
     ----------
@@ -83,7 +83,8 @@ class FittedPad(NamedTuple):
     tried: dict[tuple[float, ...], float]
 
     def travel(self, recorded: float) -> float:
-        """Travel in mm from the first contact, from that of the record, rounded to the digits in the name of a path."""
+        """Travel in mm from the first contact, from the travel of the record, rounded to the digits in the name of a
+        path."""
         return round(recorded + self.late, 3)
 
 

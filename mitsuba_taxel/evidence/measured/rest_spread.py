@@ -49,7 +49,9 @@ SOURCES = {
 
 
 class Spread(NamedTuple):
-    """Attributes
+    """Spread of the reading at rest, and its sources.
+
+    Attributes
     ----------
     laws, shares : dict[str, str], dict[str, float]
         Distribution and total Sobol' index by parameter.

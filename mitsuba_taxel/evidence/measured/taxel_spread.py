@@ -16,7 +16,9 @@ ROUNDING = 1 / math.sqrt(12)
 
 
 class TaxelBand(NamedTuple):
-    """Attributes
+    """How much the measured map may differ from the computed one, as taxels differ in sensitivity.
+
+    Attributes
     ----------
     own : dict[int, float]
         By the taxel that is pressed, of :func:`own_sensitivity`.
@@ -64,7 +66,8 @@ class TaxelBand(NamedTuple):
 
 
 def band(results: PadComparison) -> TaxelBand:
-    """The band of the computed map, whose numbers are ratios of two taxels: the sensitivities of both differ."""
+    """The uncertainty band of the computed map. Each of its numbers is a ratio of two taxels, whose sensitivities both
+    differ."""
     sensitivities = {taxel: own_sensitivity(compared) for taxel, compared in results.taxels.items()}
     spread = float(np.std(np.log(list(sensitivities.values())), ddof=1))
     deviation = np.hypot(math.sqrt(2) * spread * results.moved, ROUNDING)

@@ -43,7 +43,7 @@ class PaperVariation:
 
     @property
     def cost(self) -> int:
-        """Rank by which choices are ordered: random paths take longest, then other pads."""
+        """Rank that orders choices by cost: random paths take longest, then other pads."""
         return 2 * (not self.has_derivatives) + ("c10" in self.values)
 
     @property

@@ -61,7 +61,8 @@ def configuration_factor(x, y, width: float, depth: float, z: float):
 
 
 def response_factor(x, y, width: float, depth: float, z: float, exponent: float) -> np.ndarray:
-    """As :func:`configuration_factor`, weighted by cos**(exponent - 1); Gauss-Legendre, 20 x 20 nodes.
+    """Configuration factor of :func:`configuration_factor`, weighted by cos**(exponent - 1); Gauss-Legendre, 20 x 20
+    nodes.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ ACCURACY = "-aa 0 -as 0 -lw 0 -lr 8 -ds 0.1 -dj 1 -dt 0 -dc 1 -dr 0 -st 0"
 
 
 def prepare(case: PeerCase) -> Estimator:
-    """Irradiance at jittered points of the phototransistor, in a scene of nothing but LED and plate."""
+    """Irradiance at jittered points of the phototransistor, in a scene that contains only LED and plate."""
     z, spacing = case.plate()
     import pyradiance
 

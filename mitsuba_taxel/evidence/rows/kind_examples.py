@@ -1,4 +1,4 @@
-"""Examples of registered kinds: the tables judge a new cell, law or indenter without naming it."""
+"""Examples of registered kinds, with which the tables test a new cell, law or indenter without naming it."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ class TruthEstimate:
 
     @property
     def floor(self) -> float:
-        """Its relative error, root mean square over taxels: smaller errors are not significant."""
+        """Relative error of the reference, root mean square over taxels: smaller errors are not significant."""
         return relative_rms(self.error, self.power)
 
 

@@ -182,7 +182,7 @@ def _displacements(pad: PadShape) -> np.ndarray:
 
 
 def _sheet(rectangle: mi.Shape) -> ShownPart:
-    """A rectangle as a thin sheet behind its front."""
+    """A rectangle as a thin sheet behind its front face."""
     import mitsuba as mi
 
     to_world = np.array(mi.traverse(rectangle)["to_world"].matrix, dtype=float).reshape(4, 4)
@@ -224,7 +224,7 @@ def _opened(solid: ShownPart, offset: float) -> ShownPart:
 
 
 def _at_corners(solid: ShownPart, half: Half) -> np.ndarray:
-    """Pressure (T, 3) at the corners of cut triangles, linear within each original triangle, and 0 on the section."""
+    """Pressure (T, 3) at the corners of cut triangles: linear within each original triangle, and 0 on the section."""
     assert solid.pressure is not None
     pressure = np.zeros(half.triangles.shape)
     pressed = (half.source >= 0) & (solid.pressure.max(axis=1)[half.source] > 0)

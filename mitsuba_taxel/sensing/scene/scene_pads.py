@@ -29,7 +29,7 @@ def deformed_pads(scene: mi.Scene) -> list[PadShape]:
 
 
 def loaded_pads(scene: mi.Scene) -> list[PadShape]:
-    """The `deformable_pad`s of a scene that have a load, or whose state depends on an earlier load.
+    """The `deformable_pad`s of a scene that are displaced by their load, or by an earlier load.
 
     Parameters
     ----------

@@ -1,1 +1,2 @@
-"""Angular laws of LEDs and phototransistors, and these as weighted points: the ends of light paths."""
+"""Angular laws of LEDs and phototransistors, and the weighted points on their faces that are the ends of light paths.
+"""

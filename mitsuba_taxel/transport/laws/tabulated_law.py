@@ -1,4 +1,4 @@
-"""Angular laws from tables, as random paths follow them."""
+"""Angular laws from tables, equal to the laws that random paths follow."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class TabulatedLaw:
         return math.acos(self.cosines[np.flatnonzero(outside)[-1]])
 
     def width(self, _: np.ndarray) -> float:
-        """Width of a power of the cosine that falls as steeply."""
+        """Width of the power of the cosine that falls as steeply as the law."""
         return min(self._width, ROUND * self.spread)
 
     @cached_property

@@ -265,7 +265,7 @@ def _band_words(results: PadComparison) -> str:
 
 
 def _widest(results: PadComparison) -> str:
-    """Sentences about a map that is too narrow or too wide, from the pads that were tried."""
+    """Sentences about a computed map that is too narrow or too wide, from all pads that were tried."""
     bench, model = (ring(np.array(values), 1) for values in (measured.HELD_MAP, results.centred))
     height, mean, change = results.widest
     means = f"The mean of the four nearest taxels is {bench:.0f} % measured and {model:.0f} % here."

@@ -225,7 +225,7 @@ def _lean(optimum: xr.Dataset) -> list[str]:
 
 
 def _optimal(optimum: xr.Dataset) -> str:
-    """Words for whether the design is a local optimum, or how far it is from one at most."""
+    """Words for whether the design is a local optimum, or how far from an optimum it is at most."""
     if optimum.attrs["unbalanced"] + optimum.attrs["unbalanced_error"] <= BALANCED:
         return "yes"
     if np.isnan(optimum.attrs["beyond"]):

@@ -42,7 +42,7 @@ class Contacts:
         return own, external if self._bodies is None else external + self._bodies.forces(displacement)
 
     def all_forces(self, displacement: np.ndarray) -> np.ndarray:
-        """(3 N,) or (N, 3) N, the sum of these forces."""
+        """(N, 3) N, sum of the forces of the pad on itself, and of the board and the bodies on it."""
         own, external = self.forces(displacement)
         return own + external
 
