@@ -16,7 +16,7 @@ from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.coverage.flat_roof_light import FlatRoof
 from mitsuba_taxel.evidence.coverage.sphere_light import BOARD, DOMES, SPACING, Dome
 from mitsuba_taxel.evidence.rows.kind_examples import cell_parameters, other_cells, pad_of
-from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads import CELL_SHAPES, Pad
 from mitsuba_taxel.pads.cells.cell_shape import CellShape, LightSizes
 from mitsuba_taxel.pads.cells.profile import Profile
 from mitsuba_taxel.sensing import Readings, Scene, measure
@@ -42,7 +42,7 @@ CASES = (
 )
 """Cells along a side of the pad, and force on each cell in N, of the paper's domes."""
 OTHER_CASES = ((1, (0.0, 0.0, 0.0)), (1, (0.0, 0.0, -1.0)))
-"""The same of each other registered shape of cells that the paper does not have."""
+"""The same of each other registered shape of cells."""
 FINE = {1: 0.25, 3: 0.4}
 """Mesh size in mm of the truth under normal forces, by cells along a side."""
 FINE_ASIDE = {1: 0.3, 3: 0.4}
@@ -71,17 +71,18 @@ HEADINGS = ("cell", "roof", "cells", "N per cell", "truth [W/W]", "deviation", "
 _PAGE = """\
 # Domes
 
-For users of spherical and hemispheric cells.
+For users of domes, and of cells with mirrors.
 
 Written by `{command}`; do not edit by hand.
 
-This page compares readings at the default settings with independent references. It covers domes, and all cell shapes
-that are not in the paper. The shape of an unloaded roof is known exactly. The reference is then a quadrature for
+This page compares readings at the default settings with independent references. It covers domes in detail, and all
+other cell shapes. The shape of an unloaded roof is known exactly. The reference is then a quadrature for
 diffuse walls, or ray tracing on the exact roof for mirrors. Neither uses finite elements, triangles or a renderer
 (`mitsuba_taxel/evidence/coverage/sphere_light.py` and `flat_roof_light.py`). The cell `profile` has the profile of the
 hemisphere. A shape whose roof is neither spherical nor flat has no such reference: it is compared with a simulation on
 smaller elements. Loaded cells are compared with elements of {fine[1]:g} mm (1 x 1 cells), {aside[1]:g} mm (1 x 1 under
-tangential forces) or {fine[3]:g} mm (3 x 3); the default is 0.625 to 0.75 mm for domes. For 3 x 3 cells under
+tangential forces) or {fine[3]:g} mm (3 x 3); the default is 0.625 to 0.75 mm for domes and for flat roofs with
+mirrors. For 3 x 3 cells under
 tangential forces, both simulations test stability on elements of {judge:g} mm.
 
 **{summary}**
@@ -154,7 +155,7 @@ def dome_scene(cell: str, roof: dict[str, Any], cells: int = 1, **pad: Any) -> S
 
 def domes(starting: Callable[[str], None] | None = None) -> Iterator[DomeRow]:
     """Rows of the table as they are measured; ``starting`` is called with the name of each."""
-    for cell in (*DOMES, *other_cells()):
+    for cell in (*DOMES, *(cell for cell in CELL_SHAPES if cell not in DOMES), *other_cells()):
         for name in WALLS:
             exact = None
             for cells, load in CASES if cell in DOMES else OTHER_CASES:

@@ -67,9 +67,9 @@ class LightSizes:
     mirrors_side_by_side: float
 
 
-FLAT_ROOF = LightSizes(diffuse=None, mirrors=0.5, mirrors_side_by_side=0.5)
+FLAT_ROOF = LightSizes(diffuse=None, mirrors=0.5, mirrors_side_by_side=0.6)
 """For flat roofs: a mirror that a load bends is a lens, whose curvature is off by a third on elements of the default
-size, and by some 2 % on elements of half the size."""
+size, and by some 2 to 4 % on these."""
 
 
 class CellShape(Kind, family="cell"):
