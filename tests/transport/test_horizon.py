@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.sensing import PadSensor
+from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
 from mitsuba_taxel.transport.horizon import fraction_above
 from mitsuba_taxel.transport.laws.ends import CosineFactor, End
@@ -12,6 +15,8 @@ from mitsuba_taxel.transport.patches import LATTICE
 
 WIDTH, DEPTH = 2.0, 0.6
 """mm, of a square roof and of the wall that hangs from one of its sides."""
+RIM = 1.075
+"""mm, radius of the rim of a roof that is a spherical cap."""
 
 
 def test_shares_of_triangles_above_a_line():
@@ -145,3 +150,63 @@ def test_a_horizon_that_crosses_no_piece():
     ]
     assert cells[0].reading == cells[1].reading > 0
     np.testing.assert_array_equal(*(cell.gradient() for cell in cells))
+
+
+def flat_radius(radius, bend, power):
+    """Where a cap stops to be concave if its rim is raised by bend * (r / RIM)^power."""
+    r = np.linspace(0.6, 1, 4001) * RIM
+    inwards = bend * power * (power - 1) * r ** (power - 2) / RIM**power - radius**2 / (radius**2 - r**2) ** 1.5
+    return r[np.argmax(inwards > 0)] if inwards[-1] > 0 else RIM
+
+
+def opening(at, normal, height, lowest, count=2048, points=3001):
+    """Solid angle of the opening of a roof seen from a point, above its horizon: what is within all circles of the roof
+    between the radius ``lowest`` and the rim, as angles from the direction of the rim's middle."""
+    axis = np.array([0, 0, height(RIM)]) - at
+    axis /= np.linalg.norm(axis)
+    first = np.cross(axis, [0.3, 0.5, 0.8])
+    first /= np.linalg.norm(first)
+    second = np.cross(axis, first)
+    around = (np.arange(count) + 0.5) / count * 2 * np.pi
+    across = np.cos(around) * (first @ normal) + np.sin(around) * (second @ normal)
+    limit, here = np.arctan2(axis @ normal, -across) % np.pi, np.hypot(at[0], at[1])
+    smallest = max(lowest, 0.85 * here + 0.15 * RIM)
+    for radius in np.linspace(RIM, smallest, 10 if lowest < RIM else 1, endpoint=False):
+        gap = np.hypot(here - radius, at[2] - height(radius))
+        angle = np.sinh(np.linspace(-1, 1, points) * np.arcsinh(np.pi * RIM / gap))
+        angle = np.arctan2(at[1], at[0]) + np.pi * angle / angle.max()
+        circle = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(points, height(radius))], 1) - at
+        turn = np.unwrap(np.arctan2(circle @ second, circle @ first))
+        away = np.arctan2(np.hypot(circle @ first, circle @ second), circle @ axis)
+        order = slice(None, None, 1 if turn[0] < turn[-1] else -1)
+        start = turn[order][0]
+        limit = np.minimum(limit, np.interp(start + (around - start) % (2 * np.pi), turn[order], away[order]))
+    return (1 - np.cos(limit)).mean() * 2 * np.pi
+
+
+def test_a_rim_that_bends_into_the_cell_hides_what_is_below_the_horizon():
+    """Isotropic light on the roof of a dome is all that does not leave by the opening. As the rim bends, points of a
+    strip of 0.1 mm along it fall below each other's horizons, which takes 0.1 % of the light from roof to roof."""
+    sensor = PadSensor(Pad("spherical", 1, 1, pitch=3.58, wall=1.43, height=4.91, cell_size=2 * RIM, cell_height=1.94))
+    rest = DiffuseCells(sensor.scene().load()).patches(0).rest
+    rim, top = rest[..., 2].min(), rest[..., 2].max()
+    radius = (RIM**2 + (top - rim) ** 2) / (2 * (top - rim))
+    from_axis, mesh, power = np.hypot(rest[..., 0], rest[..., 1]), Mesh(rest), 12
+    end = End(np.zeros((1, 3)), np.ones(1), np.array([0.0, 0.0, 1.0]), CosineFactor(1.0, 0.0))
+    for bend in (0.0, 0.014):
+        bent = rest.copy()
+        bent[..., 2] += bend * (from_axis / RIM) ** power
+        cell = Cell(mesh, ScatteringWalls(bent, rest, np.ones(len(rest)), np.zeros(len(rest))), end, end)
+        at, area = mesh.targets.positions_and_areas(bent)
+        chosen = np.flatnonzero((at[:, 1] > 0) & (at[:, 0] > at[:, 1]))  # an eighth, as of all mirror images
+        weight = np.linalg.norm(area, axis=1)
+        lowest = flat_radius(radius, bend, power)
+
+        def height(r, bend=bend):
+            return top - radius + np.sqrt(radius**2 - r**2) + bend * (r / RIM) ** power
+
+        leaves = [opening(at[k], area[k] / weight[k], height, lowest) / (2 * np.pi) for k in chosen]
+        to_roof = cell._exchange[chosen].sum(axis=1)
+        assert (lowest < RIM) == (bend > 0) == (cell._between_walls(None).leaving().min() < 0)
+        found, expected = (np.average(light, weights=weight[chosen]) for light in (to_roof, 1 - np.array(leaves)))
+        assert found == pytest.approx(expected, rel=6e-5)
