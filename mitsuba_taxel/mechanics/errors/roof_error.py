@@ -29,7 +29,9 @@ _BARYCENTRIC = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1
 def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
     """Size of the elements of another mesh of the same pad, relative to that of ``mesh``.
 
-    The geometric mean of the ratios in the solid and on the walls of the cells, as the error comes from both.
+    The geometric mean of the ratios in the solid and on the walls of the cells, as the error comes from both. If roofs
+    are thinner than the elements, both meshes have one layer there, and the coarser one saves elements elsewhere: the
+    mean of the ratios above the roofs and on their faces is returned instead, if it is closer to 1.
 
     Parameters
     ----------
@@ -43,7 +45,35 @@ def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
     """
     solid = (len(mesh.tets) / len(other.tets)) ** (1 / 3)
     walls = (np.count_nonzero(mesh.face_cell) / np.count_nonzero(other.face_cell)) ** (1 / 2)
-    return math.sqrt(solid * walls)
+    ratio = math.sqrt(solid * walls)
+    if not _has_thin_roofs(mesh if ratio > 1 else other):
+        return ratio
+    above = (_elements_above_roofs(mesh) / _elements_above_roofs(other)) ** (1 / 3)
+    faces = [np.count_nonzero(of_mesh.face_region == REGIONS["roof"]) for of_mesh in (mesh, other)]
+    return min(ratio, math.sqrt(above * math.sqrt(faces[0] / faces[1])), key=lambda value: abs(math.log(value)))
+
+
+def _has_thin_roofs(mesh: VolumeMesh) -> bool:
+    """Whether the silicone above the roofs is thinner than the elements at the top are wide."""
+    roofs, top = (mesh.faces[mesh.face_region == REGIONS[name]] for name in ("roof", "top"))
+    if not (len(roofs) and len(top)):
+        return False
+    a, b, c = mesh.points[top[:, :3]].transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).mean() / 2
+    thickness = mesh.points[top, 2].max() - mesh.points[roofs, 2].max()
+    return bool(thickness < math.sqrt(4 / math.sqrt(3) * area))  # side of an equilateral triangle of the mean area
+
+
+def _elements_above_roofs(mesh: VolumeMesh) -> int:
+    """Number of elements with their centroid above the lowest point of a cell's roof, within its bounding rectangle."""
+    is_roof = mesh.face_region == REGIONS["roof"]
+    centroids, above = mesh.points[mesh.tets[:, :4]].mean(axis=1), np.zeros(len(mesh.tets), dtype=bool)
+    for cell in np.unique(mesh.face_cell[is_roof]):
+        points = mesh.points[mesh.faces[is_roof & (mesh.face_cell == cell)]].reshape(-1, 3)
+        low, high = points.min(axis=0), points.max(axis=0)
+        within = (centroids[:, :2] > low[:2]) & (centroids[:, :2] < high[:2])
+        above |= within.all(axis=1) & (centroids[:, 2] > low[2])
+    return int(np.count_nonzero(above))
 
 
 def top_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
