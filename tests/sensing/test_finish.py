@@ -47,7 +47,7 @@ def read_on_chords(cell, finish, fz, subdivision, points, mesh_size):
     [
         (LayerSteps(0.25, refinement=0.1), 1 << 12),
         (Grooves(0.5, 0.1, refinement=0.1), 1 << 11),
-        (RandomRoughness(0.05, 0.5, refinement=0.1), 1 << 11),
+        (RandomRoughness(0.05, 1.5, refinement=2), 1 << 11),
     ],
 )
 def test_the_reading_converges_as_the_surface_is_refined(llvm_mono, finish, points):

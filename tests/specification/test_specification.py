@@ -348,7 +348,7 @@ ROUGH = '<bsdf type="wall"> <string name="scattering" value="rough_mirror"/>{}</
         (
             '<shape type="deformable_pad"> <string name="finish" value="random"/> <float name="rms_height" value="1"/>'
             '<float name="correlation_length" value="1"/> </shape>',
-            "rms_height: walls of the cells would move",
+            "rms_height = 1 is not allowed: walls of the cells would move",
         ),
         (
             '<shape type="deformable_pad"> <string name="finish" value="layer_steps"/>'

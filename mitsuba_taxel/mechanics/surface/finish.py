@@ -17,6 +17,9 @@ from mitsuba_taxel.parameters import REQUIRED, Checked, number, vector, whole
 
 RANDOM_WAVES = 256
 """Number of plane waves of random roughness."""
+LEAST_EDGES = 2
+"""Triangle edges per correlation length below which triangles do not resolve random heights. At 2, readings of a dome
+differ by 0.3 % +- 0.15 % from those at 12, with an rms slope of 0.28; at the default, 4, by 0.14 % +- 0.12 %."""
 STANDARD_DEVIATIONS = 4
 """Assumed largest height of random roughness, relative to its standard deviation."""
 
@@ -24,7 +27,7 @@ STANDARD_DEVIATIONS = 4
 def _refinement(default: float) -> float:
     doc = (
         "Minimum number of triangle edges per layer height, groove pitch or correlation length; `subdivision` is "
-        "raised accordingly."
+        "raised accordingly. Random heights need 2 or more."
     )
     return number(default, "", doc, above=0, name="finish_refinement")
 
@@ -44,8 +47,9 @@ class Finish(Hashable, Protocol):
         """Name and value in mm of the length that the surface must resolve."""
 
     @property
-    def amplitude(self) -> tuple[str, float]:
-        """Name of the parameter that limits the displacement of walls, and its maximum in mm."""
+    def amplitude(self) -> tuple[str, float, float]:
+        """Name and value of the parameter to which the displacement of walls is proportional, and its largest value in
+        mm."""
 
     def relief(self, smooth: SmoothSurface) -> Relief:
         """The rough surface, relative to the smooth surface of which some walls get the finish."""
@@ -92,8 +96,8 @@ class LayerSteps(Checked):
         return "layer_height", self.layer_height
 
     @property
-    def amplitude(self) -> tuple[str, float]:
-        return "layer_height", 0.5 * self.layer_height
+    def amplitude(self) -> tuple[str, float, float]:
+        return "layer_height", self.layer_height, 0.5 * self.layer_height
 
     @property
     def is_vertical(self) -> bool:
@@ -132,8 +136,8 @@ class Grooves(Checked):
         return "groove_pitch", self.pitch
 
     @property
-    def amplitude(self) -> tuple[str, float]:
-        return "groove_depth", 0.5 * self.depth
+    def amplitude(self) -> tuple[str, float, float]:
+        return "groove_depth", self.depth, 0.5 * self.depth
 
     def relief(self, smooth: SmoothSurface) -> Relief:
         """The grooved surface, cut along ridges and valleys, so that each flank on a flat wall is plane."""
@@ -164,13 +168,20 @@ class RandomRoughness(Checked):
 
     cuts: ClassVar[int] = 0
 
+    def _check(self) -> None:
+        if self.refinement < LEAST_EDGES:
+            raise InputError(
+                f"finish_refinement = {self.refinement:g} is not allowed: random heights need at least {LEAST_EDGES:g} "
+                "triangle edges per correlation_length, or the triangles do not resolve them."
+            )
+
     @property
     def detail(self) -> tuple[str, float]:
         return "correlation_length", self.correlation_length
 
     @property
-    def amplitude(self) -> tuple[str, float]:
-        return "rms_height", STANDARD_DEVIATIONS * self.rms_height
+    def amplitude(self) -> tuple[str, float, float]:
+        return "rms_height", self.rms_height, STANDARD_DEVIATIONS * self.rms_height
 
     def relief(self, smooth: SmoothSurface) -> Relief:
         on_walls = np.unique(smooth.triangles[smooth.rough])

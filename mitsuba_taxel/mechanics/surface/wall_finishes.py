@@ -130,11 +130,11 @@ def check_finish(finish: Finish | SeparateFinish, pad: Pad, mesh: VolumeMesh, su
         gaps.append(pad.pitch - pad.cell_size)
     allowed = LARGEST_AMPLITUDE * min(gaps)
     for kind, walls in by_walls(finish):
-        name, amplitude = kind.amplitude
+        name, value, amplitude = kind.amplitude
         if amplitude > allowed:
             raise InputError(
-                f"{name}: walls of the cells would move by up to {amplitude:.3g} mm, where at most {allowed:.3g} mm is "
-                f"allowed for this pad; choose a smaller {name}."
+                f"{name} = {value:g} is not allowed: walls of the cells would move by up to {amplitude:.3g} mm; at "
+                f"most {allowed:.3g} mm, {name} = {allowed * value / amplitude:.3g}, is allowed for this pad."
             )
         if isinstance(kind, LayerSteps) and walls == ("side",) and kind.is_vertical and has_vertical_sides(pad):
             raise InputError(

@@ -247,7 +247,7 @@ def test_on_a_pressed_pad_the_rough_surface_stays_near_the_smooth_one(finish):
     assert enclosed(rough) == pytest.approx(enclosed(smooth), rel=2e-3)
     in_cell = np.unique(rough.triangles[rough.cell > 0])
     distance = cKDTree(smooth.vertices).query(rough.vertices[in_cell])[0]
-    name, amplitude = finish.amplitude
+    _, _, amplitude = finish.amplitude
     assert 0.2 * amplitude < distance.max() < 1.5 * amplitude + 0.05  # the smooth vertices are 0.07 mm apart
     moved = np.abs(tessellate(state_of("hemispheric"), 24, finish).vertices - rough.vertices).max()
     assert moved > 0.04
@@ -278,6 +278,7 @@ def test_slivers_leave_a_closed_mesh():
         (lambda: RandomRoughness(0.1, 0), "correlation_length = 0"),
         (lambda: RandomRoughness(0.1, 0.1, -1), "roughness_seed = -1"),
         (lambda: RandomRoughness(0.1, 0.1, 1, 0), "finish_refinement = 0"),
+        (lambda: RandomRoughness(0.1, 0.1, 1, 1.5), "finish_refinement = 1.5 is not allowed: .* at least 2"),
     ],
 )
 def test_impossible_finishes_are_refused(make, message):
@@ -288,9 +289,9 @@ def test_impossible_finishes_are_refused(make, message):
 @pytest.mark.parametrize(
     "finish, message",
     [
-        (LayerSteps(0.6), "layer_height: .* at most 0.25 mm"),
-        (Grooves(1, 0.6), "groove_depth"),
-        (RandomRoughness(0.07, 1), "rms_height"),
+        (LayerSteps(0.6), "layer_height = 0.6 is not allowed: .* at most 0.25 mm, layer_height = 0.5, is allowed"),
+        (Grooves(1, 0.6), "groove_depth = 0.6"),
+        (RandomRoughness(0.07, 1), "rms_height = 0.07"),
         (LayerSteps(1e-4), "layer_height = 0.0001 .* triangles"),
         (LayerSteps(1e-310), "layer_height = 1e-310 .* triangles"),
         (Grooves(1e-3, 0.1), "groove_pitch = 0.001 .* choose a larger groove_pitch"),
