@@ -1,8 +1,8 @@
 """A tracer of rough roofs that uses neither triangles nor the program's code: the reading of one photo-reflector.
 
 The LED's light is uniform per solid angle within a cone. The roof scatters isotropically (as much per solid angle in
-all directions), and everything else is black. Roofs are exact: a staircase of discs, V-shaped grooves, or Gaussian heights. A homogeneous deformation (stretch across, stretch
-along z) maps each of them onto a roof of the same kind.
+all directions), and everything else is black. Roofs are exact: a staircase of discs, V-shaped grooves, or Gaussian
+heights. A homogeneous deformation (stretch across, stretch along z) maps each of them onto a roof of the same kind.
 """
 
 from __future__ import annotations
