@@ -61,16 +61,18 @@ def check_plugin_types(types: Iterable[str]) -> None:
         if a name has characters other than letters, digits and ``_``, or if Mitsuba would load a library from a folder
         of the scene or the working directory.
     """
-    trusted = {folder.resolve() for folder in (_mitsuba_folder(), *_trusted_folders())}
+    # Most types of a scene are plugins of ours, without a library anywhere, so folders are resolved once for all types.
+    mitsuba_folder, *others = dict.fromkeys(folder.resolve() for folder in (_mitsuba_folder(), *_trusted_folders()))
+    searched = dict.fromkeys(Path(str(folder)).resolve() for folder in (*mi.file_resolver(), "."))
+    untrusted = [folder for folder in searched if folder != mitsuba_folder and folder not in others]
     for name in dict.fromkeys(types):
         if not re.fullmatch(r"\w+", name, re.ASCII):
             raise InputError(
                 f"type = {name!r} is not allowed: the name of a plugin, of letters, digits and _, is needed."
             )
-        if _libraries(_mitsuba_folder(), name):
+        if _libraries(mitsuba_folder, name):
             continue
-        folders = {Path(str(folder)).resolve(): None for folder in (*mi.file_resolver(), ".")}
-        for library in chain.from_iterable(_libraries(folder, name) for folder in folders if folder not in trusted):
+        for library in chain.from_iterable(_libraries(folder, name) for folder in untrusted):
             raise InputError(
                 f"type = {name!r} is not allowed: {library} is a library, which a scene must not contain; if you trust "
                 f"it, set {VARIABLE}={library.parents[1]}."
@@ -89,5 +91,5 @@ def _trusted_folders() -> list[Path]:
 
 def _libraries(folder: Path, name: str) -> list[Path]:
     """Existing libraries of a plugin in a folder."""
-    files = (folder / "plugins" / f"{name}{ending}" for ending in _ENDINGS)
-    return [file for file in files if os.path.lexists(file)]
+    files = (os.path.join(folder, "plugins", f"{name}{ending}") for ending in _ENDINGS)
+    return [Path(file) for file in files if os.path.lexists(file)]
