@@ -12,9 +12,10 @@ from pathlib import Path
 from cores import keep_to_share_of_cores
 
 IMPORTED = (
-    "distributed", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_svg", "mitsuba_taxel.fitting.run",
+    "dask.array", "distributed", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_svg",
+    "matplotlib.figure", "mitsuba_taxel.fitting.run", "mitsuba_taxel.mechanics.load_paths",
     "mitsuba_taxel.optimum.run", "mitsuba_taxel.report.page.study_page", "mitsuba_taxel.tolerances.run", "netgen.occ",
-    "scipy.stats", "taxel_cli", "trimesh", "xarray",
+    "scipy.io", "scipy.stats", "taxel_cli", "trimesh", "xarray",
 )  # fmt: skip
 """None of these starts a thread that a fork would lack."""
 
