@@ -130,11 +130,11 @@ def _smooth(values: np.ndarray, noise: np.ndarray) -> np.ndarray:
     if len(noise) < FEWEST_SMOOTH or np.isnan(noise).any():
         return values
     modes = _modes(len(noise))
-    amplitudes = np.einsum("pm,...pc->...mc", modes, values)
+    amplitudes = modes.T @ values
     gain = amplitudes**2 - 2 * noise
     last = np.cumsum(gain, axis=-2).argmax(axis=-2)
     retained = np.arange(len(modes))[:, None] <= last[..., None, :]
-    return np.einsum("pm,...mc->...pc", modes, amplitudes * retained)
+    return modes @ (amplitudes * retained)
 
 
 def _noise(samples: np.ndarray) -> np.ndarray:
@@ -142,7 +142,7 @@ def _noise(samples: np.ndarray) -> np.ndarray:
 
     The result is NaN with one replicate.
     """
-    amplitudes = np.einsum("pm,prc->mrc", _modes(len(samples)), samples)
+    amplitudes = np.tensordot(_modes(len(samples)), samples, axes=(0, 0))
     return standard_error(np.moveaxis(amplitudes, 1, 0)) ** 2
 
 
