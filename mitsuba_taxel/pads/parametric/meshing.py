@@ -296,6 +296,8 @@ def snapped(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
 
 def _numbered(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
     """The mesh with the cell number of each roof and side face, and corners before other nodes."""
+    from scipy.spatial import cKDTree
+
     corners = np.zeros(len(mesh.points), dtype=bool)
     corners[mesh.tets[:, :4]] = True
     order = np.argsort(~corners, kind="stable")
@@ -303,7 +305,7 @@ def _numbered(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
     new[order] = np.arange(len(order))
 
     centre = mesh.points[mesh.faces[:, :3], :2].mean(axis=1)
-    distance = np.linalg.norm(centre[:, None] - np.array(pad.cell_centres), axis=-1)
+    nearest = cKDTree(pad.cell_centres).query(centre)[1]
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
-    cell = np.where(in_cell, distance.argmin(axis=1) + 1, 0)
+    cell = np.where(in_cell, nearest + 1, 0)
     return VolumeMesh(mesh.points[order], new[mesh.tets], new[mesh.faces], mesh.face_region, cell)

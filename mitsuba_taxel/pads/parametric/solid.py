@@ -132,8 +132,10 @@ def rounded(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
 
 def _nearest_axis(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
     """(N, 2) x and y of the axis of the cell nearest to each of points (N, 3)."""
+    from scipy.spatial import cKDTree
+
     centres = np.array(pad.cell_centres)
-    return centres[np.linalg.norm(points[:, None, :2] - centres, axis=2).argmin(axis=1)]
+    return centres[cKDTree(centres).query(points[:, :2])[1]]
 
 
 def _on_region(mesh: VolumeMesh, region: str) -> np.ndarray:

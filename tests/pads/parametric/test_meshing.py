@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
 from mitsuba_taxel.pads.parametric import meshing
 from mitsuba_taxel.pads.parametric.meshing import LEAST_QUALITY, check_room
+from mitsuba_taxel.pads.parametric.solid import rounded
 
 QUADRATIC_SURFACE = 2e-3
 """Relative error allowed for areas and volumes of curved cells: 8 or more quadratic faces to a circle."""
@@ -285,3 +287,17 @@ def test_lengths_in_metres_are_refused_by_the_length_that_is_given():
         check_room(pad, pad.default_mesh_size)
     with pytest.raises(InputError, match=r"^mesh_size = 1e-05 is not allowed"):
         check_room(pad, 1e-5)
+
+
+def test_memory_does_not_grow_with_faces_times_cells():
+    """The distance of each face to each of 3600 cells would take some 100 MB; the mesh takes less than one."""
+    mesh = mesh_pad(Pad(rows=1, columns=1), 2.5)
+    many = Pad(rows=60, columns=60)
+    tracemalloc.start()
+    try:
+        meshing._numbered(mesh, many)
+        rounded(mesh, many)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 8e6
