@@ -140,9 +140,11 @@ class _Pattern:
     """Map from the entries of a mesh's matrix to the sparse lower triangle over the unknowns."""
 
     def __init__(self, sparsity: Sparsity, numbering: Numbering) -> None:
-        first, second = numbering.unknown[sparsity.rows], numbering.unknown[sparsity.columns]
+        # Indices of 32 bits and factors of 8 halve the memory of the patterns of large pads.
+        unknown = numbering.unknown.astype(np.int32)
+        first, second = unknown[sparsity.rows], unknown[sparsity.columns]
         self._size = numbering.displacements + numbering.pressures
-        self._kept = np.flatnonzero((first >= 0) & (second >= 0) & sparsity.lower)
+        self._kept = np.flatnonzero((first >= 0) & (second >= 0) & sparsity.lower).astype(np.int32)
         first, second = first[self._kept], second[self._kept]
         rows, columns = sparsity.rows[self._kept], sparsity.columns[self._kept]
         low, high = np.minimum(first, second), np.maximum(first, second)
@@ -150,8 +152,8 @@ class _Pattern:
         count = np.bincount(column, minlength=self._size)
         self._indptr = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
         # Two degrees of freedom tied to the same unknown contribute to the diagonal twice.
-        factor = np.where((first == second) & (rows != columns), 2.0, 1.0)
-        factor *= numbering.sign[rows] * numbering.sign[columns]
+        sign = numbering.sign.astype(np.int8)
+        factor = np.where((first == second) & (rows != columns), np.int8(2), np.int8(1)) * sign[rows] * sign[columns]
         self._factor = None if np.all(factor == 1) else factor
 
     def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
