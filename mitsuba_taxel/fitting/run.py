@@ -15,7 +15,7 @@ from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.fitting.model import ReadingModel
 from mitsuba_taxel.fitting.model_error import ModelError, carried
 from mitsuba_taxel.fitting.plan import FitPlan, read_plan
-from mitsuba_taxel.fitting.solve import LeastSquares, interval, misfit_warnings, solve
+from mitsuba_taxel.fitting.solve import LeastSquares, interval, lack_of_fit_warnings, misfit_warnings, solve
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.residuals import plot_residuals
 from mitsuba_taxel.sensing import find_scene
@@ -182,9 +182,11 @@ def _result(
 
     # Warnings and notes.
     warnings = list(solution.warnings)
-    if data.errors is not None:
-        model_errors = of_model.of_rows().ravel()
-        warnings += misfit_warnings(residual.ravel(), data.errors.ravel(), model_errors, solution.degrees_of_freedom)
+    freedom, model_errors = solution.degrees_of_freedom, of_model.of_rows().reshape(shape)
+    if data.errors is None:
+        warnings += lack_of_fit_warnings(residual, data.settings, model_errors, freedom)
+    else:
+        warnings += misfit_warnings(residual.ravel(), data.errors.ravel(), model_errors.ravel(), freedom)
     if np.isnan(of_model.mechanics).any():
         warnings.append("intervals leave out the error of the model's finite elements, which is unknown")
     warnings += [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -192,6 +192,52 @@ def misfit_warnings(residual: np.ndarray, errors: np.ndarray, of_model: np.ndarr
     return [
         f"residuals are {np.sqrt(mean_square):.2g} times as large as the errors of the data explain (probability "
         f"{chance:.1g}): {reason}"
+    ]
+
+
+def lack_of_fit_warnings(
+    residual: np.ndarray, settings: Mapping[str, Sequence[str]], of_model: np.ndarray, freedom: int
+) -> list[str]:
+    """A warning if residuals are larger than repeated readings scatter, by an F-test with a false alarm in a hundred.
+
+    Source: N. R. Draper, H. Smith, Applied Regression Analysis, 3rd edition, Wiley, 1998, section 2.1.
+
+    Parameters
+    ----------
+    residual : (rows, taxels) ndarray
+        Data of unknown error, less model.
+    settings : Mapping[str, Sequence[str]]
+        Values for each row. Rows of equal values are repetitions.
+    of_model : (rows, taxels) ndarray
+        One standard deviation of the model; NaN if unknown.
+    freedom : int
+        Degrees of freedom of all residuals.
+    """
+    from scipy.stats import f
+
+    rows = [tuple(row) for row in zip(*settings.values(), strict=True)]
+    numbers = {row: number for number, row in enumerate(dict.fromkeys(rows))}
+    group = np.array([numbers[row] for row in rows])
+    counts = np.bincount(group)[:, None]
+    mean = np.stack([np.bincount(group, column) for column in residual.T], axis=1) / counts
+
+    # Scatter within the groups, and distances of their means from the model.
+    of_scatter = residual.size - mean.size
+    of_means = freedom - of_scatter
+    scatter = np.square(residual - mean[group]).sum() / max(of_scatter, 1)
+    if of_means < 1 or not scatter > 0:
+        return []
+    distance = (counts * mean**2).sum() / of_means
+    chance = f.sf(distance / scatter, of_means, of_scatter)
+    if chance >= UNLIKELY:
+        return []
+    model = np.square(np.nan_to_num(of_model)).sum() / of_means
+    reason = "the model is wrong, or errors are common to the readings of a setting"
+    if f.sf(distance / (scatter + model), of_means, of_scatter) >= UNLIKELY:
+        reason = "the model's own error, which intervals hold, is as large"
+    times = np.sqrt(np.square(residual).sum() / freedom / scatter)
+    return [
+        f"residuals are {times:.2g} times as large as the scatter of repeated readings (probability {chance:.1g}): {reason}"
     ]
 
 

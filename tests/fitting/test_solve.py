@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from mitsuba_taxel.fitting.plan import Unknown
-from mitsuba_taxel.fitting.solve import misfit_warnings, solve
+from mitsuba_taxel.fitting.solve import lack_of_fit_warnings, misfit_warnings, solve
 
 pytestmark = pytest.mark.quick
 
@@ -119,3 +119,23 @@ def test_alike_at_a_bound_and_without_effect():
     assert "these data do not determine c" in found.warnings and np.isinf(found.errors[2])
     low = solve(decay, decay(TRUTH)[0], None, [unknown("a", 1.0), unknown("b", 1.0, 0.8, 2.0)])
     assert low.warnings == ["b = 0.8 is at the bound 0.8 of its range; its interval is as if there were no bound"]
+
+
+def test_a_curve_beside_the_scatter_of_repeated_readings_is_warned_of():
+    """Of 400 right models, at most 13 are: more with probability 1e-4. A bend of four errors always is, unless the
+    model's own error is as large. Two taxels, of which each setting is read three times; a line was fitted to each."""
+    random, x = np.random.default_rng(8), np.tile(np.linspace(-1, 1, 9), 3)
+    settings, unknown_error = {"fz": [f"{value:g}" for value in x]}, np.full((27, 2), np.nan)
+
+    def warnings(bend, of_model=unknown_error):
+        data = bend * (x**2 - 0.4)[:, None] + random.normal(size=(27, 2))
+        line = np.polynomial.polynomial.polyvander(x, 1)
+        return lack_of_fit_warnings(data - line @ np.linalg.lstsq(line, data)[0], settings, of_model, 50)
+
+    assert 0 < sum(map(len, (warnings(0) for _ in range(400)))) <= 13
+    (warning,) = warnings(4)
+    assert "times as large as the scatter of repeated readings" in warning and "the model is wrong" in warning
+    (warning,) = warnings(4, np.full((27, 2), 2.0))
+    assert warning.endswith("the model's own error, which intervals hold, is as large")
+    alone = {"fz": [f"{number}" for number in range(27)]}  # nothing is repeated
+    assert not lack_of_fit_warnings(unknown_error * 0 + 1, alone, unknown_error, 50)
