@@ -237,7 +237,8 @@ def lack_of_fit_warnings(
         reason = "the model's own error, which intervals hold, is as large"
     times = np.sqrt(np.square(residual).sum() / freedom / scatter)
     return [
-        f"residuals are {times:.2g} times as large as the scatter of repeated readings (probability {chance:.1g}): {reason}"
+        f"residuals are {times:.2g} times as large as the scatter of repeated readings (probability {chance:.1g}): "
+        f"{reason}"
     ]
 
 
