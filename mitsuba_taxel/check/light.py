@@ -201,4 +201,4 @@ def _tables(objects: SceneObjects) -> Iterator[Finding]:
             try:
                 wall.instance.table.at(nm)
             except InputError as error:
-                yield wall.finding("error", str(error), "reflectance_table")
+                yield wall.finding("error", str(error), wall.instance.table.parameter)

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.specification.phototransistor import Phototransistor
     from mitsuba_taxel.specification.specification import Specification
     from mitsuba_taxel.specification.wall import Wall
+    from mitsuba_taxel.specification.wall_materials import WallMaterial
 
 AWAITED_PACKAGE = "awaited_package"
 """Property of a `deformable_pad` whose packages are built after the pad. With `self_contact` the pad stays undeformed
@@ -179,7 +180,7 @@ class WallBsdf(Protocol):
     scattering: str
     is_directed: bool
     reflectance: mi.Float | None
-    table: ReflectanceTable | None
+    table: ReflectanceTable | WallMaterial | None
     law: Scattering
 
     @property

@@ -119,13 +119,14 @@ def refuse_unknown_wavelength(scene: mi.Scene, one_by_one: bool) -> None:
         return
     if not all(is_led(emitter) for emitter in scene.emitters()):
         raise InputError(
-            "wall: a reflectance_table needs the wavelength of the light: every emitter must be an annular_led."
+            f"wall: {tables[0].parameter} needs the wavelength of the light: every emitter must be an annular_led."
         )
     wavelengths = sorted({led.wavelength for led in scene.emitters()})
     if len(wavelengths) > 1 and not one_by_one:
         raise InputError(
-            f"wall: LEDs of {', '.join(f'{nm:g}' for nm in wavelengths)} nm illuminate a wall with a reflectance_table "
-            "together: use taxel_tracer, taxel_path or analog_tracer, which trace them individually."
+            f"wall: LEDs of {', '.join(f'{nm:g}' for nm in wavelengths)} nm illuminate a wall with "
+            f"{tables[0].parameter} together: use taxel_tracer, taxel_path or analog_tracer, which trace them "
+            "individually."
         )
     for table in tables:
         for nm in wavelengths:

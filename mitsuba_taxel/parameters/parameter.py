@@ -45,7 +45,8 @@ class Parameter:
     choosers : tuple[str, ...]
         Names of further parameters that may have one of these values instead.
     without, needs : str
-        Name of another parameter that this parameter excludes, or requires; empty for none.
+        Name of another parameter that this parameter excludes, or requires; empty for none. Several excluded ones are
+        joined by "or".
     """
 
     doc: str
@@ -85,6 +86,11 @@ class Parameter:
         if self.default_words:
             return self.default_words
         return "" if self.default is REQUIRED else "none" if self.default is None else self.words(self.default)
+
+    @property
+    def excluded(self) -> list[str]:
+        """Names of parameters that this parameter excludes."""
+        return self.without.split(" or ") if self.without else []
 
     @property
     def is_conditional(self) -> bool:
@@ -130,8 +136,9 @@ class Parameter:
         if self.when and all(getattr(instance, name) not in self.when[1:] for name in (self.when[0], *self.choosers)):
             words, chosen = ", ".join(map(repr, self.when[1:])), getattr(instance, self.when[0])
             return f"{self.name} is not allowed for {self.when[0]} = {chosen!r}, only for {words}."
-        if self.without and getattr(instance, self.without) is not None:
-            return f"{self.shown} and {self.without} exclude each other: one of them is needed."
+        for name in self.excluded:
+            if getattr(instance, name) is not None:
+                return f"{self.shown} and {name} exclude each other: one of them is needed."
         if self.needs and getattr(instance, self.needs) is None:
             return f"{self.name} is not allowed without {self.needs}."
         return ""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.parameters import REQUIRED, choice, number, text
 from mitsuba_taxel.specification.specification import Specification
+from mitsuba_taxel.specification.wall_materials import WALL_MATERIALS
 
 SCATTERING = {
     "mirror": "",
@@ -41,7 +42,7 @@ class Wall(Specification):
         minimum=0,
         maximum=1,
         when=_REFLECTING,
-        without="reflectance_table",
+        without="reflectance_table or material",
     )
     reflectance_table: str | None = text(
         None,
@@ -60,6 +61,13 @@ class Wall(Specification):
         maximum=45,
         hint="; use scattering = 'mirror' for less",
         when=("scattering", "rough_mirror"),
+    )
+    material: str | None = choice(
+        None,
+        {name: material.title for name, material in WALL_MATERIALS.items()},
+        "Measured material, whose reflectance at the wavelength of the LEDs is used. It says nothing on `scattering`.",
+        when=_REFLECTING,
+        without="reflectance or reflectance_table",
     )
 
     def _check(self) -> None:

@@ -17,6 +17,7 @@ from mitsuba_taxel.kernels.surfaces.scattering import (
     SmoothMirror,
 )
 from mitsuba_taxel.specification.wall import Wall as Parameters
+from mitsuba_taxel.specification.wall_materials import WALL_MATERIALS, WallMaterial
 
 
 class Wall(mi.BSDF):
@@ -39,7 +40,8 @@ class Wall(mi.BSDF):
     less at slopes around 45 degrees.
 
     A table of reflectance is interpolated linearly at the wavelength of the LEDs. The functions and commands of
-    mitsuba_taxel set that wavelength before they render.
+    mitsuba_taxel set that wavelength before they render. The same holds for a measured material; a material without
+    data at that wavelength is refused. The page on measured walls has their values and sources.
 
     .. tabs::
         .. code-tab:: xml
@@ -58,7 +60,7 @@ class Wall(mi.BSDF):
         self.specification = parameters = Parameters.read(props)
         self.scattering = parameters.scattering
         self.law = _law_of(parameters)
-        self.table = None if parameters.reflectance_table is None else ReflectanceTable(parameters.reflectance_table)
+        self.table = _table_of(parameters)
         self.reflectance = None if self.table else dr.opaque(mi.Float, parameters.reflectance or 0.0)
         self.is_directed = self.scattering in ("mirror", "rough_mirror", "mixed")
         self.m_components = self.law.components
@@ -148,9 +150,10 @@ class Wall(mi.BSDF):
     def _known_reflectance(self) -> mi.Float:
         """The reflectance; raises `InputError` if a table has no wavelength yet."""
         if self.reflectance is None:
+            assert self.table is not None
             raise InputError(
-                "wall: reflectance_table needs the wavelength of the LEDs, which only mitsuba_taxel sets: use measure "
-                "or taxel render."
+                f"wall: {self.table.parameter} needs the wavelength of the LEDs, which only mitsuba_taxel sets: use "
+                "measure or taxel render."
             )
         return self.reflectance
 
@@ -161,6 +164,13 @@ class Wall(mi.BSDF):
     def to_string(self) -> str:
         reflectance = "not known yet" if self.reflectance is None else f"{self.reflectance[0]:g}"
         return f"Wall[scattering = {self.scattering}, reflectance = {reflectance}]"
+
+
+def _table_of(parameters: Parameters) -> ReflectanceTable | WallMaterial | None:
+    """Reflectance against wavelength, from a file or of a measured material; None for a number."""
+    if parameters.material is not None:
+        return WALL_MATERIALS[parameters.material]
+    return None if parameters.reflectance_table is None else ReflectanceTable(parameters.reflectance_table)
 
 
 def _law_of(parameters: Parameters) -> Scattering:

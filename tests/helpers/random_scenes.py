@@ -83,7 +83,9 @@ def _part(
         usual = 0.6 if parameter.default is ... else 0.35 if isinstance(parameter, Choice) else 0.15
         if parameter.name in words or parameter.type not in TAGS or (parameter.name in SELDOM and draw.random() > wild):
             continue
-        if (parameter.without in words or (parameter.needs and parameter.needs not in words)) and draw.random() > wild:
+        if (
+            any(name in words for name in parameter.excluded) or (parameter.needs and parameter.needs not in words)
+        ) and draw.random() > wild:
             continue
         if parameter.name in SHARES and applies and draw.random() >= wild:
             words[parameter.name] = str({"specular": 0.25, "lambertian": 0.5, "isotropic": 0.25}[parameter.name])

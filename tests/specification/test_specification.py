@@ -69,7 +69,7 @@ def objects(draw, specification):
         word, *allowed = parameter.when or ("",)
         if word and (chosen.get(word) or stated[word].default) not in allowed:
             continue
-        if any(other and chosen.get(other) is not None for other in (parameter.without, parameter.needs)):
+        if any(other and chosen.get(other) is not None for other in (*parameter.excluded, parameter.needs)):
             continue
         if isinstance(parameter, FEW) or parameter.default is REQUIRED or draw(SELDOM):
             chosen[name] = draw(values(parameter))

@@ -27,6 +27,9 @@ class ReflectanceTable:
         if the file cannot be read or has other contents.
     """
 
+    parameter = _NAME
+    """Parameter of the wall that states the reflectance."""
+
     def __init__(self, file: str) -> None:
         self.file = file
         self.wavelengths, self.reflectances = read_columns(_NAME, file, fewest=1).T
