@@ -58,6 +58,27 @@ def force_parameters(study: xr.Dataset | xr.DataTree) -> list[str]:
     return list(names or FORCES)
 
 
+def forces_by_parameter(study: xr.Dataset | xr.DataTree) -> dict[str, str]:
+    """Components of the force in terms of the parameters of the scenes, such as ``-push`` for ``fz``.
+
+    Parameters
+    ----------
+    study : xr.Dataset or xr.DataTree
+        Result of ``open_study``.
+
+    Returns
+    -------
+    dict[str, str]
+        Parameters by component, with their sign. A component that has the name of its parameter, or different
+        parameters in several scenes, is left out.
+    """
+    words: dict[str, set[str]] = {}
+    for scene in study.subtree if isinstance(study, xr.DataTree) else [study]:
+        for name, (component, sign) in json.loads(scene.attrs.get("forces", "{}")).items():
+            words.setdefault(component, set()).add(f"{'-' if sign < 0 else ''}{name}")
+    return {component: min(shown) for component, shown in words.items() if len(shown) == 1 and shown != {component}}
+
+
 def is_load(study: xr.Dataset, name: str) -> bool:
     """Whether a parameter of a study is a component of the force or displacement, or the pressure.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from mitsuba_taxel.base.units import prefixed
@@ -157,24 +157,27 @@ def merit_tables(
     return titled if volts is None else {**titled, AS_SHOWN: figure_rows(volts)}
 
 
-def slope_answers(table: pandas.DataFrame) -> list[str]:
+def slope_answers(table: pandas.DataFrame, parameters: Mapping[str, str] | None = None) -> list[str]:
     """The mean slopes of a table in one line for each force and each unit of the readings, with their largest error.
 
     Parameters
     ----------
     table : pandas.DataFrame
         Result of :func:`characteristics`.
+    parameters : Mapping[str, str], optional
+        Result of :func:`forces_by_parameter`: a force is then shown with the scene's own parameter, as ``fz = -push``.
 
     Returns
     -------
     list[str]
         Such as ``Mean slope over fz: -223.9 ± 5.1 µW/N.``; empty if there is no slope.
     """
-    answers = []
+    answers, parameters = [], parameters or {}
     for rows in by_reading(table).values() if len(table) else ():
         slopes = rows[(rows.figure == "mean_slope") & rows.value.notna()]
-        for force in slopes.force.unique():
-            along = slopes[slopes.force == force]
+        for component in slopes.force.unique():
+            along = slopes[slopes.force == component]
+            force = f"{component} = {parameters[component]}" if component in parameters else component
             factor, unit = _scale(along)
             if len(along) == 1:
                 slope = f"{with_error(along.value.iloc[0] / factor, along.error.iloc[0] / factor)} {unit}"

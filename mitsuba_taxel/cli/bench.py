@@ -32,7 +32,7 @@ def _shown(
     summary: Callable[[Sequence[Row]], str] | None = None,
 ) -> list[Row]:
     """Rows of a benchmark, stored after each; those measured so far are printed as a table, also after an error."""
-    from .tables import print_text_table
+    from .tables import print_text_table, say
 
     measured: list[Row] = []
     try:
@@ -43,7 +43,7 @@ def _shown(
     finally:
         print_text_table(headings, table(measured))
         if summary:
-            click.echo(summary(measured))
+            say(summary(measured))
     return measured
 
 
@@ -259,7 +259,7 @@ def accuracy_command(scene: str | None, defines: dict[str, str], folder: Path, s
     from mitsuba_taxel.evidence.accuracy.tables import HEADINGS, PEERS, POINT_HEADINGS, cells, point_cells
     from mitsuba_taxel.sensing import Scene
 
-    from .tables import print_text_table
+    from .tables import print_text_table, say
 
     if scene is None:
         if defines:
@@ -272,8 +272,8 @@ def accuracy_command(scene: str | None, defines: dict[str, str], folder: Path, s
     print_text_table(HEADINGS, map(cells, curves))
     click.echo("Seconds are CPU time of all processors, without compilation.")
     if any(curve.part == "mechanics" and curve.points for curve in curves):
-        click.echo(ELEMENTS)
-    click.echo(PEERS)
+        say(ELEMENTS)
+    say(PEERS)
 
 
 @command.command("speed", short_help="Run times, and rays per second.")

@@ -35,7 +35,7 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
         volts_notes,
         volts_table,
     )
-    from mitsuba_taxel.characterise.roles import force_parameters
+    from mitsuba_taxel.characterise.roles import force_parameters, forces_by_parameter
     from mitsuba_taxel.characterise.wording import remarks_explained
     from mitsuba_taxel.electronics.volts import circuit_of_study
     from mitsuba_taxel.plots.characteristics import write_characteristics
@@ -48,11 +48,12 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
         raise click.UsageError("--circuit is not allowed with a measurement, which is in volts.")
     volts, electronics = None, circuit_in(circuit)
     forces: list[str] = []
+    named: dict[str, str] = {}
     if measured:
         experiments, deviations, maps, notes = _measured(source)
     else:
         study = open_study(source)
-        forces = force_parameters(study)
+        forces, named = force_parameters(study), forces_by_parameter(study)
         electronics = electronics or circuit_of_study(study)
         experiments, deviations, maps, notes = simulated_experiments(study, electronics)
         volts = None if electronics is None else volts_table(study, electronics)
@@ -67,7 +68,7 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
     if as_json:
         _print_json(table, pairs, notes, files, volts)
         return
-    _show(table, pairs, volts)
+    _show(table, pairs, volts, named)
     for note in (*remarks_explained(table, pairs), *notes):
         say(note)
     say(f"Results: {', '.join(map(str, files))}")
@@ -94,12 +95,12 @@ def _print_json(table, pairs, notes: list[str], files: list[Path], volts) -> Non
     )
 
 
-def _show(table, pairs, volts) -> None:
+def _show(table, pairs, volts, named: dict[str, str]) -> None:
     from mitsuba_taxel.characterise.wording import merit_tables, pair_rows, slope_answers
 
     from .tables import print_figures, say
 
-    for line in slope_answers(table):
+    for line in slope_answers(table, named):
         say(f"{line}\n")
     titles = {**merit_tables(table, volts), "Symmetric pairs under a tangential load": pair_rows(pairs)}
     for title, (headings, rows) in titles.items():

@@ -42,7 +42,7 @@ def command(ctx: click.Context, scene: str | None, defines: dict[str, str], sche
         from mitsuba_taxel.check import check_scene
         from mitsuba_taxel.check.finding import SEVERITIES
 
-        from .tables import print_json, progress_bar
+        from .tables import print_json, progress_bar, say
 
         with progress_bar("pads"):
             findings = check_scene(scene, **defines)
@@ -52,7 +52,7 @@ def command(ctx: click.Context, scene: str | None, defines: dict[str, str], sche
             print_json({"findings": [asdict(finding) for finding in findings]})
         else:
             for finding in findings:
-                click.echo(finding)
+                say(str(finding))
             counts = Counter(finding.severity for finding in findings)
-            click.echo(", ".join(f"{severity}s: {counts[severity]}" for severity in SEVERITIES))
+            say(", ".join(f"{severity}s: {counts[severity]}" for severity in SEVERITIES))
         ctx.exit(max((1 if f.stopped else 2 for f in findings if f.severity == "error"), default=0))

@@ -157,6 +157,7 @@ def _as_json(study) -> dict[str, object]:
 
 def _show(name: str, study) -> None:
     from mitsuba_taxel.characterise import slope_summary, volts_notes, volts_table
+    from mitsuba_taxel.characterise.roles import forces_by_parameter
     from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows, remarks_explained, slope_answers, table_rows
     from mitsuba_taxel.electronics.volts import circuit_of_study
     from mitsuba_taxel.sensing.reading.wording import budget_line, light_of_study, stage_line
@@ -167,7 +168,7 @@ def _show(name: str, study) -> None:
     if name:
         say(f"\n{name}:")
     channel, slopes = slope_summary(study)
-    for line in slope_answers(slopes):
+    for line in slope_answers(slopes, forces_by_parameter(study)):
         say(f"{line}\n")
     print_figures(", ".join(filter(None, ("Slopes", channel))), *table_rows(slopes, SHOWN))
     for line in remarks_explained(slopes[slopes.figure.isin(SHOWN)]):

@@ -93,8 +93,11 @@ def print_result(printed: Printed) -> None:
     from mitsuba_taxel.base.files.printed import WARNING
 
     for number, block in enumerate(printed):
+        if isinstance(block, str) and block.startswith(WARNING):
+            click.echo(block, err=True)
+            continue
         if isinstance(block, str):
-            click.echo(block, err=block.startswith(WARNING))
+            say(block)
             continue
         if block.title or number:
             say(f"\n{block.title}" if block.title and number else block.title)

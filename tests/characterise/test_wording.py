@@ -85,6 +85,8 @@ def test_mean_slopes_are_the_answer_in_a_line():
     assert slope_answers(pandas.DataFrame([*slopes, largest])) == [
         "Mean slopes over fz: -300 to -100 µW/N, each ± 4 µW/N or less."
     ]
+    (renamed,) = slope_answers(pandas.DataFrame(slopes), {"fx": "f", "fz": "-push"})
+    assert renamed.startswith("Mean slopes over fz = -push: -300 to -100 ")
     assert slope_answers(pandas.DataFrame([largest])) == slope_answers(pandas.DataFrame()) == []
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 
 import pytest
+from click.testing import CliRunner
+from taxel_cli import tables
+from taxel_cli.check import command
 
 from mitsuba_taxel.check.schema import schema
 
@@ -34,6 +37,16 @@ def test_an_error_is_exit_code_2(taxel):
     assert first == (
         "scene.xml:3: error: spacin is no parameter of photo_reflector (did you mean spacing?)."
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("width", [60, None])
+def test_lines_fit_the_terminal_and_stay_whole_in_a_pipe(monkeypatch, tmp_path, width):
+    (tmp_path / "scene.xml").write_text(SCENE)
+    monkeypatch.setattr(tables, "terminal_width", lambda: width)
+    lines = CliRunner().invoke(command, [str(tmp_path / "scene.xml")]).stdout.splitlines()
+    assert len(lines) == 3 if width is None else len(lines) > 3
+    assert width is None or max(map(len, lines)) <= width
+    assert "did you mean spacing?" in " ".join(lines)
 
 
 def test_a_computation_that_stops_is_exit_code_1(taxel, tmp_path):

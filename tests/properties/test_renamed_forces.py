@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import xarray as xr
 from edited_pad import TWO_CELLS, edited
+from taxel_cli.sweep import _show
 
 from mitsuba_taxel.characterise import experiments, sensitivity, sensitivity_table
-from mitsuba_taxel.characterise.roles import force_parameters, with_forces_named
+from mitsuba_taxel.characterise.roles import force_parameters, forces_by_parameter, with_forces_named
 from mitsuba_taxel.characterise.summary import slope_summary
 from mitsuba_taxel.plots.curves import plot_curves
 from mitsuba_taxel.plots.maps import plane_of
@@ -89,6 +90,16 @@ def test_slopes_are_those_of_the_force_under_its_own_name(studies, name):
 def test_the_parameter_that_must_be_varied_is_called_as_in_the_scene(studies):
     assert force_parameters(studies["press"]) == ["press"] and force_parameters(studies["fz"]) == ["fz"]
     assert force_parameters(xr.DataTree(studies["f"])) == ["f"] and force_parameters(xr.Dataset()) == ["fx", "fy", "fz"]
+
+
+@pytest.mark.parametrize(("name", "shown"), [("fz", "fz"), ("f", "fz = f"), ("press", "fz = -press")])
+def test_the_line_of_a_slope_names_the_parameter_of_the_scene(studies, name, shown, capsys):
+    """With its sign: the slope is that over the force."""
+    _show("", studies[name])
+    assert capsys.readouterr().out.startswith(f"Mean slope over {shown}: ")
+    assert forces_by_parameter(xr.DataTree.from_dict({"a": studies[name], "b": studies[name]})) == (
+        {} if name == "fz" else {"fz": shown.removeprefix("fz = ")}
+    )
 
 
 def test_what_is_named_is_left_and_names_that_are_taken_too(studies):
