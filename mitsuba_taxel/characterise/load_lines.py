@@ -118,7 +118,8 @@ def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Br
 
 
 def _tangents(study: xr.Dataset, line: LoadLine, other_dims: list[Any]) -> Tangents | None:
-    """Slopes along a line (other dimensions, points, taxels); None if a derivative by one of its forces is missing."""
+    """Slopes along a line (other dimensions, points, taxels); None if a derivative with respect to one of its forces is
+    missing."""
     components = {name: component for name, component in zip(FORCES, line.direction.tolist(), strict=True) if component}
     if "derivative" not in study or not set(components) <= set(study.parameter.values.tolist()):
         return None

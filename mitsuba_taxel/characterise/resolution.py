@@ -88,11 +88,11 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
 def _error(slopes: np.ndarray, errors: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Standard errors (..., P) of the roots of the covariance's diagonal, due to those of the slopes (..., T, P).
 
-    The correlation of the errors of derivatives is unknown. Finite elements change the derivatives by one parameter at
-    all taxels together, as a softer pad would, or at each taxel independently, as meshes are irregular. The effects of
-    both kinds are added in squares, so that neither their signs nor their correlation makes the sum small. To first
-    order, with A the slopes over the noise and C the covariance, the root of C_pp changes by
-    -(C_pq (A C)_tp) / sqrt(C_pp) per change of A_tq.
+    The correlation of the errors of derivatives is unknown. Finite elements change the derivatives with respect to one
+    parameter at all taxels together, as a softer pad would, or at each taxel independently, as meshes are irregular.
+    The effects of both kinds are added in squares, so that neither their signs nor their correlation makes the sum
+    small. To first order, with A the slopes over the noise and C the covariance, the root of C_pp changes by -(C_pq (A
+    C)_tp) / sqrt(C_pp) per change of A_tq.
     """
     finite = np.isfinite(covariance).all(axis=(-2, -1))
     finite_covariance = np.where(finite[..., None, None], covariance, 0.0)

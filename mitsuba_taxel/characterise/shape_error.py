@@ -56,7 +56,8 @@ Changed = dict[Mode, list]
 
 
 def changed_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
-    """Studies with readings, and their derivatives by forces, changed by each mode of the errors of the pads' shape.
+    """Studies with readings, and their derivatives with respect to forces, changed by each mode of the errors of the
+    pads' shape.
 
     Each mode gives two studies, changed up and down. Forces have the names of `with_forces_named`.
 
@@ -218,7 +219,8 @@ def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
 
 
 def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
-    """Factor, at least 1, of the errors of readings along a path, from the errors of derivatives by the forces.
+    """Factor, at least 1, of the errors of readings along a path, from the errors of derivatives with respect to the
+    forces.
 
     The sum of errors of derivatives along the path is another estimate of the same error. The larger estimate is used,
     as in cells of thin roofs two meshes may agree in the readings alone.
@@ -244,7 +246,7 @@ def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
 
 
 def _along_steps(study: xr.Dataset) -> dict[str, xr.DataArray]:
-    """By dimension: change of each derivative by a force, over the change of the reading along a step.
+    """By dimension: change of each derivative with respect to a force, over the change of the reading along a step.
 
     Along a path in which several forces change, the slope is that in the direction of the step.
     """
@@ -263,7 +265,8 @@ def _along_steps(study: xr.Dataset) -> dict[str, xr.DataArray]:
 
 
 def _with_change(study: xr.Dataset, change: xr.DataArray, along: Mapping[str, xr.DataArray]) -> list[xr.Dataset]:
-    """The study with readings and their derivatives by forces changed, up and down; ``along``: :func:`_along_steps`."""
+    """The study with readings and their derivatives with respect to forces changed, up and down; ``along``:
+    :func:`_along_steps`."""
     changes = {"replicate_power": change}
     if "derivative" in study:
         slopes = ((_steps(change, dim) * relative).fillna(0.0) for dim, relative in along.items())

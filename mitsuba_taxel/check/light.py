@@ -64,7 +64,7 @@ def check_prepared(scene: Scene, objects: SceneObjects) -> list[Finding]:
     scene : Scene
         The scene, without errors.
     objects : SceneObjects
-        Its objects.
+        Objects of the scene.
 
     Returns
     -------

@@ -31,7 +31,7 @@ def extents_in_file(pad: PadFile, mesh_size: float | None) -> tuple[np.ndarray, 
     pad : (2, 3) ndarray
         Lowest and highest coordinates of the pad, in mm.
     cells : (K, 2, 3) ndarray
-        Those of each cell, in mm.
+        Extents of each cell, in mm.
 
     Raises
     ------

@@ -35,15 +35,15 @@ class UndeformedPad:
     Attributes
     ----------
     specification : DeformablePad
-        Its parameters.
+        Parameters of the pad.
     pad, material : Pad or PadFile, Material
-        As for `load_path`.
+        See `load_path`.
     load : tuple[Load, tuple[float, ...]]
         The load and its value.
     read_cells : tuple[int, ...] or None
         Numbers of the cells that are read, None for all.
     to_world : (4, 4) ndarray
-        From the pad's frame, in mm.
+        Transformation from the pad's frame to world coordinates, in mm.
     objects : dict[str, object]
         Nested objects, by name.
     extent, cell_boxes : (2, 3) ndarray, (K, 2, 3) ndarray, or None

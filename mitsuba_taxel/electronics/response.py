@@ -39,7 +39,7 @@ class Response(NamedTuple):
     counts : ndarray of int
         Counts of the converter, from 0 to the largest.
     saturated : ndarray of bool
-        Where the output is at the circuit's limit (:attr:`Circuit.limit`).
+        Whether the output is at the circuit's limit (:attr:`Circuit.limit`).
     output : ndarray
         Voltage before the converter, in V: at most the supply. Noise is added to this voltage.
     output_rate : ndarray

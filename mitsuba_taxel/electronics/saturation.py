@@ -106,7 +106,7 @@ def change_to_saturation(circuit: Circuit, power: Any, slopes: Any) -> np.ndarra
     power : (T,) array_like
         Readings in W.
     slopes : (T, P) array_like
-        Their derivatives by the parameters.
+        Their derivatives with respect to the parameters.
 
     Returns
     -------

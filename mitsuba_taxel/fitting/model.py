@@ -31,8 +31,8 @@ SMALL = 1e-6
 class ReadingModel:
     """Readings (rows, taxels) at the data's settings, and their derivatives (rows, taxels, unknowns).
 
-    Derivatives by parameters of the scene are those of light without random numbers where available, else differences
-    of readings that share their random numbers.
+    Derivatives with respect to parameters of the scene are those of light without random numbers where available, else
+    differences of readings that share their random numbers.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class ReadingModel:
         unknowns : (unknowns,) ndarray
             Values at which the model has been called.
         by_row : (unknowns, rows, taxels) ndarray
-            Derivative of each unknown by each reading of the data.
+            Derivative of each unknown with respect to each reading of the data.
         """
         power = self._powers[unknowns.tobytes()]
         batch = replace(self._batch(unknowns), bare=False, derivatives=tuple(self._by))
@@ -168,7 +168,8 @@ class ReadingModel:
         return study[name].sel(taxel=self._plan.data.taxels).transpose(..., STEP, "taxel").values
 
     def _shown(self, unknowns: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Readings in the data's unit and their derivative by the power, for a power in W; all (settings, taxels)."""
+        """Readings in the data's unit and their derivative with respect to the power, for a power in W; all (settings,
+        taxels)."""
         own = dict(zip(self._names, unknowns.tolist(), strict=True))
         if self._plan.circuit is None:
             gain = own.get("gain", 1.0)

@@ -24,7 +24,7 @@ class ModelError(NamedTuple):
         Standard deviations due to the finite elements, NaN if unknown, and due to the surfaces, or to the patches of
         light without random numbers.
     by_reading : (unknowns, settings, taxels) ndarray
-        Derivative of each unknown by each of these readings, by least squares; NaN if undetermined.
+        Derivative of each unknown with respect to each of these readings, by least squares; NaN if undetermined.
     setting_of_row : (rows,) ndarray
         Index of the setting of each row of the data.
     """

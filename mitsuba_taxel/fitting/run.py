@@ -132,7 +132,7 @@ def _result(
     plan : FitPlan
         The fit.
     model : ReadingModel
-        Its model, for unknowns without derivatives and unknowns below the noise.
+        Model of the fit, for unknowns without derivatives and unknowns below the noise.
     solution : LeastSquares
         Estimates with the errors of the data.
     of_model : ModelError

@@ -36,7 +36,7 @@ class LeastSquares:
     correlation : (unknowns, unknowns) ndarray
         Correlation of the errors due to the data.
     by_reading : (unknowns, N) ndarray
-        Derivative of each unknown by each reading; NaN for undetermined unknowns.
+        Derivative of each unknown with respect to each reading; NaN for undetermined unknowns.
     model : (N,) ndarray
         Readings of the model at the solution.
     misfit : float

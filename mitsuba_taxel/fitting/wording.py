@@ -19,7 +19,7 @@ def unknown_rows(unknowns: pandas.DataFrame) -> list[tuple[str, ...]]:
     Parameters
     ----------
     unknowns : pandas.DataFrame
-        As in ``fit.csv``.
+        Columns as in ``fit.csv``.
 
     Returns
     -------
@@ -35,7 +35,7 @@ def fit_answer(unknowns: pandas.DataFrame) -> str:
     Parameters
     ----------
     unknowns : pandas.DataFrame
-        As in ``fit.csv``.
+        Columns as in ``fit.csv``.
 
     Returns
     -------

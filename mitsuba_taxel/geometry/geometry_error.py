@@ -20,7 +20,7 @@ def place(point: np.ndarray) -> str:
     Returns
     -------
     str
-        To a micrometre.
+        Coordinates to a micrometre.
     """
     x, y, z = (float(f"{coordinate:.3f}") + 0.0 for coordinate in point)
     return f"({x:g}, {y:g}, {z:g}) mm"

@@ -18,7 +18,7 @@ def shape_functions(barycentric: np.ndarray) -> np.ndarray:
     Returns
     -------
     (Q, 6) or (Q, 10) ndarray
-        For each node.
+        Value of the shape function of each node.
     """
     i, j = np.array(FACE_EDGES if barycentric.shape[1] == 3 else TET_EDGES).T
     return np.concatenate([barycentric * (2 * barycentric - 1), 4 * barycentric[:, i] * barycentric[:, j]], axis=1)
@@ -35,7 +35,7 @@ def shape_slopes(barycentric: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     to_second, to_third : (Q, 6) ndarray
-        Along the sides from the first corner to the second and to the third.
+        Derivatives along the sides from the first corner to the second and to the third.
     """
     a, b, c = barycentric.T
     zero = np.zeros_like(a)
@@ -55,7 +55,7 @@ def shape_gradients(xi: np.ndarray) -> np.ndarray:
     Returns
     -------
     (Q, 10, 3) ndarray
-        By the reference coordinates, for each node.
+        Derivatives with respect to the reference coordinates, for each node.
     """
     barycentric = tet_coordinates(xi)
     slope = np.array([[-1, -1, -1], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
@@ -77,7 +77,7 @@ def tet_coordinates(xi: np.ndarray) -> np.ndarray:
     Returns
     -------
     (..., 4) ndarray
-        Of sum 1.
+        Barycentric coordinates, whose sum is 1.
     """
     return np.concatenate([1 - xi.sum(axis=-1, keepdims=True), xi], axis=-1)
 

@@ -30,7 +30,7 @@ def positive(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarr
     Returns
     -------
     points : (C, 3) ndarray
-        Those that are used.
+        Points that tetrahedra use.
     tets : (M, 4) ndarray of int
         Their corners among these.
     """

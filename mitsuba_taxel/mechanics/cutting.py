@@ -60,7 +60,7 @@ class Cut:
         return weighted(self.weights[self.of_vertex], self.nodes[self.of_vertex], values)
 
     def at_nodes(self, gradient: np.ndarray, nodes: int) -> np.ndarray:
-        """(N, C) derivatives by nodal values, from those by the values at the vertices (V, C)."""
+        """(N, C) derivatives with respect to nodal values, from those with respect to values at the vertices (V, C)."""
         number, weights = self.nodes[self.of_vertex].ravel(), self.weights[self.of_vertex]
         sums = (np.bincount(number, (weights * column[:, None]).ravel(), nodes) for column in gradient.T)
         return np.stack(list(sums), axis=1)

@@ -65,7 +65,7 @@ def load_path(
     pad : Pad or PadFile
         The pad, parametric or from a file.
     material : Material or Viscoelastic
-        Its silicone.
+        Silicone of the pad.
     values : Sequence[Sequence[float]] or ndarray
         (S, 3) forces in N or displacements in mm, compression is z < 0; or (S, 1) pressures in MPa.
     times : (S,) sequence of float, optional
@@ -92,7 +92,7 @@ def load_path(
     Returns
     -------
     list[State]
-        One for each value.
+        One state for each value.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def state_after(
     pad : Pad or PadFile
         The pad.
     material : Material or Viscoelastic
-        Its silicone.
+        Silicone of the pad.
     values : Sequence[Sequence[float]] or ndarray
         (S, 3) or (S, 1), as of :func:`load_path`.
     times : (S,) sequence of float, optional
@@ -198,7 +198,7 @@ def state_at_rest(
     pad : Pad or PadFile
         The pad.
     material : Material or Viscoelastic
-        Its silicone.
+        Silicone of the pad.
     values : Sequence[Sequence[float]] or ndarray
         (S, 3) or (S, 1), as of :func:`load_path`.
     times : (S,) sequence of float, optional

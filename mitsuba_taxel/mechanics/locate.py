@@ -60,7 +60,7 @@ def displacement_at(
     mesh : VolumeMesh
         Undeformed mesh.
     displacement : (N, 3) ndarray
-        Of each node, in mm.
+        Displacement of each node, in mm.
     points : (P, 3) array_like
         Points of the undeformed silicone, mm.
     tolerance : float
@@ -124,7 +124,7 @@ def displacement_gradient_at(
     mesh : VolumeMesh
         Undeformed mesh.
     displacement : (N, 3) ndarray
-        Of each node, in mm.
+        Displacement of each node, in mm.
     points : (P, 3) array_like
         Points of the undeformed silicone, mm.
     tolerance : float

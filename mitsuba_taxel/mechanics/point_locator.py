@@ -66,8 +66,8 @@ class Location:
         return (self.weights @ values.reshape(len(values), -1)).reshape(shape)
 
     def gradient(self, values: np.ndarray) -> np.ndarray:
-        """(P, ..., 3) derivatives [1/mm] of a field by the undeformed position, from its ``values`` (N, ...) at the
-        nodes.
+        """(P, ..., 3) derivatives [1/mm] of a field with respect to the undeformed position, from its ``values`` (N,
+        ...) at the nodes.
 
         Points outside have the derivatives at the nearest point of the silicone.
         """
@@ -93,7 +93,7 @@ class Location:
 
     @cached_property
     def _slopes(self) -> np.ndarray:
-        """(P, 10, 3) derivatives of the shape functions by the undeformed position, in 1/mm."""
+        """(P, 10, 3) derivatives of the shape functions with respect to the undeformed position, in 1/mm."""
         by_reference = shape_gradients(self.reference)
         jacobian = np.einsum("pai,paj->pji", by_reference, self.mesh.points[self.mesh.tets[self.element]])
         return by_reference @ np.linalg.inv(jacobian)
@@ -310,7 +310,7 @@ def _checked(points: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
 
 
 def _triangle_slopes(barycentric: np.ndarray) -> np.ndarray:
-    """Derivatives (Q, 6, 3) of a triangle's shape functions by its three barycentric coordinates, taken as
+    """Derivatives (Q, 6, 3) of a triangle's shape functions with respect to its three barycentric coordinates, taken as
     independent."""
     slopes = np.zeros((len(barycentric), 6, 3))
     slopes[:, range(3), range(3)] = 4 * barycentric - 1

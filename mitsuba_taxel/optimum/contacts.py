@@ -27,7 +27,7 @@ class DesignContact(NamedTuple):
     ended : str
         Why the load path ends without contact; empty if it does not.
     by : list[float]
-        Derivatives by each variable in the unit cube.
+        Derivatives with respect to each variable in the unit cube.
     by_tolerance : list[float]
         Changes by one standard deviation of each parameter with a tolerance.
     missing : bool
@@ -65,7 +65,7 @@ def lines_without_contact(plan: Plan, batch: Batch, designs: Sequence[Design]) -
     plan : Plan
         The optimisation.
     batch : Batch
-        Its scene and the settings of readings.
+        Scene and settings of the readings.
     designs : Sequence[Design]
         Designs that are tried, one of each choice.
 

@@ -52,7 +52,8 @@ class DesignEvaluation:
         For each variable, readings and dimensions with their derivatives times `TINY` as imaginary parts. Derivatives
         are by the variable in the unit cube; 0 for a variable that the design does not have.
     by_tolerance : list[DesignResponses]
-        The same for each parameter with a tolerance, per standard deviation. Variation of the shape is neglected.
+        The same responses for each parameter with a tolerance, per standard deviation. Variation of the shape is
+        neglected.
     """
 
     values: DesignResponses
@@ -371,7 +372,8 @@ class DesignEvaluator:
         )
 
     def _shape(self, design: Design) -> tuple[dict[str, np.ndarray], list[dict[str, np.ndarray]]]:
-        """Figures of the pads' dimensions, and their derivatives by each variable in the unit cube, by name."""
+        """Figures of the pads' dimensions, and their derivatives with respect to each variable in the unit cube, by
+        name."""
         rates = []
         for number in range(len(self._names)):
             if not self._has(design)[number]:

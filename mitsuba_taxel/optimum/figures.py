@@ -1,8 +1,9 @@
 """Figures of merit of a design, with their gradients.
 
 A figure has components, such as the sensitivities of all taxels; the worst component counts. Components are analytic
-functions of readings and dimensions. These are complex numbers whose imaginary parts are derivatives by one variable:
-the complex step gives the derivatives of the components to rounding error (Squire and Trapp, SIAM Review 40, 1998).
+functions of readings and dimensions. These are complex numbers whose imaginary parts are derivatives with respect to
+one variable: the complex step gives the derivatives of the components to rounding error (Squire and Trapp, SIAM Review
+40, 1998).
 """
 
 from __future__ import annotations

@@ -289,7 +289,8 @@ def _distance(first: Design, second: Design) -> float:
 
 
 def with_rates(figure: Figure, read: DesignEvaluation) -> tuple[np.ndarray, np.ndarray]:
-    """Components (N,) of a figure of a design, and their derivatives (N, V) by variables in the unit cube."""
+    """Components (N,) of a figure of a design, and their derivatives (N, V) with respect to variables in the unit
+    cube."""
     rates = [figure.components(readings).imag / TINY for readings in read.by]
     return figure.components(read.values).real, np.stack(rates, axis=1)
 

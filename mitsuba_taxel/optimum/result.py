@@ -62,14 +62,14 @@ class Optimum:
     beyond_ended : bool
         Whether that descent ended as its steps gained no more.
     gradients : int
-        Of the best design, of others within 2 % of the bounds, one of each mesh, and on the finer mesh: the slope is
-        that of their mean.
+        Number of gradients: of the best design, of others within 2 % of the bounds, one of each mesh, and on the finer
+        mesh: the slope is that of their mean.
     load_steps : int
         Load steps computed for all designs, without the finer mesh.
     seconds : float
         Time of their jobs.
     design_seconds : list[float]
-        The same of each design of the history; 0 for those refused before any job.
+        Seconds of each design of the history; 0 for those refused before any job.
     warnings, notes : list[str]
     """
 
@@ -110,7 +110,7 @@ def make_optimum(
     optimiser : Optimiser
         The optimisation.
     best : Design
-        Its best design.
+        Best design of the run.
     verification : MeshVerification
         Both designs on a finer mesh, where a descent follows if the slope shows no local optimum.
     trade_offs : DataFrame or None

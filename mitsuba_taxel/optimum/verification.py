@@ -91,7 +91,7 @@ def verified_on_finer_mesh(optimiser: Optimiser, best: Design, pool: Pool, folde
     optimiser : Optimiser
         The optimisation.
     best : Design
-        Its best design.
+        Best design of the run.
     pool : Pool
         Executes the jobs.
     folder : Path

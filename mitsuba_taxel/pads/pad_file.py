@@ -151,7 +151,7 @@ class PadFile(Displayed):
         Returns
         -------
         bytes
-            As it was when this object was made.
+            Content at the time when this object was made.
 
         Raises
         ------

@@ -27,7 +27,7 @@ def nearest_cell(pad: Pad, points: np.ndarray) -> np.ndarray:
     Returns
     -------
     (N,) ndarray of int
-        From 0, row by row.
+        Indices from 0, row by row.
     """
     last_index = np.array([pad.columns - 1, pad.rows - 1])
     column, row = np.clip(np.round(points / pad.pitch * [1, -1] + last_index / 2), 0, last_index).astype(int).T

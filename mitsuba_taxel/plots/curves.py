@@ -51,7 +51,7 @@ class Curve(NamedTuple):
     error : (points, taxels) ndarray
         Total errors in W.
     smooth, slope : (points, taxels) ndarray or None
-        Readings without random numbers, and their derivatives by the curve parameter, if available.
+        Readings without random numbers, and their derivatives with respect to the curve parameter, if available.
     joined : bool
         Whether points are joined by a line; not between different positions of a contact.
     """

@@ -97,12 +97,12 @@ def axes_of(inches: tuple[float, float], rows: int, columns: int, **options: Any
     rows, columns : int
         Rows and columns of axes.
     **options : Any
-        Of matplotlib's ``subplots``.
+        Options of matplotlib's ``subplots``.
 
     Returns
     -------
     (rows, columns) ndarray of Axes
-        Of matplotlib.
+        Axes of matplotlib.
     """
     from matplotlib.figure import Figure
 
@@ -121,7 +121,7 @@ def panel_axes(
     size : tuple[float, float]
         Width and height of a panel in inches.
     sharex : bool or str
-        As of matplotlib's ``subplots``.
+        Option of matplotlib's ``subplots``.
     narrow : bool
         Whether the figure is for a phone: all panels are in one column, with the legend below.
 
@@ -196,7 +196,7 @@ def label_with_prefix(axes: Iterable[Axes], words: str, unit: str) -> None:
     words : str
         What is shown.
     unit : str
-        Without prefix.
+        Unit without prefix.
     """
     shown = list(axes)
     largest = max(abs(end) for ax in shown for end in ax.get_ylim())
@@ -227,7 +227,7 @@ def style(number: int) -> dict[str, Any]:
     Parameters
     ----------
     number : int
-        Of the curve.
+        Number of the curve.
 
     Returns
     -------

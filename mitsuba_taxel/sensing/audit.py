@@ -119,7 +119,7 @@ def energy_audit(
     Returns
     -------
     EnergyAudit
-        Where the light ends, as fractions of the emitted power, with their standard errors.
+        Fractions of the emitted power by the place where it ends, with their standard errors.
 
     Raises
     ------

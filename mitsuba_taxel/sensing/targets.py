@@ -215,7 +215,7 @@ def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
     Parameters
     ----------
     clock : Clock or None
-        With a limit, the first traces must do.
+        Remaining time; with a limit, only the first traces are made.
     points : int
         Points of the readings.
 
@@ -358,9 +358,9 @@ def finer_mesh(
     Parameters
     ----------
     scene : Scene
-        As described.
+        Scene as described.
     ready : Prepared
-        The same, loaded.
+        The loaded scene.
     meshes : list[tuple[float, float]]
         Mesh sizes in mm and the relative errors on them, the present mesh last.
     target : float

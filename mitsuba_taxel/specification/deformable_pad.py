@@ -375,7 +375,7 @@ class DeformablePad(Specification, Kinded):
         pad : Pad
             The undeformed pad.
         material : Material or Viscoelastic
-            Its material.
+            Material of the pad.
         load : Load
             The load.
         value : sequence of float

@@ -56,7 +56,7 @@ class Calibration(NamedTuple):
     covered : float
         The fraction contained on left-out paths, with the width from the others.
     unit : str
-        Of the readings, W or V.
+        Unit of the readings, W or V.
     noise : float
         Relative standard deviation added to the light; NaN of a measurement, which has its own.
     tested : str

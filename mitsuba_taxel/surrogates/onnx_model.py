@@ -62,7 +62,7 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
     model : Polynomial
         What the file holds.
     notes : list[str]
-        Its errors, and what it leaves out.
+        Errors of the model, and what they leave out.
 
     Raises
     ------

@@ -282,7 +282,7 @@ def _readings(plan: TolerancePlan, study: xr.Dataset, name: str) -> np.ndarray:
 
 
 def _rates(plan: TolerancePlan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
-    """Derivatives of readings by the laws, (forces, taxels, laws) in W per unit of the law.
+    """Derivatives of readings with respect to the laws, (forces, taxels, laws) in W per unit of the law.
 
     They are NaN for a law on which a parameter without derivative depends.
     """
@@ -317,11 +317,11 @@ def _of_figure(
     name : str
         The figure.
     at_mean : (T,) ndarray
-        Its values for the mean sensor.
+        Values of the figure for the mean sensor.
     exact : (N, T) ndarray
-        Its values for the exact samples.
+        Values of the figure for the exact samples.
     slopes : (T, laws) ndarray
-        Its derivatives by the laws.
+        Derivatives of the figure with respect to the laws.
     z, z_linear : (N, laws) and (M, laws) ndarray
         Standardised values of the exact samples, and of those with a linear answer only.
     """

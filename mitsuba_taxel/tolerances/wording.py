@@ -19,7 +19,7 @@ def spread_rows(spread: pandas.DataFrame) -> list[tuple[str, ...]]:
     Parameters
     ----------
     spread : pandas.DataFrame
-        As in ``spread.csv``.
+        Columns as in ``spread.csv``.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def spread_answer(spread: pandas.DataFrame) -> str:
     Parameters
     ----------
     spread : pandas.DataFrame
-        As in ``spread.csv``.
+        Columns as in ``spread.csv``.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def index_rows(parameters: pandas.DataFrame) -> tuple[tuple[str, ...], list[tupl
     Parameters
     ----------
     parameters : pandas.DataFrame
-        As in ``parameters.csv``.
+        Columns as in ``parameters.csv``.
 
     Returns
     -------

@@ -1,2 +1,2 @@
-"""Deterministic light transport between diffuse walls: readings, and their derivatives by the positions of the
-walls."""
+"""Deterministic light transport between diffuse walls: readings, and their derivatives with respect to the positions of
+the walls."""

@@ -99,9 +99,9 @@ class Passage:
         Returns
         -------
         by_end : Array3f64
-            Derivatives by the end of the segment.
+            Derivatives with respect to the end of the segment.
         by_both : Array3f64
-            Derivatives by a common translation of both ends.
+            Derivatives with respect to a common translation of both ends.
         """
         along = (self._leave - self._enter) / self._length
         by_end = [

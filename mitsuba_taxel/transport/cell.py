@@ -82,7 +82,7 @@ class Mesh:
     targets : PatchPoints
         The points at which W is solved for.
     pairs : Pairs
-        Of each target with the points of the integral over all patches.
+        Pairs of each target with the points of the integral over all patches.
     first_pairs : (T + 1,) ndarray
         Number of the first pair of each target; the last entry is the number of pairs.
     interpolation : (P, T) csr_matrix
@@ -335,7 +335,7 @@ class Cell:
         return slopes
 
     def gradient(self, wider: float = 1.0) -> np.ndarray:
-        """Derivatives of the reading by the positions of the patches; later calls return the same array.
+        """Derivatives of the reading with respect to the positions of the patches; later calls return the same array.
 
         Parameters
         ----------

@@ -126,7 +126,7 @@ class Direct:
         return radiance(self._phototransistor, (power * received).sum(axis=1), scattered, area, by_rule, by_outline)
 
     def gradient(self, wider: float) -> np.ndarray:
-        """(F, 15, 3) derivatives, by the positions of the patches, through the finer direct response alone.
+        """(F, 15, 3) derivatives with respect to the positions of the patches, through the finer direct response alone.
 
         ``wider`` is that of :meth:`Reception.gradient`.
         """
@@ -143,7 +143,7 @@ class _Subpatches:
     face : (M,) ndarray
         Number of the patch of each subpatch, in ascending order.
     side : (M,) ndarray
-        Its size relative to the patch, negative if it is rotated by half a turn.
+        Size of the subpatch relative to the patch, negative if it is rotated by half a turn.
     of_inside, of_edge : (N,) ndarray
         Number of the subpatch of each lit point.
     """

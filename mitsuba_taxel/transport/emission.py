@@ -66,7 +66,7 @@ class Emission:
     Attributes
     ----------
     led : End
-        Its points and law.
+        Points and law of the LED.
     positions : (F, 15, 3) ndarray
         Positions of the patches, in mm.
     degree : int
@@ -154,14 +154,14 @@ class Emission:
         return (on_patch - within) * self.led.weights.sum() / self.led.weights[sources].sum()
 
     def gradient(self, inside: np.ndarray, edge: np.ndarray) -> np.ndarray:
-        """Derivatives, by the positions of the patches, of the integral of the power times a function.
+        """Derivatives with respect to the positions of the patches, of the integral of the power times a function.
 
         Parameters
         ----------
         inside : (N,) ndarray
             Values of the function at the points inside the cone.
         edge : (M,) ndarray
-            Its values at the points of the edge.
+            Values of the function at the points of the edge.
 
         Returns
         -------
@@ -222,18 +222,18 @@ class _Rays:
 
     @property
     def of_cosine(self) -> np.ndarray:
-        """(N, 3) derivative of the cosine by the lit point."""
+        """(N, 3) derivative of the cosine with respect to the lit point."""
         return (self._led.normal - self.cosine[:, None] * self.direction) / self.distance[:, None]
 
     @property
     def by_area(self) -> np.ndarray:
-        """(N, 3) derivative of the value by the area normal of the lit point."""
+        """(N, 3) derivative of the value with respect to the area normal of the lit point."""
         lit = self.facing > 0
         return -(self.weight * self.intensity / self.squared * lit)[:, None] * self.direction
 
     @property
     def by_position(self) -> np.ndarray:
-        """(N, 3) derivative of the value by the lit point."""
+        """(N, 3) derivative of the value with respect to the lit point."""
         per_square = (self.weight / self.squared)[:, None]
         lit = (self.facing > 0)[:, None]
         fall = (
@@ -254,7 +254,7 @@ def emission(
     Parameters
     ----------
     led : End
-        Its points and law.
+        Points and law of the LED.
     positions, rest : (F, 15, 3) ndarray
         Deformed and undeformed positions of the patches, in mm.
     degree : int

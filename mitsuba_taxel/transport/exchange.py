@@ -56,13 +56,14 @@ class LightRates:
     Attributes
     ----------
     by_end : list of (N,) ndarray
-        Derivatives by the position of the end, per mm. That by the position of the start has the opposite sign.
+        Derivatives with respect to the position of the end, per mm. That by the position of the start has the opposite
+        sign.
     by_area : list of (N,) ndarray
-        Derivatives by the area normal of the end.
+        Derivatives with respect to the area normal of the end.
     by_normal : list of (N,) ndarray
-        Derivatives by the unit normal of the start.
+        Derivatives with respect to the unit normal of the start.
     by_both : list of (N,) ndarray or None
-        Derivatives by a common translation of both ends relative to a box, per mm; None without a box.
+        Derivatives with respect to a common translation of both ends relative to a box, per mm; None without a box.
     """
 
     by_end: list[np.ndarray]
@@ -151,14 +152,14 @@ class Exchange:
         Parameters
         ----------
         weight : (N,) ndarray
-            Of each pair.
+            Weight of each pair.
         wider : float
             Factor of the width :data:`HORIZON` over which the step at the horizon is smoothed.
         above : (N,) ndarray or None
-            As for :meth:`values`.
+            See :meth:`values`.
         by_leaving : (N,) ndarray or None
-            With ``above``, derivatives of the weighted values by the heights of the ends above the horizons, per mm,
-            as ``above`` depends on them.
+            With ``above``, derivatives of the weighted values with respect to the heights of the ends above the
+            horizons, per mm, as ``above`` depends on them.
 
         Returns
         -------

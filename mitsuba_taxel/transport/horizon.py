@@ -82,7 +82,7 @@ def fraction_above(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     fraction : (M,) ndarray
         Fraction from 0 to 1.
     by_corner : (M, 3) ndarray
-        Its derivatives by the values.
+        Derivatives of the fraction with respect to the values.
     """
     # The zero line cuts off one corner, the tip, which is above it (``tip_above``) or below it.
     order = np.argsort(heights, axis=1)

@@ -27,7 +27,7 @@ class PatchCuts:
     parent : (C,) ndarray
         Number of the patch, in ascending order.
     corners : (C, 3, 2) ndarray
-        As (s, t) on it.
+        Corners as (s, t) on the patch.
     """
 
     parent: np.ndarray
@@ -68,7 +68,7 @@ def cut_at_plane(positions: np.ndarray, point: np.ndarray, normal: np.ndarray) -
     positions : (F, 15, 3) ndarray
         In mm.
     point, normal : (3,) ndarray
-        Of the plane.
+        A point and the normal of the plane.
 
     Returns
     -------

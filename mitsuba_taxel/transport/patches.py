@@ -88,14 +88,14 @@ class PatchPoints:
         return at, cross(by_s, by_t)
 
     def gradient(self, positions: np.ndarray, by_position: np.ndarray, by_area: np.ndarray) -> np.ndarray:
-        """Derivatives of a function of the points by the positions of the patches.
+        """Derivatives of a function of the points with respect to the positions of the patches.
 
         Parameters
         ----------
         positions : (F, 15, 3) ndarray
             Positions of the patches, in mm.
         by_position, by_area : (P, 3) ndarray
-            Derivatives of the function by position and area normal of each point.
+            Derivatives of the function with respect to position and area normal of each point.
 
         Returns
         -------

@@ -27,7 +27,7 @@ class Pieces:
     face : (M,) ndarray
         Number of the patch.
     corners : (M, 3, 2) ndarray
-        As (s, t).
+        Corners as (s, t).
     """
 
     face: np.ndarray

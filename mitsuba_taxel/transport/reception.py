@@ -57,7 +57,7 @@ class Reception:
         Returns
         -------
         by_start, by_normal : (T, 3) ndarray
-            Derivatives and derivatives by the positions of the points, per mm, and by their unit normals.
+            Derivatives with respect to the positions of the points, per mm, and to their unit normals.
         """
         ends = np.cumsum([len(block.at) for block in self._blocks])
         gradients = [
@@ -176,7 +176,7 @@ def radiance(
     area : (F,) ndarray
         Area of the patches, in mm².
     by_rule, by_outline : (F,) ndarray
-        From :func:`acceptance`, in mm² sr.
+        Results of :func:`acceptance`, in mm² sr.
 
     Returns
     -------

@@ -73,7 +73,8 @@ def monomials(points: np.ndarray, degree: int) -> np.ndarray:
 
 @kept(128)
 def differentiated(degree: int) -> np.ndarray:
-    """(3, C, C) matrices from the coefficients of a polynomial to these, and to those of its derivatives by s and t."""
+    """(3, C, C) matrices from the coefficients of a polynomial to these, and to those of its derivatives with respect
+    to s and t."""
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
     result = np.stack([np.eye(len(numbers)), *np.zeros((2, len(numbers), len(numbers)))])
     for (i, j), number in numbers.items():

@@ -72,7 +72,7 @@ class TaxelTracer(mi.CppADIntegrator):
         Parameters
         ----------
         scene, pair, index, led_index, sampler, pixels
-            As of :meth:`sample_paths`.
+            See :meth:`sample_paths`.
         emission : GuidedEmission or None
             Distribution of the directions of emission; None for the law of the LED.
         guide : Guide or None

@@ -89,7 +89,7 @@ def write_text(file: Path, text: str) -> None:
     file : Path
         The file to be written, in an existing folder.
     text : str
-        Its content.
+        Content of the file.
 
     Raises
     ------

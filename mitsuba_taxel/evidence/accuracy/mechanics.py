@@ -134,7 +134,7 @@ def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting
     scene : Scene
         The scene.
     pads : sequence of PadRequest
-        Its loaded pads.
+        Loaded pads of the scene.
     seconds : float
         Largest CPU time of a solution.
     starting : Callable[[str], None]
@@ -214,7 +214,7 @@ def tolerance_runs(
     scene : Scene
         The scene.
     pads : sequence of PadRequest
-        Its loaded pads.
+        Loaded pads of the scene.
     size : float
         Mesh size in mm.
     starting : Callable[[str], None]
@@ -296,7 +296,7 @@ def solve(
     scene : Scene
         The scene.
     pads : sequence of PadRequest
-        Its loaded pads.
+        Loaded pads of the scene.
     size : float
         Mesh size in mm.
     step_tolerance : float

@@ -29,11 +29,11 @@ class Ramp(NamedTuple):
     Attributes
     ----------
     viscoelastic : float
-        Of a viscoelastic pad.
+        CPU seconds of a viscoelastic pad.
     elastic : float
-        Of an elastic pad, whose rows are interpolated between a few solved states.
+        CPU seconds of an elastic pad, whose rows are interpolated between a few solved states.
     each : float
-        Of an elastic pad that is solved at every row.
+        CPU seconds of an elastic pad that is solved at every row.
     """
 
     viscoelastic: float

@@ -137,7 +137,7 @@ def _light(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, startin
 
 
 def _slope(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, starting: Starting) -> list[ErrorCurve]:
-    """Curves of derivatives by the force along z.
+    """Curves of derivatives with respect to the force along z.
 
     All use the same mechanics, so that errors are those of the light. Curves show magnitudes, as derivatives may be
     negative.

@@ -96,7 +96,8 @@ def without_random_numbers(cell: str) -> tuple[float, float]:
 
 
 def with_slope(cell: str) -> tuple[float, float]:
-    """Wall time in seconds of a reading at -10 N with a cached solution, without and with derivatives by the force."""
+    """Wall time in seconds of a reading at -10 N with a cached solution, without and with derivatives with respect to
+    the force."""
     scene = Scene.from_file("pad.xml", cell=cell, fz=-10)
     measure(scene)  # solves
     return _seconds(partial(_solved, scene)), _seconds(partial(_solved, scene, derivatives=["fz"]))

@@ -98,7 +98,7 @@ def coverage(
     Parameters
     ----------
     only, csv_file, markdown, starting
-        As for `ResumedTable.rows`.
+        See `ResumedTable.rows`.
 
     Returns
     -------

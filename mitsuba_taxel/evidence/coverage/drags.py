@@ -75,7 +75,7 @@ class DragRow:
     force_off, force_stated : float
         Relative deviation of the force on the dragged body, and stated error of both.
     roof_off, roof_stated : float
-        The same for the mean displacement of the roof.
+        Deviation and stated error of the mean displacement of the roof.
     seconds : float
         CPU time.
     """
@@ -220,7 +220,7 @@ def drags(
     Parameters
     ----------
     only, csv_file, markdown, starting
-        As for `ResumedTable.rows`.
+        See `ResumedTable.rows`.
 
     Returns
     -------

@@ -133,7 +133,7 @@ def path_of_error(study: xr.Dataset, limit: xr.DataArray) -> dict[str, float]:
     study : xr.Dataset
         Study of a sweep without random numbers.
     limit : xr.DataArray
-        Its readings (..., replicate, taxel) in the limit of small elements.
+        Readings (..., replicate, taxel) in the limit of small elements.
 
     Returns
     -------

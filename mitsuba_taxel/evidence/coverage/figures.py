@@ -107,7 +107,7 @@ def figures(
     Parameters
     ----------
     only, csv_file, markdown, starting
-        As for `ResumedTable.rows`.
+        See `ResumedTable.rows`.
 
     Returns
     -------

@@ -131,7 +131,7 @@ def _reading(scene: Scene) -> float:
 
 
 def _derivatives(scene: Scene, parameter: str) -> list[float]:
-    """Derivatives of the reading of a scene by a parameter, one for each width."""
+    """Derivatives of the reading of a scene with respect to a parameter, one for each width."""
     live, change = scene.load(), [rates(scene, parameter)]
     results = (derivatives_by(change, live, with_errors=False, wider=factor) for factor in WIDER)
     return [float(result.values[0, 0]) for result in results]

@@ -70,7 +70,7 @@ def light(
     Parameters
     ----------
     only, csv_file, markdown, starting
-        As for `ResumedTable.rows`.
+        See `ResumedTable.rows`.
 
     Returns
     -------

@@ -45,7 +45,7 @@ class LightCase:
     Attributes
     ----------
     source : dict
-        Of the scene; files of its tables are named ``led`` and ``sensor``.
+        Source of the scene as a dictionary; files of its tables are named ``led`` and ``sensor``.
     tables : dict[str, list[tuple[float, float]]]
         Their rows: angle in degrees, and value.
     with_slopes : bool

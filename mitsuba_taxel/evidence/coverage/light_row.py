@@ -24,7 +24,7 @@ class LightRow:
     noise : float
         Relative stated error of the random paths.
     slope_off, slope_stated, slope_noise : float
-        The same for the worst derivative, relative to the reading, per mm.
+        Deviation, stated error and noise of the worst derivative, relative to the reading, per mm.
     seconds, tight_seconds : float
         CPU time at the default settings, and to 0.1 %.
     megabytes : float

@@ -213,7 +213,7 @@ def direct_response(points, normals, law, spacing):
     Returns
     -------
     (N,) ndarray
-        For light that is all scattered.
+        Fractions for a roof of reflectance 1.
     """
     x, wx = gauss(0.5 * spacing - 0.5 * WIDTH, 0.5 * spacing + 0.5 * WIDTH, 6)
     y, wy = gauss(-0.5 * DEPTH, 0.5 * DEPTH, 6)

@@ -38,7 +38,7 @@ class HysteresisLoop(NamedTuple):
         Loop of the force at equal travel.
     energy : float
     change_at_force, change_at_travel : float
-        Of the change of the reading at equal force, and at equal travel.
+        Widths of the loop of the reading at equal force, and at equal travel.
     """
 
     force: float
@@ -72,7 +72,7 @@ class PronyFit(NamedTuple):
     terms : tuple[tuple[float, float], ...]
         Shares and relaxation times in s.
     paths : int
-        Of finite elements, for the fit.
+        Number of paths of finite elements for the fit.
     tail : (8,) ndarray
         Change after release, relative to that during the hold, at the times of the record.
     hold : (4,) ndarray
@@ -80,7 +80,7 @@ class PronyFit(NamedTuple):
     held_change : float
         Largest difference of the change from that at the end of the hold, relative to it, from 0.5 s on.
     loop, rubbed : HysteresisLoop
-        Of the slow cycle, and with friction in place of the series.
+        Loops of the slow cycle: by the series, and by friction instead of the series.
     stiffer : float
         Largest force of the cycle with friction, relative to that of the slow one.
     errors : MemoryErrors

@@ -70,9 +70,9 @@ class PadComparison(NamedTuple):
     ----------
     found : FittedPad
     taxels : dict[int, TaxelComparison]
-        By the taxel that is pressed.
+        Comparisons by the pressed taxel.
     offset : (2,) ndarray
-        Of the indenter from the middle, from the asymmetry of the map, in mm.
+        Offset of the indenter from the middle, from the asymmetry of the map, in mm.
     centred, moved : (5, 5) ndarray
         Changes of all taxels while the middle one is held, in percent of its own, without and with the offset.
     held : float
@@ -80,9 +80,9 @@ class PadComparison(NamedTuple):
     errors : xr.Dataset
         Force and changes during the hold, with their errors.
     finer : xr.Dataset
-        The same on smaller elements.
+        Force and changes during the hold on smaller elements.
     widest : NeighbourChange
-        Of the pads tried, that whose map is nearest to the measured one at the four nearest taxels.
+        The pad, among those tried, whose map is nearest to the measured map at the four nearest taxels.
     """
 
     found: FittedPad

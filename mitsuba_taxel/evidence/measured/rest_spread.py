@@ -58,7 +58,7 @@ class Spread(NamedTuple):
     all, without_gain : float
         Standard deviation of the reading, in percent of its mean, of all and of all but the gain.
     all_error, without_gain_error : float
-        Of these, as of finitely many samples.
+        Errors of these, as the number of samples is finite.
     gain : float
         Standard deviation of the gain alone, in percent.
     """

@@ -21,7 +21,7 @@ class TaxelBand(NamedTuple):
     Attributes
     ----------
     own : dict[int, float]
-        By the taxel that is pressed, of :func:`own_sensitivity`.
+        Results of :func:`own_sensitivity`, by the pressed taxel.
     spread : float
         Standard deviation of the logarithms of these.
     moved : (5, 5) ndarray

@@ -53,7 +53,8 @@ def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
 
 
 def slope_share(study: xr.Dataset) -> float:
-    """Largest error of a derivative by a force, relative to that of the steepest taxel at the same force."""
+    """Largest error of a derivative with respect to a force, relative to that of the steepest taxel at the same
+    force."""
     return float((study.derivative_error.max("taxel") / np.abs(study.derivative).max("taxel")).max())
 
 

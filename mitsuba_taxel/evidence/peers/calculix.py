@@ -98,7 +98,7 @@ def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
     Returns
     -------
     CalculixRun
-        Its results.
+        Results of the run.
 
     Raises
     ------

@@ -138,7 +138,8 @@ class DisplacementForm:
         return self._assembled(forces.reshape(-1, 30), _stiffness(weighted, moduli, self._gradients))
 
     def _response(self, gradient: np.ndarray, determinant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """First Piola-Kirchhoff stress (..., 3, 3) and its derivative (..., 3, 3, 3, 3) by the gradient, in MPa."""
+        """First Piola-Kirchhoff stress (..., 3, 3) and its derivative (..., 3, 3, 3, 3) with respect to the gradient,
+        in MPa."""
         g = np.swapaxes(np.linalg.inv(gradient), -1, -2)
         scale = (self._bulk_modulus * (determinant - 1) * determinant)[..., None, None]
         slope = (self._bulk_modulus * (2 * determinant - 1) * determinant)[..., None, None, None, None]

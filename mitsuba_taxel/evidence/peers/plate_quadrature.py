@@ -21,7 +21,7 @@ def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int =
     spacing : float
         Distance of the LED's centre from the phototransistor's, along x, mm.
     side : float
-        Of the plate, mm.
+        Side of the plate, mm.
     panels : int
         Panels along each side.
     exponent : float
@@ -67,7 +67,7 @@ def response_factor(x, y, width: float, depth: float, z: float, exponent: float)
     Parameters
     ----------
     x, y, width, depth, z
-        As there.
+        See :func:`configuration_factor`.
     exponent : float
         Exponent of the cosine in the response.
     """

@@ -111,7 +111,7 @@ def press(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) 
     ball : Indenter
         The ball.
     depth : float
-        Its displacement in mm.
+        Downward displacement of the ball in mm.
     """
     return calculix.run(deck(mesh, material, ball, depth), len(mesh.points))
 

@@ -65,7 +65,7 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
     triangles : (T, 3) ndarray
         Counter-clockwise seen from outside if the surface is closed.
     normal : (3,) ndarray
-        Of length 1.
+        Normal of length 1.
     offset : float
         Offset of the plane from the origin, mm.
 

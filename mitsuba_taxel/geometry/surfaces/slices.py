@@ -19,7 +19,7 @@ class Slices:
     low, high, fraction : (V,) ndarray
         The two vertices of the mesh between which a vertex lies, and its relative distance from the first.
     height : (V,) ndarray
-        Of each vertex, in units of the planes' spacing; a whole number on a plane.
+        Height of each vertex, in units of the planes' spacing; a whole number on a plane.
     triangles : (T, 3) ndarray
         Vertex numbers; the vertices of the mesh keep theirs.
     parents : (T,) ndarray
@@ -46,7 +46,7 @@ def sliced(height: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) -> Sli
     Parameters
     ----------
     height : (V,) ndarray
-        Of each vertex, in units of the distance between planes.
+        Height of each vertex, in units of the distance between planes.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
     chosen : (T,) ndarray of bool

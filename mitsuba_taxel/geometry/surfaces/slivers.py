@@ -31,7 +31,7 @@ def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarr
     triangles : (S, 3) ndarray of int
         Vertices of each triangle.
     number : (S,) ndarray of int
-        Of the triangle that each was.
+        Original number of each triangle.
     """
     origin = np.arange(len(triangles))
     for _ in range(MOST_ROUNDS):

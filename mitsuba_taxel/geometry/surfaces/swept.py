@@ -37,7 +37,7 @@ def prism(section: np.ndarray, half_length: float) -> tuple[np.ndarray, np.ndarr
     section : (n, 2) ndarray
         Corners along y and z in mm, counter-clockwise; all of them are visible from their mean.
     half_length : float
-        Along x, mm.
+        Half the length along x, mm.
 
     Returns
     -------

@@ -141,7 +141,7 @@ def closest_on_triangles(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     Returns
     -------
     (N, 3) ndarray
-        On the triangles, mm.
+        Nearest points on the triangles, mm.
     """
     a, b, c = (corners[:, k] for k in range(3))
     normal = unit(np.cross(b - a, c - a))
@@ -166,12 +166,12 @@ def closest_on_segments(points: np.ndarray, start: np.ndarray, end: np.ndarray) 
     points : (N, 3) ndarray
         In mm.
     start, end : (N, 3) ndarray
-        Of the segments, mm.
+        Ends of the segments, mm.
 
     Returns
     -------
     (N, 3) ndarray
-        On the segments, mm.
+        Nearest points on the segments, mm.
     """
     along = end - start
     square = np.einsum("ij,ij->i", along, along)
@@ -205,7 +205,7 @@ def first_of_each(keys: np.ndarray, cost: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     keys : (P,) ndarray of int
-        From 0 on.
+        Keys, which are numbers from 0 on.
     cost : (P,) ndarray
         Cost of each entry.
 

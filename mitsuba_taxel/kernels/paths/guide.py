@@ -65,7 +65,7 @@ class Guide:
     mesh : mi.Mesh
         The mesh.
     members : Members
-        Its triangles, and their order.
+        Triangles of the guide, and their order.
     by_distance : bool
         Whether near points are sampled more often than distant points.
     """

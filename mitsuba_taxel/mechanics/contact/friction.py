@@ -44,7 +44,7 @@ class Friction:
     points : (N, 3) ndarray
         Undeformed nodes of the part, mm.
     mirrors : sequence of Mirror
-        Those that bound the part; nodes on their planes do not move across them.
+        Mirrors that bound the part; nodes on their planes do not move across them.
     """
 
     def __init__(self, body: Indentation, points: np.ndarray, mirrors: Sequence[Mirror]) -> None:
@@ -84,8 +84,8 @@ class Friction:
         return np.stack([first, second], axis=1)
 
     def rows(self, tangents: np.ndarray) -> sparse.csr_array:
-        """(2 m, 3 N) mm², derivatives of the slip by the nodal displacements, along the first tangents, then the
-        second."""
+        """(2 m, 3 N) mm², derivatives of the slip with respect to the nodal displacements, along the first tangents,
+        then the second."""
         x, y, z = (np.concatenate([tangents[:, 0, axis], tangents[:, 1, axis]]) for axis in range(3))
         doubled = [sparse.csr_array(sparse.vstack([rows, rows])) for rows in self._rows]
         return sparse.csr_array(

@@ -48,11 +48,12 @@ class ContactState(NamedTuple):
     gap : (m,) ndarray
         Distance times the linear function of the node, integrated over undeformed faces, mm³.
     rate : (m, 3 N) csr_array
-        Derivative of the gap by the displacement of each node, mm².
+        Derivative of the gap with respect to the displacement of each node, mm².
     area_normal : (m, 3) ndarray
-        Normals integrated in the same way, mm²: the negative derivative of the gap by the displacement of the indenter.
+        Normals integrated in the same way, mm²: the negative derivative of the gap with respect to the displacement of
+        the indenter.
     pressure : (m,) ndarray
-        At each node, MPa.
+        Pressure at each node, MPa.
     friction_forces : (N, 3) ndarray or float
         Nodal forces of friction, N.
     """
@@ -216,7 +217,7 @@ class Indentation:
         return np.where(contact.pressure > 0, pressure_rate, 0.0) @ contact.area_normal + turning_force
 
     def force_gradient(self, contact: ContactState) -> np.ndarray:
-        """(N, 3) derivative of the total force along z by the displacement of each node, N/mm."""
+        """(N, 3) derivative of the total force along z with respect to the displacement of each node, N/mm."""
         pressure_rate = np.where(contact.pressure > 0, contact.area_normal[:, 2] / self.slack, 0.0)
         nodal = -(contact.rate.T @ pressure_rate).reshape(-1, 3)
         np.add.at(nodal, self.faces, np.einsum("bqj,qa->baj", self._turning(contact)[:, :, 2], _VALUES))

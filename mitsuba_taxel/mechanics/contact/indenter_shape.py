@@ -145,7 +145,7 @@ class IndenterShape(Kind, family="indenter"):
         Returns
         -------
         int
-            Its row.
+            Row of the point.
         """
         return int(points[:, 2].argmax())
 

@@ -106,7 +106,7 @@ def tractions(matrix: np.ndarray, offset: np.ndarray, friction: float, guess: np
 def _friction_residual(
     matrix: np.ndarray, offset: np.ndarray, friction: float, forces: np.ndarray, scales: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (3 k,) of Coulomb's law for pressures and tractions, and its derivative (3 k, 3 k) by them.
+    """Residual (3 k,) of Coulomb's law for pressures and tractions, and its derivative (3 k, 3 k) with respect to them.
 
     ``scales`` (2, k) are a gap and a slip per pressure, which turn gaps and slip into forces in the tests for contact
     and for sliding.

@@ -1,10 +1,10 @@
 """The stable states of a buckled pad: the states on the branch that begins at the end of a segment.
 
-At the start of a branch the derivative of the displacement by the load is unbounded, and both are smooth functions of
-the amplitude of the mode in which the pad buckles. So the branch is a segment of states of prescribed amplitude, with
-the load as an additional unknown (E. Riks, Int. J. Solids Struct. 15, 1979). The load must rise with the amplitude, and
-the states must be stable under it: where the load falls, a pad jumps. Where it falls only at first, by as little as
-elements may decide, the branch is followed further.
+At the start of a branch the derivative of the displacement with respect to the load is unbounded, and both are smooth
+functions of the amplitude of the mode in which the pad buckles. So the branch is a segment of states of prescribed
+amplitude, with the load as an additional unknown (E. Riks, Int. J. Solids Struct. 15, 1979). The load must rise with
+the amplitude, and the states must be stable under it: where the load falls, a pad jumps. Where it falls only at first,
+by as little as elements may decide, the branch is followed further.
 
 A pad with ``self_contact`` that presses on something bends little more: from there on the load is prescribed again, and
 the branch is stable under it.
@@ -267,7 +267,7 @@ class BuckledBranch:
         return sum(node.seconds for node in nodes)
 
     def rate(self, s: float) -> np.ndarray:
-        """Derivative of the unknowns by the distance; without limit at the begin of the branch."""
+        """Derivative of the unknowns with respect to the distance; unbounded at the start of the branch."""
         rate = self.curve.rate(self._amplitude(s))
         return rate[:-1] / rate[-1]
 

@@ -45,7 +45,7 @@ def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
 
 
 def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
-    """Derivative of the force by the depth at a node.
+    """Derivative of the force with respect to the depth at a node.
 
     Parameters
     ----------

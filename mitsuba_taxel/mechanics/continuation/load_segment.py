@@ -73,7 +73,7 @@ class LoadSegment:
     judged : bool
         Whether states must be stable against all displacements, not only those with the symmetry of the load.
     tolerance : float
-        Of the interpolation; see :data:`INTERPOLATION_TOLERANCE`.
+        Tolerance of the interpolation; see :data:`INTERPOLATION_TOLERANCE`.
 
     Attributes
     ----------
@@ -293,7 +293,7 @@ class LoadSegment:
         Parameters
         ----------
         index : int
-            Of the node; the first has none before it.
+            Index of the node; the first has none before it.
         find : Callable[[ndarray], Contact | None]
             Finds a contact at a displacement (N, 3) of the pad, like :meth:`ContactTest.find`.
         """

@@ -280,7 +280,7 @@ def pad_path(
     step_tolerance : float
         See :func:`load_path`.
     refinement : Refinement, optional
-        Where elements are smaller.
+        Region under an indenter where elements are smaller.
 
     Returns
     -------

@@ -59,9 +59,9 @@ def hermite(start: Node, end: Node, s: float) -> np.ndarray:
     Parameters
     ----------
     start : Node
-        At the start of the interval.
+        Node at the start of the interval.
     end : Node
-        At its end.
+        Node at the end of the interval.
     s : float
         Distance along the segment, in N, mm or MPa.
 
@@ -88,9 +88,9 @@ def hermite_rate(start: Node, end: Node, s: float) -> np.ndarray:
     Parameters
     ----------
     start : Node
-        At the start of the interval.
+        Node at the start of the interval.
     end : Node
-        At its end.
+        Node at the end of the interval.
     s : float
         Distance along the segment, in N, mm or MPa.
 

@@ -42,7 +42,7 @@ def lock_of(pad: Pad | PadFile) -> Any:
     Returns
     -------
     threading.RLock
-        The same as long as one is in use.
+        The same lock for all callers as long as it is in use.
     """
     with _OF_LOCKS:
         return _LOCKS.setdefault(json.dumps(pad.identity, sort_keys=True), threading.RLock())
@@ -62,7 +62,7 @@ class PathProblem:
     judged : bool
         Whether states must be stable against all displacements, not only those with the symmetry of the load.
     bodies : RigidBodies or None
-        Those that the states touch, where a load goes on.
+        Bodies that the states may touch, if the load has ``self_contact``.
     step_tolerance : float
         Step tolerance of the interpolation between nodes; see
         :data:`~mitsuba_taxel.mechanics.continuation.load_segment.INTERPOLATION_TOLERANCE`.

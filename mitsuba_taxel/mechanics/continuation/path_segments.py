@@ -199,7 +199,7 @@ class PathSegments:
         distance : float
             Distance along the curve.
         pad : LoadedPad
-            Its part of the pad.
+            Part of the pad that the curve is solved on.
         """
         if not segment.mode.size or s <= segment.limit:
             return segment, s, self.pad_for(segment.origin, segment.direction)

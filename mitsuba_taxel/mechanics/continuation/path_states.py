@@ -162,8 +162,8 @@ class PathStates(PathProblem):
         return PathRate(direction, displacement)
 
     def rate_by_depth(self, value: np.ndarray) -> tuple[np.ndarray, float]:
-        """Derivative (N, 3) of the displacement by the depth of the body under a force (3,), and the stiffness in
-        N/mm."""
+        """Derivative (N, 3) of the displacement with respect to the depth of the body under a force (3,), and the
+        stiffness in N/mm."""
         driven = self.driven
         ((segment, s),) = driven.segments.to(self.driven_to(value, None))
         pad = driven.segments.pad_for(segment.origin, segment.direction)
@@ -180,7 +180,7 @@ class PathStates(PathProblem):
         value : (c,) ndarray
             Value of the load.
         mirrors : list[Mirror]
-            Those that mapped the value and the obstacles there.
+            Mirrors that mapped the value and the obstacles there.
         obstacles : Obstacles or None
             What the pad must not touch on the way.
 

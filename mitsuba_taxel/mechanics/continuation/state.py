@@ -82,7 +82,7 @@ class ViscoelasticMemory:
     deviation : (N, 3) ndarray
         mm, estimated error of the displacement due to time steps.
     error : float
-        The same of the stress, relative, root mean square over the pad.
+        Relative error of the stress, root mean square over the pad.
     """
 
     time: float
@@ -110,7 +110,7 @@ class State(Displayed):
     value : (3,) ndarray
         N or mm, or (1,) MPa: of the load.
     displacement : (N, 3) ndarray
-        Of each node, in mm.
+        Displacement of each node, in mm.
     pressure : (corners,) ndarray
         In MPa, positive in tension.
     min_jacobian : float
@@ -138,7 +138,7 @@ class State(Displayed):
     indenter_moved : (3,) ndarray or None
         In mm, how far an indenter is from where it starts; None where there is none.
     bodies : RigidBodies or None
-        Those that hold the pad where it touches them, on a path that goes on there.
+        Bodies that the pad may touch, on a path that continues after contact.
     buckled_at : ndarray or None
         The load's value at which the pad has buckled on the way: of the shapes that symmetry allows, this is one; None
         if it has not.

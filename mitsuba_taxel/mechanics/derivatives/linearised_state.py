@@ -2,8 +2,8 @@
 
 In equilibrium R(u; value, theta) = 0, so that the unknowns change by du = -K^-1 (dR/dvalue dvalue + dR/dtheta dtheta)
 with the tangent K = dR/du: one back-solve with an existing factor. K is symmetric, so that one more back-solve gives
-the derivatives of any scalar L of the displacement by all parameters: with K a = dL/du, dL/dtheta = -a . dR/dtheta (the
-adjoint method; D. A. Tortorelli and P. Michaleris, Inverse Problems in Engineering 1, 1994).
+the derivatives of any scalar L of the displacement with respect to all parameters: with K a = dL/du, dL/dtheta = -a .
+dR/dtheta (the adjoint method; D. A. Tortorelli and P. Michaleris, Inverse Problems in Engineering 1, 1994).
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ class Gradient:
     value : (3,) ndarray
         Per N or mm, or (1,) per MPa: dL by each component of the load's value.
     material : dict[str, float]
-        Derivatives of L by each parameter of the material, by name.
+        Derivatives of L with respect to each parameter of the material, by name.
     shape : dict[str, float]
-        Derivatives of L by each requested change of shape, by name: through the displacement alone.
+        Derivatives of L with respect to each requested change of shape, by name: through the displacement alone.
     """
 
     value: np.ndarray
@@ -66,7 +66,7 @@ class LinearisedState:
     Attributes
     ----------
     displacement : (N, 3) ndarray
-        Of each node, in mm, in equilibrium to the solver's tolerance.
+        Displacement of each node, in mm, in equilibrium to the solver's tolerance.
     pressure : (corners,) ndarray
         MPa.
     """
@@ -85,7 +85,8 @@ class LinearisedState:
         self.displacement, self.pressure = pad.split(unknowns)
 
     def by_value(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
-        """(N, 3) derivative of the displacement by the load's value along ``direction``, by one back-solve.
+        """(N, 3) derivative of the displacement with respect to the load's value along ``direction``, by one
+        back-solve.
 
         Parameters
         ----------
@@ -95,7 +96,7 @@ class LinearisedState:
         Returns
         -------
         (N, 3) ndarray
-            At each node.
+            Derivative at each node.
 
         Raises
         ------
@@ -112,7 +113,7 @@ class LinearisedState:
         return self._response({block: np.zeros(block.model.assembly.unknowns) for block in gaps}, gaps)
 
     def by_material(self, name: str) -> np.ndarray:
-        """(N, 3) derivative of the displacement by a parameter of the material, by one back-solve.
+        """(N, 3) derivative of the displacement with respect to a parameter of the material, by one back-solve.
 
         Parameters
         ----------
@@ -135,7 +136,7 @@ class LinearisedState:
         return self._response(self._push_of_material(name))
 
     def by_shape(self, velocity: np.ndarray) -> np.ndarray:
-        """(N, 3) derivative of the displacement by a movement of the undeformed nodes, by one back-solve.
+        """(N, 3) derivative of the displacement with respect to a movement of the undeformed nodes, by one back-solve.
 
         The load does not change: a spread force keeps its total, a patch its position in space, a plate its
         displacement; a pressure follows the surface. The position of a node changes by ``velocity`` plus this.
@@ -169,7 +170,7 @@ class LinearisedState:
         Returns
         -------
         (N, 3) ndarray
-            At each node.
+            Derivative at each node.
 
         Raises
         ------
@@ -191,12 +192,14 @@ class LinearisedState:
         )
 
     def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
-        """The vector-Jacobian product: derivatives of a scalar L by load, material and shape, all by one back-solve.
+        """The vector-Jacobian product: derivatives of a scalar L with respect to load, material and shape, all by one
+        back-solve.
 
         Parameters
         ----------
         gradient : (N, 3) ndarray
-            Derivative of L by the displacement of each node, per mm; values on nodes of the board are ignored.
+            Derivative of L with respect to the displacement of each node, per mm; values on nodes of the board are
+            ignored.
         shapes : Mapping[str, ndarray], optional
             Velocities (N, 3) as for :meth:`by_shape`, by arbitrary names. If L depends on the positions of nodes, add
             the sum of ``gradient * velocity``: the undeformed nodes move too.
@@ -312,7 +315,7 @@ class LinearisedState:
 
     @cached_property
     def _plate_rates(self) -> list[np.ndarray]:
-        """Derivatives (N, 3) of the displacement by each component of a driven plate's displacement."""
+        """Derivatives (N, 3) of the displacement with respect to each component of a driven plate's displacement."""
         return [self.by_value(unit) for unit in np.eye(self._pad.load.components)]
 
 
@@ -384,12 +387,12 @@ class PressedState(LinearisedState):
 
     @cached_property
     def _by_height(self) -> np.ndarray:
-        """(N, 3) derivative of the displacement by the height of the indenter."""
+        """(N, 3) derivative of the displacement with respect to the height of the indenter."""
         return super().by_value((0.0, 0.0, 1.0))
 
     @cached_property
     def _stiffness(self) -> float:
-        """Derivative of the force by the height of the indenter, N/mm."""
+        """Derivative of the force with respect to the height of the indenter, N/mm."""
         return float(self._body.force_rate(self._contact_state, np.array([0.0, 0.0, 1.0]), self._by_height)[2])
 
 

@@ -1,4 +1,5 @@
-"""Derivatives of a pad's internal forces and volumes by the constants of its material, at constant displacements."""
+"""Derivatives of a pad's internal forces and volumes with respect to the constants of its material, at constant
+displacements."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ SMALL_STEP = 1e-5
 
 
 def material_rate(residual_of: Callable[[Material], np.ndarray], material: Material, name: str) -> np.ndarray:
-    """Derivative of a pad's residual by a parameter of its material.
+    """Derivative of a pad's residual with respect to a parameter of its material.
 
     A central difference of fourth order, or a difference of second order where the law does not allow larger changes.
 

@@ -40,7 +40,7 @@ def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequen
     Returns
     -------
     (S, K, ...) ndarray
-        Of each state, in the units of what is asked for.
+        Derivatives of each state, in the units of the requested derivatives.
 
     Raises
     ------

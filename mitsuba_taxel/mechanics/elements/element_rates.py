@@ -1,4 +1,4 @@
-"""Derivatives of the internal forces of elements by the material and by the undeformed nodes.
+"""Derivatives of the internal forces of elements with respect to the material and to the undeformed nodes.
 
 With G the gradient of the nodes' velocity V, integrals over the undeformed solid change by its divergence tr G, and
 gradients by -(grad ...) G, so that F changes by -(F - 1) G (the material derivative of shape optimisation: J.

@@ -101,7 +101,7 @@ class Elements:
     material : Material
         Elastic law.
     linear : (m, q) ndarray of bool, optional
-        Where the law is that of small strain.
+        Whether the law at each quadrature point is that of small strain.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class Elements:
     weight : (m, q) ndarray
         Volume of each quadrature point in mm³.
     gradients : (m, q, 10, 3) ndarray
-        Of the shape functions of ``nodes``, 1/mm.
+        Gradients of the shape functions of ``nodes``, 1/mm.
     linear : (m, q) ndarray or None
         Whether the law at each quadrature point is that of small strain; None if it is at none.
 

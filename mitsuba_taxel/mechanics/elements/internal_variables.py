@@ -152,7 +152,8 @@ class InternalVariables:
         return self.stress + 0.25 * (stress - self.stress + self._initial_change(growth))
 
     def rate_by_duration(self, material: Viscoelastic, growth: Growth, stress: np.ndarray) -> np.ndarray:
-        """(m, q, 6) MPa/s, derivative of the stress at the end of the next step by the duration of that step.
+        """(m, q, 6) MPa/s, derivative of the stress at the end of the next step with respect to the duration of that
+        step.
 
         The ``stress`` (m, q, 6) of the law at the end stays constant.
         """

@@ -1,4 +1,4 @@
-"""Derivatives of the nodal forces of a load by the undeformed nodes, at constant displacements."""
+"""Derivatives of the nodal forces of a load with respect to the undeformed nodes, at constant displacements."""
 
 from __future__ import annotations
 

@@ -241,7 +241,7 @@ class Model:
         return self.numbering.summed(self._nodal_fractions[:, None] * value)
 
     def load_rate(self, displacement: np.ndarray, direction: np.ndarray, value: np.ndarray | None) -> np.ndarray:
-        """Derivative of the forces of the load by its value along a direction.
+        """Derivative of the forces of the load with respect to its value along a direction.
 
         Parameters
         ----------

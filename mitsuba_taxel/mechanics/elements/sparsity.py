@@ -20,7 +20,7 @@ class Sparsity:
     Parameters
     ----------
     nodes : (m, 10) ndarray
-        Of each element, ascending.
+        Nodes of each element, ascending.
     corners : (m, 4) ndarray
         Corners of each element, which have a pressure.
     count : int
@@ -55,11 +55,11 @@ class Sparsity:
         Parameters
         ----------
         blocks : (m, pairs, 9) ndarray
-            Of displacements, for :data:`PAIRS`.
+            Blocks of displacements, for :data:`PAIRS`.
         mixed : (m, 4, 30) ndarray
-            Of pressures and displacements.
+            Blocks of pressures and displacements.
         pressures : (m, 4, 4) ndarray
-            Of pressures.
+            Blocks of pressures.
 
         Returns
         -------

@@ -121,7 +121,7 @@ class SymmetricPart:
         element : (M,) ndarray of int
             Element of the part for each element of the whole.
         corner : (M, 4) ndarray of int
-            Its corner for each corner.
+            Corner of that element for each corner.
         turn : (M, 3, 3) ndarray
             Orthogonal matrices from vectors there to vectors in the element of the whole.
         """

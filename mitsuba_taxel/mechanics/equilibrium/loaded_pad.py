@@ -68,7 +68,7 @@ class LoadedPad(MeshedPad):
         Parameters
         ----------
         start : (unknowns,) ndarray
-            Where the iteration starts.
+            Unknowns from which the iteration starts.
         value : (3,) or (1,) ndarray
             Value of the load on the whole pad, in N, mm or MPa.
 
@@ -100,7 +100,7 @@ class LoadedPad(MeshedPad):
         Parameters
         ----------
         start : (unknowns,) ndarray
-            Where the iteration starts.
+            Unknowns from which the iteration starts.
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
 
@@ -156,7 +156,7 @@ class LoadedPad(MeshedPad):
         Parameters
         ----------
         start : (unknowns,) ndarray
-            Where the iteration starts.
+            Unknowns from which the iteration starts.
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
 
@@ -186,7 +186,7 @@ class LoadedPad(MeshedPad):
         Parameters
         ----------
         start : (unknowns,) ndarray
-            Where the iteration starts.
+            Unknowns from which the iteration starts.
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
 
@@ -215,7 +215,7 @@ class LoadedPad(MeshedPad):
         Parameters
         ----------
         start : (unknowns,) ndarray
-            Where the iteration starts.
+            Unknowns from which the iteration starts.
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
 
@@ -253,7 +253,7 @@ class LoadedPad(MeshedPad):
         Parameters
         ----------
         start : (unknowns,) ndarray
-            Where the iteration starts.
+            Unknowns from which the iteration starts.
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
         near : Linearised or None
@@ -323,7 +323,7 @@ class LoadedPad(MeshedPad):
         Parameters
         ----------
         start : (unknowns,) ndarray
-            Where the iteration starts.
+            Unknowns from which the iteration starts.
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
 

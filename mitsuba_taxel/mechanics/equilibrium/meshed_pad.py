@@ -45,7 +45,7 @@ class MeshedPad:
     solver : str, optional
         Name of a linear solver; None for the best available.
     ticks : int
-        Of :func:`ticks_of`: where there are many, smaller loads than a step are resolved like a step.
+        Result of :func:`ticks_of`: with many ticks, loads below a step are resolved as well as a step.
     """
 
     solves_between: ClassVar[bool] = False
@@ -100,7 +100,7 @@ class MeshedPad:
         Parameters
         ----------
         known : (unknowns,) ndarray
-            Of a solved state.
+            Unknowns of a solved state.
         guess : (unknowns,) ndarray
             Guess where a solve is to start.
 
@@ -179,7 +179,7 @@ class MeshedPad:
         unknowns : (unknowns,) ndarray
             Unknowns of the pad.
         rate : (c,) ndarray
-            Of the load's value, per s.
+            Rate of the load's value, per s.
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
         stress : (m, q, 6) ndarray
@@ -319,7 +319,7 @@ class MeshedPad:
     def rate(
         self, linearised: Linearised, unknowns: np.ndarray, direction: np.ndarray, value: np.ndarray | None = None
     ) -> np.ndarray:
-        """Derivative of the unknowns in equilibrium by the load's value along a direction.
+        """Derivative of the unknowns in equilibrium with respect to the load's value along a direction.
 
         Parameters
         ----------

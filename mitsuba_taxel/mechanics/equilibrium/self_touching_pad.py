@@ -38,7 +38,7 @@ class SelfTouchingPad(LoadedPad):
     Parameters
     ----------
     *parts, **more : Any
-        As of a `LoadedPad`.
+        See `LoadedPad`.
     bodies : RigidBodies, optional
         Bodies that the pad may touch.
     fraction : float
@@ -188,7 +188,7 @@ class SelfTouchingPad(LoadedPad):
         return best
 
     def _slope(self, step: np.ndarray, state: Configuration) -> float:
-        """Derivative of the energy at a state by the length of a step."""
+        """Derivative of the energy at a state with respect to the length of a step."""
         displacements = slice(self.numbering.displacements)
         return float(step[displacements] @ self._free_residual(state)[displacements])
 

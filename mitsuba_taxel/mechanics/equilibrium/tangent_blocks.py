@@ -262,7 +262,7 @@ class SplitTangent:
     Parameters
     ----------
     blocks : Sequence[TangentBlock]
-        Of the symmetric state.
+        Blocks of the tangent of the symmetric state.
     factor : Callable[[TangentBlock], Factorisation]
         Factor of the tangent of each.
     images : Mapping[Mirror, ndarray]
@@ -322,7 +322,7 @@ def least_mode(block: TangentBlock, tangent: Linearised, converged: float) -> tu
     block : TangentBlock
         Displacements of one symmetry type.
     tangent : Linearised
-        Its tangent.
+        Factored tangent of the block.
     converged : float
         Change of the mode at which the iteration ends.
 
@@ -331,7 +331,7 @@ def least_mode(block: TangentBlock, tangent: Linearised, converged: float) -> tu
     stiffness : float
         The eigenvalue in N/mm, for displacements with unit sum of squares.
     mode : (unknowns,) ndarray
-        Its mode.
+        Mode of the eigenvalue.
 
     Raises
     ------

@@ -35,7 +35,7 @@ def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance:
     pad : Pad or PadFile
         The pad.
     material : Material
-        Its silicone.
+        Silicone of the pad.
     load : Load
         Kind of load.
     tolerance : float

@@ -36,12 +36,12 @@ def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
     Parameters
     ----------
     mesh, other : VolumeMesh
-        Of the same pad.
+        Two meshes of the same pad.
 
     Returns
     -------
     float
-        Above 1 if the other one is coarser.
+        Ratio of the sizes, above 1 if the other mesh is coarser.
     """
     solid = (len(mesh.tets) / len(other.tets)) ** (1 / 3)
     walls = (np.count_nonzero(mesh.face_cell) / np.count_nonzero(other.face_cell)) ** (1 / 2)
@@ -84,12 +84,12 @@ def top_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
     mesh : VolumeMesh
         Mesh of a pad.
     other : VolumeMesh
-        Of the same pad.
+        Another mesh of the same pad.
 
     Returns
     -------
     float
-        Above 1 if the other one is coarser.
+        Ratio of the sizes, above 1 if the other mesh is coarser.
     """
     faces = (np.count_nonzero(of_mesh.face_region == REGIONS["top"]) for of_mesh in (mesh, other))
     return math.sqrt(next(faces) / next(faces))
@@ -156,7 +156,7 @@ class RoofComparison:
         displacement : (N, 3) ndarray
             Displacement on the mesh, mm.
         other : (N', 3) ndarray
-            On the other mesh, mm.
+            Displacement on the other mesh, mm.
 
         Returns
         -------
@@ -205,7 +205,7 @@ class RoofComparison:
         displacement : (N, 3) ndarray
             Displacement on the mesh, mm.
         other : (N', 3) ndarray
-            On the other mesh, mm.
+            Displacement on the other mesh, mm.
         of_force : float
             Relative error of the force under a prescribed displacement, which scales the displacement of the whole pad.
 

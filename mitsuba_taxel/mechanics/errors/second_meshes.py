@@ -124,8 +124,7 @@ class SecondMeshes:
         return with_reach(path, result, value, displacement, pressure) if path.load.self_contact else result
 
     def _compared_with(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
-        """The path on elements of another size; None if there is no such mesh, or the actual sizes differ too little.
-        """
+        """The path on elements of another size; None without such a mesh, or if the actual sizes differ too little."""
         path = self._path
         judge = path.judge
         second = judge if judge and judge.mesh_size == mesh_size else path.on_elements(mesh_size)
@@ -163,7 +162,7 @@ class SecondMeshes:
 
 @kept(16)
 def _small_responses(path: PadPath) -> list[np.ndarray]:
-    """(N, 3) each: derivative of the displacement at rest by a normal load, and by a tangential one."""
+    """(N, 3) each: derivative of the displacement at rest with respect to a normal load, and to a tangential one."""
     responses, size = [], path.load.components
     for direction in [np.eye(size)[-1], np.eye(size)[0]][: 1 if size == 1 else 2]:
         zero = np.zeros_like(direction)

@@ -31,7 +31,7 @@ class SecondState(NamedTuple):
     share : float
         Error of a derivative on the elements of the first state, relative to its difference from that on these.
     share_of_sum : float
-        The same, relative to the sum of its errors on both.
+        The same distance, relative to the sum of its errors on both.
     least : float
         Least relative error of a rate of the displacement on the elements of the first state.
     """

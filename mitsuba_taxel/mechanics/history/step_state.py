@@ -75,11 +75,11 @@ class StepState:
     friction_state : FrictionState or None
         Friction.
     load_memory : ndarray or None
-        Of the load, of :class:`CreepResponse`.
+        Memory of the load, as :class:`CreepResponse` computes it.
     error : StepError or None
         None where steps are linear in time.
     mid_step : PartMidStep or None
-        Of the step that led here.
+        Middle of the step that leads to this state.
     next_length : float
         In s, of a next step that may lead beyond rows.
     """

@@ -183,9 +183,9 @@ def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: flo
     Parameters
     ----------
     start : TimeState
-        At the start of the step.
+        State at the start of the step.
     end : TimeState
-        At its end.
+        State at the end of the step.
     cubics : StepCubics
         Cubics between both.
     time : float
@@ -225,7 +225,7 @@ class StepCubics:
     Parameters
     ----------
     measures : Measures
-        Of the step.
+        Measures of the step.
     displacements : int
         Number of displacements among the unknowns; they come first.
     start, end : (n,) ndarray

@@ -54,7 +54,7 @@ class RowSteps:
     material : Viscoelastic
     start : StepState
     load : tuple[ndarray, ndarray]
-        Its value at the start, and its change.
+        Value of the load at the start, and its change.
     duration : float
         In s; 0 for a jump.
     stress_scale : float
@@ -410,7 +410,7 @@ def furthest(pad: LoadedPad, to_load: CreepResponse, rate: np.ndarray) -> float:
     to_load : CreepResponse
         Response to the load.
     rate : (c,) ndarray
-        Of the load, per s.
+        Rate of the load, per s.
 
     Returns
     -------

@@ -52,7 +52,7 @@ class TimedPath(TimedStates):
         Returns
         -------
         TimedPath
-            The same for the same arguments.
+            The same path for the same arguments.
         """
         return cls(path, material)
 

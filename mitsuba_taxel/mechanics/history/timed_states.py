@@ -68,7 +68,7 @@ class TimedStates:
     material : Viscoelastic
         The silicone.
     coarsening : int
-        As in :class:`RowSteps`.
+        See :class:`RowSteps`.
     fraction : float
         Fraction of the reach of contact, as of a :class:`SelfTouchingPad`.
     """

@@ -171,10 +171,10 @@ class Measures:
     Attributes
     ----------
     main : Growth
-        Of displacements.
+        Measure for displacements.
     second : Growth or None
-        Of pressures, and of a small fraction of displacements, because volumes respond to pressures at once; None if
-        pressures have no other measure.
+        Measure for pressures, and of a small fraction of displacements, because volumes respond to pressures at once;
+        None if pressures have no other measure.
     """
 
     main: Growth
@@ -195,7 +195,7 @@ class Measures:
         value : float
             Value of the shape.
         rate : float
-            Its rate in 1/s.
+            Rate of the shape in 1/s.
         """
         if self._middle:
             value, rate = self._residual(time)

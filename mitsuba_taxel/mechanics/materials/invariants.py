@@ -1,4 +1,4 @@
-"""Isochoric strain invariants and their derivatives by the deformation gradient."""
+"""Isochoric strain invariants and their derivatives with respect to the deformation gradient."""
 
 from __future__ import annotations
 

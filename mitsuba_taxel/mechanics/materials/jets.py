@@ -1,4 +1,4 @@
-"""Numbers with their first and second derivatives by two variables (second-order forward differentiation).
+"""Numbers with their first and second derivatives with respect to two variables (second-order forward differentiation).
 
 A derivative that is identically zero is ``None`` and costs nothing: the second derivatives of ``c * x`` are not
 computed, and the first is the number c rather than an array (A. Griewank and A. Walther, Evaluating Derivatives, 2nd

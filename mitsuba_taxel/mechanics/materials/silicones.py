@@ -80,7 +80,7 @@ def silicone(name: str) -> Material:
     Returns
     -------
     Material
-        Its law, in MPa.
+        Law of the silicone, in MPa.
 
     Raises
     ------

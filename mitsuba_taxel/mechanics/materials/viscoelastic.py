@@ -108,12 +108,12 @@ class Viscoelastic(Displayed):
         Parameters
         ----------
         time : float or (...) ndarray
-            After the step, s.
+            Time after the step, s.
 
         Returns
         -------
         (...) ndarray
-            From 1 at once to 1 - sum of g after a long time.
+            Fractions, from 1 at once to 1 - sum of g after a long time.
         """
         return 1 + np.expm1(-np.asarray(time, dtype=float)[..., None] / self.times) @ self.shares
 
@@ -130,8 +130,7 @@ class Viscoelastic(Displayed):
 
 @dataclass(frozen=True)
 class Elastic(Viscoelastic):
-    """An elastic silicone as a viscoelastic one without terms: under friction its states depend on earlier states too.
-    """
+    """An elastic silicone in the form of a viscoelastic one without terms, for friction: states depend on earlier ones."""
 
     prony: Terms = ()
 

@@ -88,7 +88,7 @@ def nodal_fields(
     mesh : VolumeMesh
         Undeformed mesh.
     displacement : (N, 3) ndarray
-        Of each node, in mm.
+        Displacement of each node, in mm.
     pressure : (corners,) ndarray
         MPa at the corners of elements, positive in tension; linear in between.
     material : Material

@@ -36,7 +36,7 @@ def write_vtu(
     mesh : VolumeMesh
         Undeformed mesh.
     displacement : (N, 3) ndarray
-        Of each node, in mm.
+        Displacement of each node, in mm.
     pressure : (corners,) ndarray
         MPa at the corners of elements, positive in tension.
     material : Material

@@ -203,7 +203,7 @@ class RandomRoughness(Checked):
         Returns
         -------
         (P,) ndarray
-            Above the mean surface, mm.
+            Heights above the mean surface, mm.
         """
         rng = np.random.default_rng(self.seed)
         waves = rng.normal(scale=math.sqrt(2) / self.correlation_length, size=(3, RANDOM_WAVES))

@@ -1,4 +1,5 @@
-"""Derivatives of the triangles of a deformed surface by the nodes of its pad, for a constant subdivision."""
+"""Derivatives of the triangles of a deformed surface with respect to the nodes of its pad, for a constant
+subdivision."""
 
 from __future__ import annotations
 
@@ -80,7 +81,7 @@ def surface_rates(
 def surface_gradient(
     state: State, subdivision: int, gradient: np.ndarray, cells: Sequence[int] | None = None
 ) -> np.ndarray:
-    """Derivatives of a scalar by displacements, from those by the vertices of :func:`tessellate`.
+    """Derivatives of a scalar with respect to displacements, from those with respect to vertices of :func:`tessellate`.
 
     The transpose of :func:`surface_rates`, for :meth:`LinearisedState.pull_back`. For a change of shape, add the sum of
     ``gradient`` times the rates without a displacement.
@@ -92,14 +93,14 @@ def surface_gradient(
     subdivision : int
         See :func:`tessellate`.
     gradient : (V, 3) ndarray
-        Derivatives by the vertices, per mm.
+        Derivatives with respect to the vertices, per mm.
     cells : sequence of int, optional
         See :func:`tessellate`.
 
     Returns
     -------
     (N, 3) ndarray
-        Derivatives by the displacement of each node, per mm.
+        Derivatives with respect to the displacement of each node, per mm.
 
     Raises
     ------

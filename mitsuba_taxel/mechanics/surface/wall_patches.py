@@ -1,4 +1,5 @@
-"""Curved walls of cells as patches of fourth degree, and their derivatives by displacement and dimensions."""
+"""Curved walls of cells as patches of fourth degree, and their derivatives with respect to displacement and
+dimensions."""
 
 from __future__ import annotations
 
@@ -70,7 +71,7 @@ class WallPatches:
         return self._location.interpolate(nodal).reshape(self.rest.shape)
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:
-        """Derivative of the deformed points by a dimension of the pad.
+        """Derivative of the deformed points with respect to a dimension of the pad.
 
         Parameters
         ----------

@@ -55,11 +55,11 @@ class LightSizes:
     Attributes
     ----------
     diffuse : float or None
-        For cells whose walls are all diffuse; None if the default size is accurate enough for them.
+        Relative size for cells whose walls are all diffuse; None if the default size is accurate enough for them.
     mirrors : float
         Relative size for cells with a mirror or a glossy wall.
     mirrors_side_by_side : float
-        As ``mirrors``, in pads of several cells.
+        Relative size for such cells in pads of several cells.
     """
 
     diffuse: float | None
@@ -82,7 +82,7 @@ class CellShape(Kind, family="cell"):
     Parameters
     ----------
     pad : Pad
-        Its dimensions.
+        Dimensions of the pad.
 
     Attributes
     ----------
@@ -256,7 +256,7 @@ class CellShape(Kind, family="cell"):
         projected : (N, 3) ndarray
             The nearest positions on the wall, in the frame of the pad, mm.
         gradient : (N, 3, 3) ndarray
-            Derivative of the projected positions by the points.
+            Derivative of the projected positions with respect to the points.
         """
 
     def rounded(self, points: np.ndarray, axis: np.ndarray, on: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -265,7 +265,7 @@ class CellShape(Kind, family="cell"):
         Parameters
         ----------
         points, axis : (N, 3) ndarray
-            As for :meth:`onto_wall`.
+            See :meth:`onto_wall`.
         on : Mapping[str, (N,) ndarray]
             For each of the regions ``roof``, ``side`` and ``bottom``, whether a node lies on it.
 
@@ -307,7 +307,7 @@ class CellShape(Kind, family="cell"):
         Parameters
         ----------
         x, y : float
-            Where its axis meets the board, mm.
+            Position of the axis of the cell on the board, mm.
 
         Returns
         -------
@@ -368,7 +368,7 @@ class CellShape(Kind, family="cell"):
         Returns
         -------
         (M, 2) ndarray
-            Its points (r, z), mm.
+            Points (r, z) of the meridian, mm.
         """
 
     def section(self) -> np.ndarray:

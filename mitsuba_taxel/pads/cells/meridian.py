@@ -58,7 +58,7 @@ class Meridian:
         Returns
         -------
         points, first, second : (N, 2) ndarray
-            (r, z) in mm, and the first and second derivatives by u.
+            (r, z) in mm, and the first and second derivatives with respect to u.
         """
         u = np.maximum(u, TINY) if self.power == 2 else u
         # r^2 and z are polynomials of s: their derivatives by u follow by the chain rule.
@@ -84,7 +84,7 @@ class Meridian:
         u : (N,) ndarray
             Parameter of the nearest point.
         gradient : (N, 2, 2) ndarray
-            Derivative of the nearest point by the point.
+            Derivative of the nearest point with respect to the point.
         """
         samples = np.linspace(0, 1, SAMPLES)
         u = samples[PointTree(self.at(samples)[0]).query(points)[1]]
@@ -237,7 +237,7 @@ def leaning(tangents: np.ndarray, slope: float) -> np.ndarray:
     Returns
     -------
     (N, 2) ndarray
-        Of the leaning cell.
+        Tangents of the leaning cell.
     """
     return tangents + tangents[:, 1:] * [slope, 0.0]
 
@@ -282,7 +282,7 @@ def from_axis(square: bool, points: np.ndarray, beside: np.ndarray | None = None
     distance : (N,) ndarray
         In mm, at least `TINY`.
     gradient : (N, 2) ndarray
-        Derivative of the distance by x and y.
+        Derivative of the distance with respect to x and y.
     """
     x = points[:, :2]
     if not square:
@@ -316,7 +316,7 @@ def onto_meridian(
     projected : (N, 3) ndarray
         The positions at the nearest points of the meridian, mm.
     gradient : (N, 3, 3) ndarray
-        Their derivatives by the points.
+        Their derivatives with respect to the points.
     """
     # Project in the plane of the meridian, and scale x and y by the change of the distance from the axis.
     distance, distance_rate = from_axis(square, points, beside)

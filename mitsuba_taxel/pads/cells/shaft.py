@@ -80,7 +80,7 @@ class Shaft(CellShape):
         Parameters
         ----------
         x, y : float
-            Where its axis meets the board, mm.
+            Position of the axis of the cell on the board, mm.
         below : float
             Lowest z of the solid, mm.
 

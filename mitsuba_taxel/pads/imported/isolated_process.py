@@ -30,7 +30,7 @@ def run_isolated(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarra
     task : str
         Name of the task.
     arrays : Mapping[str, object]
-        Its arguments, as arrays or values that become arrays.
+        Arguments of the task, as arrays or values that become arrays.
 
     Returns
     -------

@@ -31,11 +31,11 @@ def on_round_faces(
     surface_points : (K, 3) ndarray
         Nodes of a mesh on the surface of the body, mm.
     surface_faces, surface_face : (A, 6) and (A,) ndarray
-        Its boundary triangles, and the face of the body that each follows.
+        Boundary triangles of the body, and the face of the body that each follows.
     points : (N, 3) ndarray
         Nodes of the mesh to be corrected, mm.
     faces, face : (B, 6) and (B,) ndarray
-        Its boundary triangles, and their faces.
+        Boundary triangles of the mesh, and their faces.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def onto_round_walls(
     projected : (N, 3) ndarray
         In mm; points of other walls are unchanged.
     gradient : (N, 3, 3) ndarray
-        Derivative of each projected point by the point.
+        Derivative of each projected point with respect to the point.
     """
     projected, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
     for code, number, wall in round_walls(mesh):

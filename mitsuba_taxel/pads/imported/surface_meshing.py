@@ -53,7 +53,7 @@ def mesh_surface(
     content : bytes
         Content of the file.
     suffix : str
-        Its ending in small letters, with the dot.
+        Ending of the file's name in small letters, with the dot.
     rules : tuple[Rule, ...]
         Regions of faces.
     mesh_size : float
@@ -125,7 +125,7 @@ def surface_of(content: bytes, suffix: str, rules: tuple[Rule, ...], placement: 
     content : bytes
         Content of the file.
     suffix : str
-        Its ending in small letters, with the dot.
+        Ending of the file's name in small letters, with the dot.
     rules : tuple[Rule, ...]
         Regions of faces.
     placement : Placement
@@ -157,7 +157,7 @@ def parts_of(
     content : bytes
         Content of the file.
     suffix : str
-        Its ending in small letters, with the dot.
+        Ending of the file's name in small letters, with the dot.
     rules : tuple[Rule, ...]
         Regions of faces.
     placement : Placement
@@ -168,7 +168,7 @@ def parts_of(
     surface : SurfacePart
         The entire surface.
     part : SurfacePart
-        Its symmetric part; the entire surface if it cannot be cut.
+        Symmetric part of the surface; the entire surface if it cannot be cut.
     edges : SingularEdges
         Singular edges of the entire surface.
 

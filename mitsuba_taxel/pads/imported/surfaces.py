@@ -26,7 +26,7 @@ def read_surface(content: bytes, suffix: str, placement: Placement = UNMOVED) ->
     content : bytes
         Content of the file.
     suffix : str
-        Its ending in small letters, with the dot.
+        Ending of the file's name in small letters, with the dot.
     placement : Placement
         Placement by which it is scaled, turned and moved.
 

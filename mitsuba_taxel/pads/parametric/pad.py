@@ -231,7 +231,7 @@ class Pad(Kinded, Displayed):
         Parameters
         ----------
         origin : Pad
-            With the same cells, number of taxels and parameters, except for dimensions.
+            Pad with the same cells, number of taxels and parameters, except for dimensions.
 
         Returns
         -------

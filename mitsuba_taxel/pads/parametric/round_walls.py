@@ -33,7 +33,7 @@ def onto_round_walls(
     projected : (N, 3) ndarray
         In mm; points of flat walls and of other regions are unchanged.
     gradient : (N, 3, 3) ndarray
-        Derivative of each projected point by the point.
+        Derivative of each projected point with respect to the point.
     """
     if pad.top_x or pad.top_y:
         shear = np.eye(3)

@@ -47,7 +47,7 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     Returns
     -------
     (N, 3) ndarray
-        Of the nodes, in mm per mm.
+        Velocities of the nodes, in mm per mm.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def _perturbed(pad: Pad, parameter: str) -> tuple[Pad, float]:
 
 
 def rate_by(pad: Pad, parameter: str, step: float, at: Callable[[Pad, float], np.ndarray]) -> np.ndarray:
-    """Derivative of a function of the pad by one of its dimensions, by differences.
+    """Derivative of a function of the pad with respect to one of its dimensions, by differences.
 
     Parameters
     ----------

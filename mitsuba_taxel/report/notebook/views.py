@@ -76,7 +76,7 @@ def html_of(shown: Displayed) -> str:
     Parameters
     ----------
     shown : Displayed
-        Of this package.
+        Object of this package.
 
     Returns
     -------

@@ -176,7 +176,7 @@ def render_parts(
     Parameters
     ----------
     parts : sequence of ShownPart
-        As :func:`mitsuba_taxel.report.picture.sensor_parts.shown_parts` returns them.
+        Result of :func:`mitsuba_taxel.report.picture.sensor_parts.shown_parts`.
     width : int
         In pixels; the height is 10/16 of it.
     samples : int

@@ -1,4 +1,4 @@
-"""Derivatives of readings by parameters of a scene, with their errors.
+"""Derivatives of readings with respect to parameters of a scene, with their errors.
 
 Scenes, states of pads and the parameters asked for enter; derivatives of readings, of clearances and of critical loads
 leave. Where light needs random paths, they are differences of readings that share their random numbers.

@@ -1,4 +1,4 @@
-"""Derivatives of readings by parameters of a scene: force, material, dimensions, parts.
+"""Derivatives of readings with respect to parameters of a scene: force, material, dimensions, parts.
 
 Light in diffuse cells is computed without random numbers, so that derivatives are as accurate as readings (see
 `transport`). A parameter moves the walls of the cells through the mechanics, and changes LED, phototransistor and the
@@ -79,7 +79,8 @@ def derivatives_by(
     Raises
     ------
     InputError
-        if the scene has no derivative by one of them; `NotDiffuse` if its light needs random paths, as with mirrors.
+        if the scene has no derivative with respect to one of them; `NotDiffuse` if its light needs random paths, as
+        with mirrors.
     ComputationError
         if there is no equilibrium nearby; `NotFollowed` if too much light is occluded, or takes too long.
     """
@@ -187,8 +188,8 @@ class _Second:
 
 
 class _CellDerivatives(NamedTuple):
-    """Results of a cell: reading per W of its LED, derivatives (P,) by each parameter, errors (1 + P,) of both by the
-    light, comparison with a second mesh, and flows of light between patches."""
+    """Results of a cell: reading per W of its LED, derivatives (P,) with respect to each parameter, errors (1 + P,) of
+    both by the light, comparison with a second mesh, and flows of light between patches."""
 
     reading: float
     values: np.ndarray
@@ -297,7 +298,7 @@ class _CellRates:
         return sum(dimensions, start=displaced)
 
     def _by_patch(self, cell: Cell, gradient: np.ndarray) -> np.ndarray:
-        """(P, F + 1) derivatives by the movement of each patch of walls, and by changes of other parts."""
+        """(P, F + 1) derivatives with respect to the movement of each patch of walls, and to changes of other parts."""
         by_walls = [
             (gradient * velocity).sum(axis=(1, 2)) + self._bent(cell, velocity, side).mean(axis=0)
             for velocity, side in zip(self._velocities, self._sides, strict=True)

@@ -36,11 +36,11 @@ class Instability:
         self.value = change.value - self._mode.stiffness / self._by_value
 
     def rate(self, name: str) -> float:
-        """Derivative of ``value`` by another parameter of the scene."""
+        """Derivative of ``value`` with respect to another parameter of the scene."""
         return -self._stiffening(rates(self._scene, name)) / self._by_value
 
     def _stiffening(self, change: Rates) -> float:
-        """Derivative of the mode's stiffness by a parameter, by a central difference."""
+        """Derivative of the mode's stiffness with respect to a parameter, by a central difference."""
         if change.place.any():
             raise InputError(f"the load at which the pad becomes unstable has no derivative by {change.name}.")
         nodal, state = self._linear.nodal(change), self._state

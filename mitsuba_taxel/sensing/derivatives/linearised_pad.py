@@ -37,7 +37,7 @@ class Nodal:
     dimensions : dict[str, float]
         Rates of the dimensions of the pad.
     side : int
-        On which side of a pad at rest derivatives are wanted: 1 with a larger parameter, -1 with a smaller one, 0 for
+        Side of a pad at rest for one-sided derivatives: 1 with a larger parameter, -1 with a smaller one, 0 for
         the mean of both. By default it is the side on which the pad is pressed.
     """
 
@@ -65,7 +65,7 @@ class LinearisedPad:
         Raises
         ------
         InputError
-            if there is no derivative by the parameter.
+            if there is no derivative with respect to the parameter.
         ComputationError
             if there is no equilibrium nearby.
         """
@@ -96,8 +96,7 @@ class LinearisedPad:
         return strain.value, np.array([strain.rate(rate.displacement, rate.velocity) for rate in nodal])
 
     def _by_load(self, load: np.ndarray) -> np.ndarray:
-        """(N, 3) first-order displacement for a change of the load. Along the load path, the state already contains it.
-        """
+        """(N, 3) first-order displacement for a change of the load. Along the load path, the state contains it."""
         ahead = self.state.path_rate()
         if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
             return (load @ ahead.direction) * ahead.displacement

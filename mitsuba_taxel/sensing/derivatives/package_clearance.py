@@ -45,7 +45,7 @@ class PackageClearance:
                 self._weights = _SAMPLES[number % len(_SAMPLES)]
 
     def rate(self, nodal: Nodal, changed: list[tuple[float, list[np.ndarray]]]) -> float:
-        """Derivative of the least distance by a parameter, in mm per its unit.
+        """Derivative of the least distance with respect to a parameter, in mm per its unit.
 
         To first order it does not matter that another point becomes the nearest.
 

@@ -76,7 +76,7 @@ def derivatives_of_paths(
     Raises
     ------
     InputError
-        if the scene has no derivative by one of them.
+        if the scene has no derivative with respect to one of them.
     ComputationError
         if there is no equilibrium nearby.
     """

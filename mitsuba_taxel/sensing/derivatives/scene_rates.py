@@ -48,7 +48,7 @@ class Rates:
     Attributes
     ----------
     name, unit : str
-        Of the parameter.
+        Name and unit of the parameter.
     value : float
         Present value of the parameter.
     load : (components,) ndarray

@@ -20,7 +20,7 @@ class Comparison(NamedTuple):
     Attributes
     ----------
     changes : (1 + P,) ndarray
-        Of reading and derivatives.
+        Changes of reading and derivatives.
     independent : (P,) ndarray
         Roots of the sums of squares of the changes by patches.
     kinks : (P,) ndarray

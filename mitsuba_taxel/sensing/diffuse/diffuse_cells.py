@@ -73,7 +73,7 @@ class CellWalls:
     Attributes
     ----------
     number : int
-        Of the cell in its pad, from 1.
+        Number of the cell in its pad, from 1.
     faces : ndarray
         Numbers of the mesh faces that define the patches: those of the cell or, in a built-in pad, of an equal cell.
     cuts : PatchCuts

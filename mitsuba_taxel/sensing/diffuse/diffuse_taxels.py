@@ -150,7 +150,7 @@ def diffuse_taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int
     pair : TaxelPair
         The array.
     into_pad : IntoPad
-        From world coordinates to the frame of the pad.
+        Transformation from world coordinates to the frame of the pad.
     scale : float
         Scale of the pad in the scene.
     points : int

@@ -17,7 +17,8 @@ class FirstContact:
         Value of the parameter that changes with the load; if there is no contact, the furthest one asked for, or that
         at which the pad becomes unstable or its path ends otherwise.
     rates : (P,) ndarray
-        Its derivatives by other parameters; 0 if it is the furthest one, NaN if the path ends otherwise.
+        Derivatives of ``value`` with respect to other parameters; 0 if it is the furthest one, NaN if the path ends
+        otherwise.
     touched : str
         What the pad touches: ``itself``, ``the board`` or ``a package``; empty if there is no contact.
     ended : str

@@ -41,11 +41,11 @@ class Derivatives:
     strain : float
         Largest principal strain of the silicone, stretch - 1: its mean over the most strained hundredth of the volume.
     strain_rates : (P,) ndarray
-        Its derivatives.
+        Derivatives of the largest strain.
     clearance : float
         Least distance between cells and packages, in mm; NaN without packages.
     clearance_rates : (P,) ndarray
-        Its derivatives.
+        Derivatives of the clearance.
     method : str
         How they were found: ``without random numbers``, or by ``differences of random paths``.
     """

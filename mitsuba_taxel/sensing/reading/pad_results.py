@@ -25,7 +25,7 @@ class PadResult(NamedTuple):
     Attributes
     ----------
     name, unit, meaning : str
-        As in tables.
+        Name, unit and meaning, as in tables.
     of : Callable[[State, bool], Estimate]
         Computes it; without its error if the second argument is False, as a second mesh may be dear.
     """

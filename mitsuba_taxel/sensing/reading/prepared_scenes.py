@@ -77,9 +77,9 @@ class ShapeErrors(NamedTuple):
     Attributes
     ----------
     mechanics : MechanicsEstimate
-        By finite elements.
+        Error by the finite elements.
     geometry : FacetsEstimate
-        By the triangles of curved walls; without random numbers, by the discretisation of the light.
+        Error by the triangles of curved walls; without random numbers, by the discretisation of the light.
     power : (T,) ndarray or None
         Readings in W, if computed without random numbers.
     """

@@ -147,7 +147,7 @@ class Readings(Displayed):
     derivatives : Derivatives or None
         Derivatives with respect to the requested parameters.
     contact : FirstContact or None
-        Where a pad loaded further first touches anything; None if not requested.
+        First contact of the pad under a growing load; None if not requested.
     roof_errors : list[RoofError | None]
         Error of the mechanics of each loaded pad, None if unknown; empty if not requested.
     pads : dict[str, Estimate]
@@ -260,7 +260,7 @@ class Crosstalk:
     seed : int
         Seed of the random numbers.
     dark_error : (T, T) ndarray or None
-        As in `Readings`.
+        See `Readings`.
     deviation : (T, T) ndarray or None
         Change of the power in W by coarser finite elements, as in `Readings`; NaN if unknown; None if no pad is loaded.
     """

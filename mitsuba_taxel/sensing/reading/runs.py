@@ -135,7 +135,7 @@ class Run:
     image : bool
         Whether to accumulate the irradiance map.
     continued : Readings, optional
-        From which the run continues.
+        Readings that the run continues.
     """
 
     def __init__(self, ready: Prepared, seed: int, image: bool = False, continued: Readings | None = None) -> None:

@@ -68,7 +68,7 @@ def stage_line(seconds: Mapping[str, float]) -> str:
     Parameters
     ----------
     seconds : Mapping[str, float]
-        By stage.
+        Seconds by stage.
 
     Returns
     -------

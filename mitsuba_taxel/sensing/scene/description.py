@@ -323,7 +323,7 @@ class Scene(Displayed):
         Parameters
         ----------
         config : mi.parser.ParserConfig
-            Of the variant that will build the scene.
+            Settings of the parser for the variant that will build the scene.
 
         Returns
         -------

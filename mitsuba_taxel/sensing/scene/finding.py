@@ -14,7 +14,7 @@ def find_scene(source: str | Path) -> Path:
     Parameters
     ----------
     source : str or Path
-        As a user names it.
+        Path or name, as a user writes it.
 
     Returns
     -------

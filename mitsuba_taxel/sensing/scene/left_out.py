@@ -56,7 +56,7 @@ def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[
     Parameters
     ----------
     config : mi.parser.ParserConfig
-        Of the variant that will build the scene.
+        Settings of the parser for the variant that will build the scene.
     path : Path
         Path of the XML file.
     parameters : Mapping[str, str]

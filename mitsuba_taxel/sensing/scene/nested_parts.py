@@ -29,7 +29,7 @@ def unused_parts(nodes: list[mi.parser.SceneNode], node: mi.parser.SceneNode) ->
     Returns
     -------
     dict[str, str]
-        By the name of the nested object; empty if all have an effect.
+        Messages by the name of the nested object; empty if all have an effect.
     """
     props = node.props
     names = [name for name in props.keys() if props.type(name) == mi.Properties.Type.ResolvedReference]  # noqa: SIM118

@@ -45,7 +45,7 @@ class PadSensor(Displayed):
         Kind of load: `SpreadForce`, `PatchForce`, `PlateForce` or `IndenterForce`; for `PlateDisplacement` and
         `IndenterDisplacement` ``force`` is the displacement in mm, for `Pressure` it is ``(pressure,)`` in MPa.
     photo_reflector : PhotoReflector
-        Its rows, columns and pitch are replaced by those of the pad.
+        Photo-reflector in each cell; rows, columns and pitch are replaced by those of the pad.
     roof, side : Wall
         Walls of the cells.
     time : float

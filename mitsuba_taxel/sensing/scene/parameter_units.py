@@ -28,7 +28,7 @@ def units_of_parameters(scene: Path) -> dict[str, str]:
     Returns
     -------
     dict[str, str]
-        By name, in alphabetical order.
+        Units by name, in alphabetical order.
     """
     units: dict[str, set[str]] = {}
     for unit, text in _uses(scene):

@@ -35,12 +35,12 @@ def far_transforms(props: mi.Properties) -> dict[str, str]:
     Parameters
     ----------
     props : mi.Properties
-        Of the object.
+        Properties of the object.
 
     Returns
     -------
     dict[str, str]
-        By the name of the transformation.
+        Messages by the name of the transformation.
     """
     import mitsuba as mi
     import numpy as np

@@ -59,7 +59,7 @@ def emit(
     pair : TaxelPair
         The array of LEDs.
     index : mi.UInt32
-        Of the LED of each ray, from 0.
+        Index of the LED of each ray, from 0.
     sampler : mi.Sampler
         Source of random numbers.
 
@@ -101,7 +101,7 @@ def follow(
     ray : mi.Ray3f
         Start of each path.
     power : mi.Float
-        Of each path, in W.
+        Power of each path, in W.
     clearance : mi.Float
         Offset of rays from surfaces, in mm.
     sampler : mi.Sampler
@@ -148,7 +148,7 @@ def landed(pair: TaxelPair, step: PathStep) -> tuple[mi.Bool, mi.UInt32]:
     hit : mi.Bool
         Whether it does.
     index : mi.UInt32
-        Of the nearest phototransistor, from 0.
+        Index of the nearest phototransistor, from 0.
     """
     nearest, _ = pair.sensor.window.faces.locate(step.si.p)
     inside, _ = pair.sensor.contains(nearest, step.si.p, step.ray.d)

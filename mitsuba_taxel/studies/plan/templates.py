@@ -70,7 +70,7 @@ def write_template(kind: str, file: str | Path, part: str | Path | None = None) 
     file : str or Path
         New file, with the suffix of its kind: ``.xml``, ``.toml`` or ``.csv``.
     part : str or Path, optional
-        Of a circuit: the part whose datasheet gives its numbers (`circuit_of_part`), by name or as a TOML file.
+        For a circuit: the part whose datasheet gives its numbers (`circuit_of_part`), by name or as a TOML file.
 
     Raises
     ------

@@ -34,14 +34,14 @@ MOST_CURVES = 4
 
 @in_turn
 def with_chosen_steps(batch: Batch) -> Batch:
-    """The batch with chosen steps for its open range, and with derivatives by that force.
+    """The batch with chosen steps for its open range, and with derivatives with respect to that force.
 
     A batch without an open range is returned unchanged.
 
     Raises
     ------
     InputError
-        if there are two open ranges, or readings have no derivative by the force, as with mirrors.
+        if there are two open ranges, or readings have no derivative with respect to the force, as with mirrors.
     ComputationError
         if the load path fails, or a curve has a kink.
     """
@@ -118,7 +118,8 @@ class _StepCurve:
         power : numpy.ndarray
             (T,) W.
         slopes : numpy.ndarray
-            (2, T) W, derivatives by the fraction towards smaller and towards larger fractions, which differ at a kink.
+            (2, T) W, derivatives with respect to the fraction towards smaller and towards larger fractions, which
+            differ at a kink.
         """
         from mitsuba_taxel.mechanics import cache
 

@@ -99,7 +99,7 @@ def _between(size: float, failed: float) -> float | None:
 
 
 def slope_share(derivatives: Derivatives) -> float:
-    """Largest error of a derivative, relative to the largest derivative by the same parameter."""
+    """Largest error of a derivative, relative to the largest derivative with respect to the same parameter."""
     steepest = np.abs(derivatives.values).max(axis=0)
     errors = derivatives.standard_errors.max(axis=0)
     return float((errors / np.where(steepest > 0, steepest, np.inf)).max(initial=0.0))

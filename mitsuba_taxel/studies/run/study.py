@@ -92,7 +92,7 @@ def sweep(
     vary : Mapping[str, str or Iterable[object]]
         By parameter, ``"start:stop:step"`` (stop included), ``"a,b,c"``, ``"@FILE"`` with one value per line, or the
         values themselves; each makes a dimension. One of fx, fy and fz may be ``"start:stop"``: its steps are then
-        chosen as the curves need, and derivatives by it are computed.
+        chosen as the curves need, and derivatives with respect to it are computed.
     defines : Mapping[str, object], optional
         Values for other parameters of the scene.
     together : Mapping[str, str or Iterable[object]], optional

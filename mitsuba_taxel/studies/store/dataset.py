@@ -299,7 +299,7 @@ def _variables(
     Returns
     -------
     dict[str, xr.DataArray]
-        By name; results without any value are absent.
+        Variables by name; results without any value are absent.
     """
     variables = {}
     for result in RESULTS:

@@ -33,7 +33,7 @@ class AngularLaw(Protocol):
         """Whether the law varies much more in some directions than in others."""
 
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Value and derivative by the cosine, also slightly below the cutoff."""
+        """Value and derivative with respect to the cosine, also slightly below the cutoff."""
 
     def within(self, cosine: np.ndarray) -> np.ndarray:
         """Integral of the law over all directions of at least these cosines; 0 along the normal."""
@@ -149,7 +149,7 @@ class End:
         Parameters
         ----------
         middle : (M, 3) ndarray
-            Of the pieces, in mm.
+            Middle points of the pieces, in mm.
         size : (M,) ndarray
             Radius around the middle within which a piece lies, in mm.
 

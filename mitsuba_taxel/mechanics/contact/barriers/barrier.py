@@ -103,7 +103,7 @@ class Barrier:
         return own, board
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
-        """(3 N, 3 N) N/mm, negative derivative of the forces by the displacement.
+        """(3 N, 3 N) N/mm, negative derivative of the forces with respect to the displacement.
 
         Forces that turn about a corner have negative eigenvalues; if ``steady``, those of each pair are set to 0.
 
@@ -157,8 +157,8 @@ class Barrier:
         return min(fraction if fraction >= 1 else APPROACH * fraction, to_board)
 
     def _repulsion(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(p,) first and second derivative of -(z / r - 1)^2 r log(z / r) by the height z of points below the reach
-        r."""
+        """(p,) first and second derivative of -(z / r - 1)^2 r log(z / r) with respect to the height z of points below
+        the reach r."""
         z = np.minimum(self._height(displacement) / self.reach, 1.0)
         first = 2 * (1 - z) * np.log(z) - (1 - z) ** 2 / z
         second = -2 * np.log(z) + 4 * (1 - z) / z + (1 - z) ** 2 / z**2

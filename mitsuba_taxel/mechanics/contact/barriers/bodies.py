@@ -30,7 +30,7 @@ def body_of_each(triangles: np.ndarray) -> np.ndarray:
     Returns
     -------
     (K,) ndarray of int
-        From 0 on.
+        Numbers from 0 on.
     """
     number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
     sides = number[:, [0, 1]].ravel(), number[:, [1, 2]].ravel()

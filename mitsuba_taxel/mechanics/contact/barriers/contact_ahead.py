@@ -24,7 +24,7 @@ class ContactAhead:
     Parameters
     ----------
     displacement, rate : (N, 3) ndarray
-        Of the nodes, in mm, and its rate with a load.
+        Displacement of the nodes, in mm, and its rate with a load.
     point : Place
         In mm, where the deformed pad is expected to touch something.
     """

@@ -47,8 +47,8 @@ class Contacts:
         return own + external
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
-        """(3 N, 3 N) N/mm, negative derivative of the forces by the displacement; without negative eigenvalues of any
-        pair if ``steady``.
+        """(3 N, 3 N) N/mm, negative derivative of the forces with respect to the displacement; without negative
+        eigenvalues of any pair if ``steady``.
 
         Parameters
         ----------

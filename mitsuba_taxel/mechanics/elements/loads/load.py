@@ -44,7 +44,7 @@ class Load(Kind, family="load"):
     Attributes
     ----------
     quantity, unit : str
-        Of its value: "force" in N, "displacement" in mm, or "pressure" in MPa.
+        Quantity and unit of the load's value: "force" in N, "displacement" in mm, or "pressure" in MPa.
     components : int
         Number of components of its value.
     bonded_plate : bool
@@ -170,7 +170,7 @@ class DeadForce(Load):
         """Area of each node that the force acts on: the integral of the node's shape function over it.
 
         Only ratios count, so that it may be weighted. It has to change continuously with the points of the mesh:
-        derivatives by shapes and positions are taken by its differences.
+        derivatives with respect to shapes and positions are taken by its differences.
 
         Parameters
         ----------

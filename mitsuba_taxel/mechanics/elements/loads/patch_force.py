@@ -25,7 +25,7 @@ class PatchForce(DeadForce, name="patch_force", rank=1):
     size : tuple[float, float]
         Size of the rectangle along x and y, in mm; parts outside the top carry no force.
     self_contact : bool
-        As of a `SpreadForce`; so it is for other loads.
+        See `SpreadForce`; the same for other loads.
     """
 
     meaning = "on a rectangle of it"
