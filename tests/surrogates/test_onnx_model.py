@@ -126,7 +126,7 @@ def test_a_runtime_tells_the_volts_and_counts_of_the_circuit(tmp_path, load, sat
     [
         (study(fz=FORCE).expand_dims(cell=["a", "b"]), r"cell has values that are words \(a, b\): a study with one"),
         (study(fz=FORCE[:2]), "at least three values"),
-        (study(fz=FORCE[:1]), "nothing is varied"),
+        (study(fz=FORCE[:1]), "no parameter has more than one value"),
     ],
 )
 def test_what_cannot_be_a_model_is_refused(one, complaint):

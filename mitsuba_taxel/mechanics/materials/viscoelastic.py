@@ -130,7 +130,7 @@ class Viscoelastic(Displayed):
 
 @dataclass(frozen=True)
 class Elastic(Viscoelastic):
-    """An elastic silicone in the form of a viscoelastic one without terms, for friction: states depend on earlier ones."""
+    """An elastic silicone as a viscoelastic one without terms, for friction: its states depend on earlier ones."""
 
     prony: Terms = ()
 
