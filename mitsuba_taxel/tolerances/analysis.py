@@ -124,7 +124,7 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
     of_rows = [float(errors[name][taxel - 1]) for name, taxel in zip(spread.figure, spread.taxel, strict=True)]
     spread.insert(int(spread.columns.get_indexer(["nominal"])[0]) + 1, "nominal_error", of_rows)
     shares = pandas.DataFrame([row for _, rows in tables for row in rows])
-    notes += _notes_of_indices(spread, shares, len(z), len(plan.laws))
+    notes += _notes_of_indices(spread, shares, len(z), len(z_linear), len(plan.laws))
     spread.insert(2, "unit", spread.figure.map(_units(plan)))
     of_parameters = json.loads(mean.attrs["units"])
     shares["unit"] = [
@@ -167,8 +167,10 @@ def _samples(plan: TolerancePlan, values_of: dict[str, np.ndarray], z: np.ndarra
     return pandas.DataFrame(columns)
 
 
-def _notes_of_indices(spread: pandas.DataFrame, shares: pandas.DataFrame, exact: int, parameters: int) -> list[str]:
-    """A note for each figure without Sobol' indices, with a remedy."""
+def _notes_of_indices(
+    spread: pandas.DataFrame, shares: pandas.DataFrame, exact: int, linear: int, parameters: int
+) -> list[str]:
+    """A note for each figure without Sobol' indices, with a remedy; the last arguments as in :func:`_notes_of_few`."""
     notes = []
     for name, rows in spread.groupby("figure", sort=False):
         unknown = shares[(shares.figure == name) & shares.total.isna()].taxel.unique()
@@ -178,7 +180,10 @@ def _notes_of_indices(spread: pandas.DataFrame, shares: pandas.DataFrame, exact:
             more = more_samples(parameters, exact)
             help_ = "a smaller spread"
             if more is not None:
-                help_ = f"exact = {more[0]} or more, through which one of degree {more[1]} is fitted,"
+                # A Sobol' sequence needs a power of 2.
+                settings = [f"samples = {1 << (more[0] - 1).bit_length()}"] if more[0] > exact + linear else []
+                settings += [f"exact = {more[0]}"] if linear else []
+                help_ = f"{' and '.join(settings)} or more, through which one of degree {more[1]} is fitted,"
             notes.append(
                 f"Sobol' indices of {name} are unknown for {len(unknown)} of {len(rows)} taxels: {why}, {ENOUGH:.0%} "
                 f"are needed; {help_} may explain more"

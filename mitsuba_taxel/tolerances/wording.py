@@ -39,7 +39,7 @@ def spread_rows(spread: pandas.DataFrame) -> list[tuple[str, ...]]:
             _with_error(_relative(row.sd, abs(row.nominal)), _relative(row.sd_error, abs(row.nominal))),
             _percent(_relative(row.linear_sd, abs(row.nominal))),
             _percent(row.linear_error),
-            _percent(row.explained),
+            _percent(max(row.explained, 0.0)),  # cross-validated: below 0 if it explains nothing
         )
         for row in spread.itertuples()
     ]

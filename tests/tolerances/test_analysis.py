@@ -14,7 +14,13 @@ from one_cell import one_cell
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.tolerances import law_of, run_tolerance
-from mitsuba_taxel.tolerances.analysis import _note_of_saturation, _notes_of_few, _of_figure, nominal_errors
+from mitsuba_taxel.tolerances.analysis import (
+    _note_of_saturation,
+    _notes_of_few,
+    _notes_of_indices,
+    _of_figure,
+    nominal_errors,
+)
 from mitsuba_taxel.tolerances.figures import figures
 
 CELL = one_cell(scattering="isotropic", fz=0, led_power=1, spacing=0.8).replace(
@@ -95,6 +101,18 @@ def test_the_reader_is_told_which_parameters_the_linear_answer_leaves_out():
     assert note.startswith("the linear answer, which leaves out b, explains only 0% of the variance of rest")
     (note,) = _notes_of_few(spread, shares.assign(rate=math.nan), exact=9, linear=91, parameters=2)
     assert note.startswith("no parameter has a linear answer: results come from the 9 exact samples alone")
+
+
+@pytest.mark.parametrize(
+    ("linear", "remedy"),
+    [(0, "samples = 32 or more"), (1, "samples = 32 and exact = 20 or more"), (100, "exact = 20 or more")],
+)
+def test_the_reader_is_told_what_would_give_indices(linear, remedy):
+    """A polynomial of third degree in three parameters has 20 terms; a Sobol' sequence needs a power of 2."""
+    spread = pandas.DataFrame({"figure": ["rest"], "taxel": [1], "sd": [1.0], "explained": [-0.14]})
+    shares = pandas.DataFrame({"figure": "rest", "taxel": 1, "total": [math.nan] * 3})
+    (note,) = _notes_of_indices(spread, shares, exact=16, linear=linear, parameters=3)
+    assert f"the polynomial explains 0% of the variance, 80% are needed; {remedy}, through which" in note
 
 
 def test_the_reader_is_told_how_many_samples_saturate():
