@@ -127,7 +127,7 @@ def test_one_column_may_have_decimal_commas(tmp_path):
 
 
 @pytest.mark.parametrize(("forces", "asked"), [
-    ("0 100 200 500", True), ("0 -50 -100 -200", True), ("0 1 2 5", False), ("0 99.7 200.2 499.9", False),
+    ("0 100 200 500", True), ("0 -5 -15 -65", True), ("0 1 2 5", False), ("0 99.7 200.2 499.9", False),
     ("0 60", False),
 ])  # fmt: skip
 @pytest.mark.parametrize("heading", ["fz_N", "fz"])

@@ -37,7 +37,7 @@ WORDS = {"millis": ("time", "ms"), "micros": ("time", "us"), "milliseconds": ("t
 BY_UNDERSCORE = {*UNITS} - {"m", "g", "A", "bar", "rad", "min", "counts", "count", "lsb", "adc", "kg"}
 """Units that may follow any name after an underscore."""
 LEAST_GRAMS = 50
-"""Least value of the largest force, in N, at which round forces may be weights in g."""
+"""Least value of the largest force, in N, at which forces that are whole numbers may be weights in g."""
 SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars"}
 _BRACKETED = re.compile(r"(?P<name>.*?)[ _]*(?:\[(?P<a>[^\]]*)\]|\((?P<b>[^)]*)\))")
 _APPENDED = re.compile(r"(?P<name>.+?)(?:[ _]|\s*/\s*)(?P<unit>[^\s_/]+)")
@@ -193,7 +193,7 @@ def as_parameter(column: Column) -> tuple[str, list[str]]:
 
 
 def ask_for_grams(what: str, column: Column, numbers: np.ndarray) -> None:
-    """Warn of forces in N that look like weights in g: several round values, the largest 50 or more.
+    """Warn of forces in N that look like weights in g: several whole numbers, the largest 50 or more.
 
     Parameters
     ----------
@@ -205,9 +205,9 @@ def ask_for_grams(what: str, column: Column, numbers: np.ndarray) -> None:
         Values of the column, N.
     """
     levels = np.unique(np.abs(numbers[numbers != 0]))
-    if column.unit in ("N", "") and len(levels) > 2 and levels[-1] >= LEAST_GRAMS and not (levels % 10).any():
+    if column.unit in ("N", "") and len(levels) > 2 and levels[-1] >= LEAST_GRAMS and not (levels % 1).any():
         warnings.warn(
-            f"{what}, column {column.heading}: forces are round numbers up to {levels[-1]:g} N: if these are weights "
+            f"{what}, column {column.heading}: forces are whole numbers up to {levels[-1]:g} N: if these are weights "
             f"in g, the heading '{column.name} [g]' is needed.",
             stacklevel=2,
         )
