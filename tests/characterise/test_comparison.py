@@ -113,7 +113,7 @@ def test_a_variant_that_saturates_is_not_ranked_in_volts():
     noisy = dataclasses.replace(CIRCUIT, other_noise=0.2)
     assert compare({"one": bright}, "mean_slope", circuit=noisy).notes == [left_out]
     assert len(compare({"one": bright}, "mean_slope", circuit=CIRCUIT, up_to=10).table) == 1
-    with pytest.raises(InputError, match="no variant can be ranked: all 2 saturate.*from 0.1 N on: study = y, cell"):
+    with pytest.raises(InputError, match=r"all 2 are saturated \(study = x.* from 0.1 N on; study = y.* on\): less"):
         compare(dict.fromkeys("xy", bright.isel(cell=[0])), "mean_slope", circuit=CIRCUIT)
     told = second.volts.set_index("cell")
     assert told.saturation_N["a"] == pytest.approx(-0.1, rel=1e-3) and np.isnan(told.saturation_N["b"])

@@ -35,6 +35,8 @@ SLACK = 1 + 1e-9
 """Factor that absorbs rounding where a force is compared with a limit."""
 WITHIN = 0.5
 """Least probability of meeting the limits with which a variant counts as within them."""
+MOST_NAMED = 5
+"""Largest number of saturated variants that a message names."""
 DRAWS = 20_000
 """Random draws for the probabilities, which are then accurate to 0.4 percentage points."""
 
@@ -264,11 +266,16 @@ def _unsaturated(variants: list[_Variant], up_to: float | None, notes: list[str]
     saturated = [
         variant for variant in variants if variant.saturated <= largest_force and math.isfinite(variant.saturated)
     ]
-    for variant in saturated:
-        where = "at rest" if variant.saturated == 0 else f"from {variant.saturated:.4g} N on"
-        notes.append(f"Left out, as its output is saturated {where}: {_words(variant.where)}.")
+    where = ["at rest" if variant.saturated == 0 else f"from {variant.saturated:.4g} N on" for variant in saturated]
     if len(saturated) == len(variants):
-        raise InputError(f"no variant can be ranked: all {len(saturated)} saturate. {notes[-1]}")
+        named = [f"{_words(variant.where)} {at}" for variant, at in zip(saturated, where, strict=True)]
+        named[MOST_NAMED:] = ["..."] if len(named) > MOST_NAMED else []
+        raise InputError(
+            f"no variant can be ranked: the outputs of all {len(saturated)} are saturated ({'; '.join(named)}): less "
+            "amplification, or a larger full scale, is needed."
+        )
+    for variant, at in zip(saturated, where, strict=True):
+        notes.append(f"Left out, as its output is saturated {at}: {_words(variant.where)}.")
     return [variant for variant in variants if variant not in saturated]
 
 
