@@ -16,7 +16,7 @@ from .options import debug_option, folder_option
 @click.option(
     "--only", metavar="PARTS",
     help="Comma-separated list of optics (fig4, fig5, fig6, peak), nominal, roofs, beyond, analog, variations, "
-    "optimum.",
+    "optimum, and mould, which is computed only if it is listed: it takes many hours.",
 )  # fmt: skip
 @click.option(
     "--docs", type=click.Path(path_type=Path), metavar="DIR", help="Folder for paper.md.  [default: that of results]"
@@ -27,8 +27,8 @@ from .options import debug_option, folder_option
 )  # fmt: skip
 @debug_option
 def command(folder: Path, only: str | None, docs: Path | None, workers: int | None) -> None:
-    """Compute the missing parts of the paper's rerun in DIR, and write the pages paper.md and optimum.md with their
-    figures.
+    """Compute the missing parts of the paper's rerun in DIR, and write the pages paper.md, optimum.md and mould.md with
+    their figures.
 
     They contain the parts that are complete in DIR.
     """

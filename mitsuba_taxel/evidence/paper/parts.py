@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.evidence.paper import analog, loading, optima, paper, plate, variations
+from mitsuba_taxel.evidence.paper import analog, loading, mould, optima, paper, plate, variations
 from mitsuba_taxel.evidence.paper.paper_studies import MissingStudy, PaperStudies, add_seconds
 from mitsuba_taxel.evidence.paper.shapes import ShapePart, compute_shapes
 
@@ -44,14 +44,18 @@ PARTS: dict[str, Part] = {
     **{name: partial(_of_all_shapes, part) for name, part in OF_SHAPES.items()},
     "variations": variations.vary,
     "optimum": optima.optima,
+    "mould": mould.moulds,
 }
 """Parts by name; each returns its studies, from disk if available."""
+
+BY_NAME_ONLY = ("mould",)
+"""Parts that a rerun without a selection leaves out: they are no part of the paper's simulations, and take many hours."""
 
 GROUPS = {"optics": ("fig4", "fig5", "fig6", "peak"), "nominal": ("nominal", "roofs")}
 
 
 def chosen(only: str | None) -> list[str]:
-    """Names of the parts selected by a comma-separated list of parts and groups; all without one.
+    """Names of the parts selected by a comma-separated list of parts and groups; without one, all but `BY_NAME_ONLY`.
 
     Raises
     ------
@@ -59,7 +63,7 @@ def chosen(only: str | None) -> list[str]:
         if there is no such part.
     """
     if only is None:
-        return list(PARTS)
+        return [name for name in PARTS if name not in BY_NAME_ONLY]
     selected: list[str] = []
     for word in (word.strip() for word in only.split(",")):
         if word not in PARTS and word not in GROUPS:

@@ -11,6 +11,7 @@ from mitsuba_taxel.evidence.paper.page import experiments as page_experiments
 from mitsuba_taxel.evidence.paper.page import loads as page_loads
 from mitsuba_taxel.evidence.paper.page import noise as page_noise
 from mitsuba_taxel.evidence.paper.page import plate as page_plate
+from mitsuba_taxel.evidence.paper.page.mould import write_moulds
 from mitsuba_taxel.evidence.paper.page.optima import write_optima
 from mitsuba_taxel.evidence.paper.page.words import Found
 from mitsuba_taxel.evidence.paper.variations import NOMINAL_SPACING
@@ -48,9 +49,13 @@ SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Found, Path], str]], ...] = (
 
 
 def write_pages(studies: Found, docs: Path, command: str) -> list[Path]:
-    """Write the pages with any complete part: ``paper.md``, and ``optimum.md`` for the best sensors."""
-    pages = [write_page(studies, docs, command)] if set(studies) - {"optimum"} else []
-    return [*pages, *([write_optima(studies["optimum"], docs, command)] if "optimum" in studies else [])]
+    """Write the pages with any complete part: ``paper.md``, ``optimum.md`` (best sensors), ``mould.md`` (moulds)."""
+    pages = [write_page(studies, docs, command)] if set(studies) - {"optimum", "mould"} else []
+    if "optimum" in studies:
+        pages.append(write_optima(studies["optimum"], docs, command))
+    if "mould" in studies:
+        pages.append(write_moulds(studies["mould"], docs, command))
+    return pages
 
 
 def write_page(studies: Found, docs: Path, command: str) -> Path:
