@@ -49,7 +49,7 @@ PARTS: dict[str, Part] = {
 """Parts by name; each returns its studies, from disk if available."""
 
 BY_NAME_ONLY = ("mould",)
-"""Parts that a rerun without a selection leaves out: they are no part of the paper's simulations, and take many hours."""
+"""Parts that a rerun without a selection leaves out: they are no simulations of the paper's, and take many hours."""
 
 GROUPS = {"optics": ("fig4", "fig5", "fig6", "peak"), "nominal": ("nominal", "roofs")}
 

@@ -24,11 +24,12 @@ Written by `{command}`; do not edit by hand. Every number comes from the runs.
 
 """
 _ABOUT = """\
-The pads of the experiments have 6 x 2 cells. Here their moulds are printed in layers of {layers} mm, along z or x, or smooth; roofs are isotropic or Lambertian; and black sides reflect 0, 5 or 20 %. Forces are those of
-the experiments: 0 to 10 N normal to the pad, then 0 to 4 N along x or y at 10 N. Slopes are mean slopes in µW/N for 1 W
-per LED, of the least and the most sensitive of 12 taxels. Nonlinearity (equation 7) and tangential slopes are those of
-the most sensitive taxel. Errors are one standard deviation, of light ({paths} paths a reading), finite elements and
-surfaces. {done} of {total} combinations are computed."""
+The pads of the experiments have 6 x 2 cells. Here their moulds are printed in layers of {layers} mm, along z or x, or
+smooth; roofs are isotropic or Lambertian; and black sides reflect 0, 5 or 20 %. Forces are those of the experiments: 0
+to 10 N normal to the pad, then 0 to 4 N along x or y at 10 N. Slopes are mean slopes in µW/N for 1 W per LED, of the
+least and the most sensitive of 12 taxels. Nonlinearity (equation 7) and tangential slopes are those of the most
+sensitive taxel. Errors are one standard deviation, of light ({paths} paths a reading), finite elements and surfaces.
+{done} of {total} combinations are computed."""
 
 
 def write_moulds(studies: Moulds, docs: Path, command: str) -> Path:
