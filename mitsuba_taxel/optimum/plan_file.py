@@ -209,7 +209,7 @@ class _FigureReader:
     def goal(self, table: Mapping[str, Any]) -> Goal:
         directions = [name for name in ("maximise", "minimise") if name in table]
         if len(directions) != 1:
-            raise InputError("optimise: either maximise or minimise, with the name of a figure, is needed.")
+            raise InputError("optimise: one goal is needed, maximise or minimise, with the name of a figure.")
         return Goal(self.figure(table[directions[0]]), -1 if directions[0] == "maximise" else 1)
 
     def front(self, table: Mapping[str, Any]) -> tuple[Goal, int] | None:

@@ -160,14 +160,19 @@ def _check_figures(optimiser: Optimiser, starts: list[Design]) -> None:
         try:
             components = [criterion.figure.components(read.values) for read in reads]
         except IndexError:
-            raise InputError(f"{criterion.figure.words} cannot be computed: there is no such taxel.") from None
+            raise InputError(
+                f"{criterion.figure.words} cannot be computed: the number of a taxel of the scene is needed."
+            ) from None
         no_contact = optimiser.designs.no_contact.get(criterion.figure.parameters.get("along", ()))
         if no_contact and criterion.figure.kind == RANGE and not any(values.size for values in components):
             raise InputError(f"{criterion.figure.words} cannot be computed without a table [circuit]: {no_contact}")
         applies = [values.size > 0 for values in components]  # a constraint may apply to some choices only
         is_defined = all(applies) if isinstance(criterion, Goal) else any(applies)
         if not (is_defined and all(np.isfinite(values).all() for values in components)):
-            raise InputError(f"{criterion.figure.words} cannot be computed for this scene: it is not a number.")
+            raise InputError(
+                f"{criterion.figure.words} cannot be computed for this scene, as its value is not "
+                f"finite: choose another figure or other loads."
+            )
 
 
 def _no_design(optimiser: Optimiser) -> InputError:
@@ -190,4 +195,7 @@ def _no_design(optimiser: Optimiser) -> InputError:
     said = " and ".join(
         f"{limit.words} (nearest: {worst_of(limit, optimiser.read(nearest)):.4g})" for limit in conflicting
     )
-    return InputError(f"constraints {what}: {said}; {len(optimiser.history)} designs looked at.")
+    return InputError(
+        f"constraints {what}: {said}; {len(optimiser.history)} designs evaluated. Relax one of them, "
+        f"or widen the bounds."
+    )

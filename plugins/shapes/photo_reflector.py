@@ -160,7 +160,9 @@ def _ends_of(props: mi.Properties) -> tuple[mi.Emitter, mi.Sensor]:
         nested = [value for _, value in props.objects() if isinstance(value, kind)]
         if len(nested) != 1 or kind_of(nested[0]) != plugin:
             there = ", ".join(kind_of(value) for value in nested) or f"no {plural}"
-            raise InputError(f"photo_reflector: nested in it: {there}; exactly one {plugin} is needed.")
+            raise InputError(
+                f"photo_reflector with {there} nested in it is not allowed: exactly one {plugin} is needed."
+            )
         ends += nested
     return ends[0], ends[1]
 

@@ -51,7 +51,7 @@ def test_a_plan(plan):
         ("vary = { fz = [1, 2] }\n" + WHOLE, "vary is not allowed"),
         (WHOLE.replace(GOAL, GOAL + "start = 2\n"), "optimise: start is not known"),
         (WHOLE.replace(GOAL, GOAL + "starts = 0\n"), "starts = 0"),
-        (WHOLE.replace(GOAL, GOAL + 'minimise = "rest"\n'), "either maximise or minimise"),
+        (WHOLE.replace(GOAL, GOAL + 'minimise = "rest"\n'), "one goal is needed, maximise or minimise"),
         (WHOLE.replace("sensitivity", "sensitiveness"), "figure 'sensitiveness' is not known"),
         (WHOLE.replace("[0.85, 0.93]", "[0.93, 0.85]"), "low = 0.93 must be below"),
         (WHOLE.replace("[0.85, 0.93]", "[0.91, 0.93]"), "start = 0.9 must lie from 0.91"),
@@ -100,7 +100,7 @@ def test_a_plan(plan):
         (WHOLE + "[optimise.tolerances]\nhole = 0\n", "tolerance of hole = 0"),
         (WHOLE + "[optimise.tolerances]\nwall = 1\n", "wall is not a <default>"),
         (WHOLE + '[optimise.front]\nminimise = "rest"\npoints = 2\n', "points of at least 3"),
-        (WHOLE + '[optimise.front]\nminimise = "rest"\nmaximise = "rest"\n', "either maximise or minimise"),
+        (WHOLE + '[optimise.front]\nminimise = "rest"\nmaximise = "rest"\n', "one goal is needed"),
         (HEAD + GOAL + VARIABLES, "sensitivity cannot be computed: 2 loads or more"),
     ],
 )  # fmt: skip

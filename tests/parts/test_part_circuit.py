@@ -53,7 +53,7 @@ def test_what_a_part_does_not_state_is_left_out_or_refused(tmp_path):
     assert "\ndark_current = 1e-09" in text and "\n# transfer_drift = " in text
     assert read_circuit(tmp_path / "circuit.toml").transfer_drift == 0
     refused = run_program(tmp_path, "new", "scene", "--part", "vcnt2020")
-    assert refused.returncode == 2 and "a scene has no numbers of a part" in refused.stderr
+    assert refused.returncode == 2 and "takes a part, not that of a scene" in refused.stderr
 
 
 @pytest.mark.parametrize(("resistance", "sold"), [(639.0, 560.0), (1.0, 1.0), (0.99, 0.82), (9.9e5, 8.2e5)])

@@ -63,9 +63,9 @@ def nested(depth: int) -> str:
         "a long name": (PLATE.replace("<int", f'<include filename="{5000 * "a"}"/><int', 1), "File name too long"),
         "entities": (
             '<!DOCTYPE x [<!ENTITY a "' + 100_000 * "h" + '">]>' + PLATE.replace("lambertian", 3000 * "&a;"),
-            "does not parse as XML: limit on input amplification",
+            "is not valid XML: limit on input amplification",
         ),
-        "nothing": ("", "does not parse as XML: no element found"),
+        "nothing": ("", "is not valid XML: no element found"),
     }.values(),
 )
 def test_what_would_take_all_memory_or_make_no_sense_is_refused(isolated, tmp_path, text, message):

@@ -157,7 +157,10 @@ def compare(
     circuits = _circuits(studies, circuit)
     variants = _in_range(_along(list(_variants(studies, circuits)), force), up_to, notes)
     if len(variants) < 2:
-        raise InputError(f"{len(variants)} variants along a force are not enough: at least two to compare are needed.")
+        raise InputError(
+            f"{len(variants)} variants along a force are not enough: at least two are needed; vary a "
+            f"parameter besides the force."
+        )
     variants = _unsaturated(variants, up_to, notes)
     variants, channel = _one_channel(variants)
 

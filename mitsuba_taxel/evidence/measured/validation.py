@@ -40,7 +40,8 @@ For users who ask how well the program predicts measured sensors.
 
 Written by `{command}`; do not edit by hand. Values called *fitted* come from the measurement itself; all others are
 predicted. The numbers of the measurements are in `mitsuba_taxel/evidence/measured/measured.py` and in the part's file.
-With an empty DIR the command takes about {minutes} minutes of one core; what is there is not computed again.
+With an empty DIR the command takes about {minutes} minutes of one core; results that are in DIR already are not
+computed again.
 """
 
 
@@ -143,12 +144,12 @@ another silicone, with the paper's modulus as the long-term one. Slopes are mean
 
 {markdown_table(heads, rows)}
 
-No gain was fitted to these tables. The most sensitive taxels come out at {shares} of the measured ones, flat, spherical
-and hemispheric. The spread between taxels does not include that of boards and moulds
-([tolerances](tutorials/tolerances.md)). The viscoelastic loop of the parallelepiped is {hysteresis} %
-as wide as the measured one. Ratios are not resolved where readings change by little more than their error:
-under 10 N that of a hemispheric cell falls and rises again. The steps of printed moulds, to which the authors attribute
-the nonlinearity of round cells, are not modelled here ([a rough mould](tutorials/rough_mould.md)).
+No gain was fitted to these tables. The most sensitive taxels reach {shares} of the measured sensitivities, flat,
+spherical and hemispheric. The spread between taxels does not include the tolerances of boards and moulds
+([tolerances](tutorials/tolerances.md)). The viscoelastic loop of the parallelepiped is {hysteresis} % as wide as the
+measured one. Ratios are not resolved where readings change by little more than their error: under 10 N the reading of a
+hemispheric cell falls and rises again. The steps of printed moulds, to which the authors attribute the nonlinearity of
+round cells, are not modelled here ([a rough mould](tutorials/rough_mould.md)).
 
 Table 3, under tangential forces along x and y, at 10 N of normal force on 12 cells, with the same circuit. Here they go
 up to {FORCES[-1] / PER_FORCE:g} N on as many, as it is not stated how far those of the experiments went; the pads are

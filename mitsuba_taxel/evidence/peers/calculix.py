@@ -54,7 +54,7 @@ def installed() -> bool:
 def require() -> None:
     """Raise `ComputationError` if CalculiX is not installed."""
     if not installed():
-        raise ComputationError("ccx is not installed.")
+        raise ComputationError("ccx (CalculiX) is not installed: install it for this comparison.")
 
 
 def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], threads: int = 1) -> CalculixRun:

@@ -232,7 +232,7 @@ def chosen_cells(
     if finish is not None:
         raise InputError("read_cells is not allowed with a finish, which applies to all cells.")
     if not is_row(cells, is_whole):
-        raise refusal("read_cells", cells, "a row of whole numbers is needed")
+        raise refusal("read_cells", cells, "a list of whole numbers is needed")
     missing = [cell for cell in cells if cell not in mesh.face_cell or cell < 1]
     if missing:
         raise InputError(

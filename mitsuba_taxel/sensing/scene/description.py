@@ -115,12 +115,14 @@ class Scene(Displayed):
         self.parameters = {**self.defaults, **values}
         if len(self.parameters) > MOST_PARAMETERS:
             count = len(self.parameters)
-            raise InputError(f"{self.name} has {count} parameters: at most {MOST_PARAMETERS} are allowed.")
+            raise InputError(
+                f"{self.name} with {count} parameters is not allowed: at most {MOST_PARAMETERS} are possible."
+            )
         if self.unused:
             names = ", ".join(self.unused[:MOST_NAMED])
             more = f" and {len(self.unused) - MOST_NAMED} more" if len(self.unused) > MOST_NAMED else ""
-            words = f"{self.name}: nothing uses the <default> {names}{more}: without effect."
-            warnings.warn(words, UnusedDefault, stacklevel=2)
+            unused = f"{self.name}: nothing uses the <default> {names}{more}"
+            warnings.warn(f"{unused}: take it out, or write its name with $ where it belongs.", UnusedDefault, 2)
         self.leaves_mesh_open = False  # known once the scene has been loaded
 
     @classmethod

@@ -88,7 +88,7 @@ class PadSensor(Displayed):
             ),
         )
         if not is_row(self.force, is_number):
-            raise refusal("force", self.force, "a row of finite numbers is needed")
+            raise refusal("force", self.force, "a list of finite numbers is needed")
         self._parts()
 
     @in_turn

@@ -130,7 +130,10 @@ def as_own_error(error: RuntimeError, scene: Described) -> InputError | Computat
         if name in (kind.__name__, *(special.__name__ for special in kind.__subclasses__())):
             return kind(with_own_parameters(message, scene))
     if lines[-1].startswith("MemoryError"):
-        return ComputationError(f"{scene.name}: there is not enough memory for it ({lines[-1]}).")
+        return ComputationError(
+            f"{scene.name}: there is not enough memory to load it ({lines[-1]}): fewer or "
+            f"smaller pads and images need less."
+        )
     head = re.sub(r"^\[[^\]]*\] ", "", lines[0]).split(": Traceback")[0]
     tail = lines[-1:] if "Traceback" in lines[0] else [line.lstrip("- ") for line in lines[1:]]
     text = re.sub(r": \[\w+\] ", ": ", " ".join([head, *tail])).rstrip("!")

@@ -53,7 +53,7 @@ def _read(path: Path, around: tuple[Path, ...]) -> Iterator[tuple[Path, ElementT
     try:
         root = ElementTree.fromstring(read_bytes(path, LARGEST_SCENE))
     except ElementTree.ParseError as error:
-        raise InputError(f"{path.name} does not parse as XML: {error}.") from error
+        raise InputError(f"{path.name} is not valid XML: {error}.") from error
     except (OSError, LookupError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         within = f", which {around[-1].name} includes," if around else ""

@@ -81,7 +81,10 @@ def write_template(kind: str, file: str | Path, part: str | Path | None = None) 
         raise InputError(f"kind = {kind!r} is not allowed: one of {', '.join(SUFFIXES)} is needed.")
     file = path_of("file", file)
     if part is not None and kind != "circuit":
-        raise InputError(f"part = {str(part)!r} is not allowed: a {kind} has no numbers of a part, only a circuit has.")
+        raise InputError(
+            f"part = {str(part)!r} is not allowed: only the template of a circuit takes a part, not "
+            f"that of a {kind}; leave it out."
+        )
     text = _text(kind) if part is None else _circuit_text(read_part(part))
     check_new_file(file, SUFFIXES[kind])
     if file.exists():

@@ -117,7 +117,10 @@ def _contact(job: Job, scene: Scene, along: str, furthest: float) -> FirstContac
 
     start = as_number(scene.parameters.get(along, ""))
     if not math.isfinite(start):
-        raise InputError(f"{TO_CONTACT} = '{along}={furthest:g}' is not allowed: a number of the scene is needed.")
+        raise InputError(
+            f"{TO_CONTACT} = '{along}={furthest:g}' is not allowed: a parameter of the scene with a "
+            f"number as its value is needed."
+        )
 
     def at(value: float) -> Scene:
         return Scene(job.file, {**scene.parameters, along: repr(value)}, job.mesh_size)

@@ -199,7 +199,10 @@ def _cluster(address: str) -> Iterator[Pool]:
         # As this process's default client, xarray would use it too, even if it does not answer.
         client = Client(address, timeout="10s", set_as_default=False)
     except (OSError, ValueError) as error:
-        raise InputError(f"scheduler = {address!r} is not allowed: no Dask scheduler answers there.") from error
+        raise InputError(
+            f"scheduler = {address!r} is not allowed: no Dask scheduler answers at this address; start "
+            f"one, or correct the address."
+        ) from error
     log = logging.getLogger("distributed.client")
     before = log.level
     log.setLevel(logging.CRITICAL)  # it writes pages when a scheduler is lost

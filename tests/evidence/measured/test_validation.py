@@ -86,16 +86,16 @@ def test_the_page_holds_all_parts(loop, sideways, monkeypatch, tmp_path):
     monkeypatch.setattr(validation, "spread", lambda store: rest)
     monkeypatch.setattr(validation, "pad_section", lambda found, pictures: "## A real pad under its indenter")
     monkeypatch.setattr(validation, "tried", lambda store, found: {})
-    monkeypatch.setattr(validation, "assumptions_section", lambda found, tried: "### What else may be so")
+    monkeypatch.setattr(validation, "assumptions_section", lambda found, tried: "### Other assumptions")
     page = validation.write_validation(None, tmp_path, "taxel validate").read_text()
     for words in (
         "VCNT2020",
         "its indenter",
-        "else may be so",
+        "Other assumptions",
         "hold, release and loop",
         "Tables 2 to 4",
         "up to 4 N on as many",
-        "10 to 17 times as wide",
+        "10 to 17 times the predicted",
         "is 10 % of the value",
         "1.030 ± 0.002",
         "0.75 ± 0.05",
@@ -104,7 +104,7 @@ def test_the_page_holds_all_parts(loop, sideways, monkeypatch, tmp_path):
         "force by +20 %",
         "that excludes it",
         "varies by 15 %",
-        "is narrower than the 33 %",
+        "is narrower than the 33",
     ):
         assert words in page
     pictures = {file.stem for file in (tmp_path / "validation").iterdir()}
@@ -136,7 +136,7 @@ def made_memory(**changed):
         ({"held_change": 0.01}, ["1.00 ± 0.00 %, **not** as measured"]),
         (
             {"loop": memory_fit.HysteresisLoop(30, 30, 15, 15)},
-            ["**The loop does not agree**: the measured ones are 0.25 to"],
+            ["**The loop does not agree**: the measured widths are 0.25 to"],
         ),
     ],
 )
@@ -151,8 +151,8 @@ def test_widths_below_their_errors_are_no_part_of_the_verdict(tmp_path):
     errors = memory_fit.MemoryErrors(np.zeros(8), np.zeros(4), 0.002, memory_fit.HysteresisLoop(0.05, 0.06, 0.4, 0.4))
     made = made_memory(loop=memory_fit.HysteresisLoop(0.75, 0.8, 0.4, 0.25), errors=errors)
     text = " ".join(page_memory.memory_section(made, tmp_path).split())
-    assert "10 to 11 times as wide as predicted (2 of 4 widths are not resolved)" in text
-    assert "0.00 ± 0.20 %, which does not resolve what is measured: by 0.15 %" in text
+    assert "10 to 11 times the predicted ones (2 of 4 widths are not resolved)" in text
+    assert "0.00 ± 0.20 %, which does not resolve the change that was measured: by 0.15 %" in text
     none = made._replace(errors=errors._replace(loop=memory_fit.HysteresisLoop(9, 9, 9, 9)))
     section = page_memory.memory_section(none, tmp_path)
     assert "No width of the loop is resolved." in section

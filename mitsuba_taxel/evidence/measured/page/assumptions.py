@@ -21,11 +21,11 @@ def assumptions_section(results: PadComparison, tried: Mapping[str, AssumptionRe
     rows += [["as above", *_errors(results.taxels[fitted]), *_shown(rings(results.centred))]]
     rows += [[name, *_errors(outcome.fitted), *_shown(outcome.rings)] for name, outcome in tried.items()]
     return f"""\
-### What else may be so
-Nothing is published of the following. One thing at a time, with the height and the indenter found above, and the
-modulus and the begin of the record found anew: largest differences as above, and means of the map over all taxels at
-the same distance from taxel {fitted}, in pitches. These hardly depend on where the indenter stands, which is over the
-middle here.
+### Other assumptions
+The following is not published. One assumption at a time is changed; the height and the indenter are those found above,
+and the modulus and the start of the record are fitted again. The table has the largest differences as above, and means
+of the map over all taxels at the same distance from taxel {fitted}, in pitches. These means hardly depend on the
+position of the indenter, which is above the middle here.
 
 {markdown_table(heads, rows)}
 
@@ -44,11 +44,12 @@ def _shown(means: np.ndarray) -> list[str]:
 def _own(results: PadComparison) -> str:
     """Sentences that compare the error of the worst predicted taxel with its error in the map."""
     actual, computed, expected = expected_at(results)
-    times = f"Pressed itself, taxel {PREDICTED} changes {expected / computed:.2f} times as much as computed"
+    times = f"When it is pressed itself, taxel {PREDICTED} changes {expected / computed:.2f} times as much as computed"
     if abs(expected - actual) >= abs(computed - actual):
         return f"{times}, but not so in the map while taxel {measured.PRESSED} is pressed."
     return (
-        f"{times}, and so it does in the map while taxel {measured.PRESSED} is pressed: there, that makes "
-        f"{expected:.0f} of {computed:.0f}, and measured is {actual:.0f}. What is missed is its own, wherever the pad "
-        "is pressed, and not how the pad deforms; the model knows no differences between taxels."
+        f"{times}. It does so in the map too, while taxel {measured.PRESSED} is pressed: with this factor, its change "
+        f"of {computed:.0f} becomes {expected:.0f}, and {actual:.0f} was measured. So the deviation is a property of "
+        "the taxel, wherever the pad is pressed, and not an error of the deformation; in the model all taxels are "
+        "equal."
     )

@@ -58,27 +58,28 @@ def memory_section(fit: PronyFit, pictures: Path) -> str:
 ## The same pad: hold, release and loop
 ![Voltage after release, and force during the hold](validation/memory.png)
 
-All of this is computed with the pad and the indenter found above, of viscoelastic silicone and with its light; the
-modulus found is the long-term one, as the press was slow. Errors are those of the computation: the difference to
+This section uses the pad and the indenter found above, with viscoelastic silicone and its light. The modulus found
+above is the long-term modulus, as the pad was pressed slowly. Errors are those of the computation: the difference from
 elements of {FINER:g} mm, the estimated error of time steps, and the noise of the light.
 
-**Fitted to the voltage after release alone**, by {fit.paths} paths of finite elements: the shares of three relaxation
-times, {series}. Here the indenter is withdrawn at once, which takes time on the
-bench: the first share is due to the release as much as to the silicone. Percent of the change during the hold:
+**Fitted to the voltage after release alone**, by {fit.paths} paths of finite elements: the weights of three relaxation
+times, {series}. In the computation the indenter is withdrawn at once. On the bench this takes time, so the first weight
+is due to the release as much as to the silicone. Percent of the change during the hold:
 
 {markdown_table(["s after release", "measured", "fitted"], tail_rows)}
 
 The largest difference is {worst:.0f} % of the value.
 
-Predicted: the force during the hold, relative to that at the end. Measured values with their scatter in the window.
+Predicted: the force during the hold, relative to the force at its end. Measured values have the scatter in their window
+as error.
 
 {markdown_table(["s", "measured", "here"], hold_rows)}
 
 {paragraph(_hold_words(fit, forces, scatters))}
 
-Predicted: a cycle to {travel} in {duration}. Widths in percent of the largest force or change, energy of that of
-loading; beside them those of an elastic pad under an indenter with a coefficient of friction of {FRICTION:g}, which is
-assumed, and stated without an error:
+Predicted: a cycle to {travel} in {duration}. Widths in percent of the largest force or change, energy in percent of the
+energy of loading; the last column is for an elastic pad under an indenter with a coefficient of friction of
+{FRICTION:g}, which is assumed, without an error:
 
 {markdown_table(["loop", "measured", "viscoelastic", "elastic, with friction"], loop_rows)}
 
@@ -96,7 +97,7 @@ def _hold_words(memory: PronyFit, forces: np.ndarray, scatters: np.ndarray) -> s
     change, error = 100 * memory.held_change, 100 * memory.errors.held_change
     alike = "as" if change - error <= measured.HELD_CHANGE else "**not** as"
     if error > measured.HELD_CHANGE:
-        alike = "which does not resolve what is"
+        alike = "which does not resolve the change that was"
     return (
         f"The hold {hold} within its scatter. From 0.5 s on its voltage changes by {_with(change, error)} %, {alike} "
         f"measured: by {measured.HELD_CHANGE:g} % at most."
@@ -119,13 +120,13 @@ def _loop_words(memory: PronyFit) -> str:
     if 1 / ALIKE <= low and high <= ALIKE:
         return f"**The loop agrees** within {100 * (ALIKE - 1):.0f} %{unresolved}."
     verdict = (
-        f"**The loop does not agree**: the measured ones are {low:.2g} to {high:.2g} times as wide as "
-        f"predicted{unresolved}. Friction below the indenter opens {memory.rubbed.force:.2f} of "
+        f"**The loop does not agree**: the measured widths are {low:.2g} to {high:.2g} times the predicted "
+        f"ones{unresolved}. Friction below the indenter explains {memory.rubbed.force:.2f} of "
         f"{measured.FORCE_LOOP:g} % and changes the largest force by {100 * (memory.stiffer - 1):+.0f} %."
     )
     linear_note = (
-        "Of a linear solid with the fitted series, in closed form, that of the force is "
-        f"{linear_loop(memory.terms):.2f} % wide: no error of the computation makes it narrow."
+        "In closed form, the loop of the force of a linear solid with the fitted series is "
+        f"{linear_loop(memory.terms):.2f} % wide, so the narrow loop is not an error of the computation."
     )
     return f"{verdict} {linear_note} {_missing()}" if low > ALIKE else verdict
 
@@ -137,13 +138,14 @@ def _missing() -> str:
     verdict = "does not exclude it"
     if residue > ALIKE * there:
         verdict = (
-            "excludes it. No sum of terms leaves less, as widths and remainders of small shares add up: no linear "
-            "viscosity, whatever its constants, makes both records"
+            "excludes it. No sum of terms leaves less, as widths and remainders of small weights add up: no linear "
+            "viscosity explains both records, whatever its constants"
         )
     return (
-        f"A further term of the series that opens such a loop, at best one of {time:.0f} s, would leave at least "
-        f"{100 * residue:.1f} % of the change {measured.TAIL_TIMES[-1]:g} s after the release (a linear solid), where "
-        f"{100 * there:.2f} % is measured: that {verdict}. {_widths_alone()}"
+        f"A further term of the series that explains such a loop, best with a relaxation time of {time:.0f} s, would "
+        f"leave at least "
+        f"{100 * residue:.1f} % of the change {measured.TAIL_TIMES[-1]:g} s after the release (in a linear solid), but "
+        f"{100 * there:.2f} % was measured: that {verdict}. {_widths_alone()}"
     )
 
 
@@ -154,14 +156,15 @@ def _widths_alone() -> str:
     lower, higher = abs(force - at_travel), force + at_travel
     less = abs(lower - at_force) < abs(higher - at_force)
     return (
-        "The widths by themselves say more, if voltage and force are nearly proportional to each other and to travel. "
-        f"The force lacks {force:g} % on the way back. If at equal travel the voltage is then lower by its "
-        f"{at_travel:g} %, it is higher at equal force by {lower:.1f} %, and if it is higher, by {higher:.1f} %; "
+        "The widths alone show more, if voltage and force are nearly proportional to each other and to the travel. "
+        f"On the way back, the force is lower by {force:g} %. If the voltage at equal travel is lower by its "
+        f"{at_travel:g} %, it is higher at equal force by {lower:.1f} %; if it is higher at equal travel, it is "
+        f"higher at equal force by {higher:.1f} %; "
         f"measured is {at_force:g} %. So roofs are {'less' if less else 'more'} pressed on the way back at equal "
-        "travel. Softening or relaxation that is the same everywhere leaves the shape of a pad as it is at a given "
-        f"travel, and is excluded as the only cause; so is play of the robot, which would be {play:.2f} mm, or slip of "
-        "the pad: they change nothing at equal force. Give of the robot that is elastic opens no loop. What remains is "
-        "softening by the first strain (Mullins' effect) that is larger below the indenter than at the roofs, or a "
-        f"softening by {min(lower, at_force):.0f} to {max(lower, at_force):.0f} % together with play or slip; these "
-        "data do not tell which, and none of it is modelled."
+        f"travel. Softening or relaxation that is the same everywhere does not change the shape of a pad at a given "
+        f"travel, and is excluded as the only cause. The same is true of play of the robot, which would be "
+        f"{play:.2f} mm, or slip of the pad: they change nothing at equal force. An elastic compliance of the robot "
+        f"causes no loop. Possible causes are softening by the first strain (Mullins' effect), if it is larger below "
+        f"the indenter than at the roofs, or a softening by {min(lower, at_force):.0f} to {max(lower, at_force):.0f} "
+        f"% together with play or slip. These data do not show which; none of these effects is modelled."
     )

@@ -36,24 +36,23 @@ def pad_section(results: PadComparison, pictures: Path) -> str:
 ![Force against travel, and change of the voltage against force](validation/pressed.png)
 
 *Marks are measured, lines computed.* A pad of 5 x 5 cells with photo-reflectors NJL5908AR, pressed slowly at
-its taxels {taxels}. Its height, its silicone and the indenter are not stated.
+its taxels {taxels}. The height of the pad, its silicone and the indenter are not published.
 
 **Fitted to taxel {fitted} alone**, to its force and its reading at {points} travels, by {tried} paths of
-finite elements; the modulus has a closed form, as forces are proportional to it. A record begins where the robot
-noticed the contact, and how late that is, is found as well:
+finite elements; the modulus has a closed form, as forces are proportional to it. A record begins when the robot detects
+the contact. The travel before that is fitted as well:
 
 {markdown_table(["unknown", "value"], _unknowns(results))}
 
 {paragraph(_valley(results))}
 
-The indenter is taken as a ball of that radius without friction, the silicone as neo-Hookean with nu = 0.49. Collars of
-the rigid grid reach {collar} into the cells and hold the walls between them: the model is glued at their
-tops, {collar} above the dies and {below:g} mm below the roofs. The grid is opaque but for windows of
-{measured.WINDOW:g} mm.
-Roofs reflect isotropically and all else absorbs, as in the paper; the LED is Lambertian. Left out: the silicone
-around the grid below the tops of the collars, friction, gaps beside the collars, light through the silicone, and
-compliance of the robot. Voltages are compared relative to rest: the circuit is linear up to 3 V of its 3.3 V, so no
-gain is needed, and no reading comes near saturation.
+The indenter is modelled as a ball of that radius without friction, and the silicone as neo-Hookean with nu = 0.49.
+Collars of the rigid grid reach {collar} into the cells and hold the walls between them: the model is glued at their
+tops, {collar} above the dies and {below:g} mm below the roofs. The grid is opaque except for windows of
+{measured.WINDOW:g} mm. Roofs reflect isotropically and all else absorbs, as in the paper; the LED is Lambertian. Left
+out: the silicone around the grid below the tops of the collars, friction, gaps beside the collars, light through the
+silicone, and compliance of the robot. Voltages are compared relative to rest: the circuit is linear up to 3 V of its
+3.3 V, so no gain is needed, and no reading comes near saturation.
 
 {"".join(_pressed(taxel, compared) for taxel, compared in results.taxels.items())}
 {paragraph(_spread(results))}
@@ -64,12 +63,13 @@ gain is needed, and no reading comes near saturation.
 ![Changes of all taxels while taxel 13 is held](validation/map.png)
 
 While taxel {fitted} is held at {measured.HELD_AT:g} mm its voltage changes by {hold_change}. All taxels in percent
-of that, in their places, measured / here (at {MAP_TRAVEL:g} mm), with ± one standard deviation of what is told below:
+of this change, arranged as on the board, measured / computed (at {MAP_TRAVEL:g} mm), with ± one standard deviation, as
+explained below:
 
 {markdown_table(heads, _map_rows(results))}
 
-Fitted to the asymmetry of the four nearest taxels: the indenter stands {x} along x and {y} along y off the
-middle of taxel {fitted}. All else in the map is predicted.
+Fitted to the asymmetry of the four nearest taxels: the indenter is {x} along x and {y} along y away from the middle of
+taxel {fitted}. All else in the map is predicted.
 
 {paragraph(_map_words(results))}
 
@@ -99,9 +99,12 @@ def _valley(results: PadComparison) -> str:
         if (height, radius) != best and misfit < ALIKE * results.found.misfit
     ]
     alike = (
-        f"; nearly as well: {', '.join(alternatives)}. Height and radius are hardly told apart" if alternatives else ""
+        f"; nearly as well: {', '.join(alternatives)}. The data hardly distinguish height and radius"
+        if alternatives
+        else ""
     )
-    return f"Root mean square of the residuals, of the largest values: {100 * results.found.misfit:.1f} %{alike}."
+    misfit = f"{100 * results.found.misfit:.1f} %"
+    return f"Root mean square of the residuals, relative to the largest values: {misfit}{alike}."
 
 
 def _pressed(taxel: int, compared: TaxelComparison) -> str:
@@ -158,12 +161,12 @@ def _spread(results: PadComparison) -> str:
     volts_there, volts_here = (" / ".join(f"{value:.3f}" for value in values) for values in volts)
     return (
         f"At {at:.2f} N the changes of taxels {' / '.join(map(str, results.taxels))} are {bench} % measured, {model} % "
-        "here. The model knows no differences between parts and their places in the cells, nor where the indenter "
-        "stood over the taxels that are predicted: it is put over the middle. In volts they are "
+        "here. In the model, all parts and their positions in the cells are equal, and the indenter is above the "
+        "middle of each predicted taxel, as its true position is not known. In volts they are "
         f"{volts_there} V measured, {volts_here} V here if all have the rest voltage of taxel {measured.PRESSED}: off "
         f"by {' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in volts.T)} %, instead of "
-        f"{' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in changes.T)} % relative to rest. Parts of another gain "
-        f"would change the voltage at rest and its change alike. {_light_at_rest(changes, volts)}"
+        f"{' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in changes.T)} % relative to rest. A part with another "
+        f"gain would change the voltage at rest and its change by the same factor. {_light_at_rest(changes, volts)}"
     )
 
 
@@ -174,9 +177,9 @@ def _light_at_rest(changes: np.ndarray, volts: np.ndarray) -> str:
     if volt_error >= relative_error:
         return "Changes in volts differ no less than those relative to rest, so the light at rest does not explain it."
     return (
-        "As the changes in volts differ less than those relative to rest, it may rather be a part of the light at rest "
-        "which the load does not change that differs between taxels; three of them do not prove it. The model has no "
-        "such light: roofs alone reflect."
+        "As the changes in volts differ less than those relative to rest, the taxels may differ in a part of their "
+        "light at rest that the load does not change; three taxels do not prove it. The model has no such light, as "
+        "only roofs reflect."
     )
 
 
@@ -208,8 +211,8 @@ def _errors(results: PadComparison) -> str:
     change = 100 * float((finer.change / state.change).sel(taxel=measured.PRESSED) - 1)
     return (
         f"{text} On elements of {FINER:g} mm in place of {bench_pad.MESH_SIZE:g} mm the force in fact differs by "
-        f"{rise:+.1f} % and the change by {change:+.1f} %. The fitted height takes up an error in proportion to the "
-        "change."
+        f"{rise:+.1f} % and the change by {change:+.1f} %. The fitted height compensates an error that is "
+        f"proportional to the change."
     )
 
 
@@ -236,7 +239,8 @@ def _map_words(results: PadComparison) -> str:
     )
     return (
         f"The largest difference is {difference[worst]:+.0f} points, in {site}; among the eight neighbours it is "
-        f"{neighbours.max():.0f}; {verdict}. Without the offset the largest would be {centred:.0f}. {_widest(results)}"
+        f"{neighbours.max():.0f}; {verdict}. Without the offset the largest difference would be {centred:.0f}. "
+        f"{_widest(results)}"
     )
 
 
@@ -249,18 +253,19 @@ def _band_words(results: PadComparison) -> str:
     beyond_list = [
         f"{ratio:.1f} ({100 * limits.chance(ratio):.0f} %)" for ratio in np.sort(times[difference > MAP_TARGET])
     ]
-    beyond = f" Those that are, are off by {', '.join(beyond_list)} times the ±." if beyond_list else ""
+    beyond = f" The taxels beyond the target deviate by {', '.join(beyond_list)} times the ±." if beyond_list else ""
     return (
         f"Pressed themselves, taxels {' / '.join(map(str, limits.own))} change {shares} times as much as computed: "
-        f"their sensitivities differ by {100 * limits.spread:.0f} % (one standard deviation). A number of the map is a "
-        "ratio of two taxels, so that it may be off by the root of two times as much, and by the rounding of what is "
-        f"measured: the ± of the table. By these, {limits.expected_beyond(MAP_TARGET):.1f} taxels would be further off "
-        f"than {MAP_TARGET:g} points, and a model that is exact but for them would have all within the target with a "
-        f"chance of {100 * limits.chance_of_none_beyond(MAP_TARGET):.1f} % only. In brackets is the chance of as much "
-        f"or more, by Student's distribution, as {len(limits.own)} taxels tell little of a spread.{beyond} By most "
-        f"times it is the taxel in row {row + 1}, column {column + 1}, that is off: {times[row, column]:.1f} "
-        f"({100 * limits.chance(times[row, column]):.0f} %), "
-        "where voltages hardly change."
+        f"their sensitivities differ by {100 * limits.spread:.0f} % (one standard deviation). A number of the map is "
+        f"a ratio of two taxels. Its standard deviation, the ± of the table, is therefore the square root of two "
+        f"times as large, and contains the rounding of the measured values. By these standard deviations, "
+        f"{limits.expected_beyond(MAP_TARGET):.1f} taxels would deviate by more than {MAP_TARGET:g} points, and all "
+        f"taxels of an otherwise exact model would be within the target with a probability of "
+        f"{100 * limits.chance_of_none_beyond(MAP_TARGET):.1f} % only. Probabilities of such a deviation or a larger "
+        f"one, in brackets, are from Student's distribution, as {len(limits.own)} taxels determine a spread "
+        f"poorly.{beyond} The largest deviation in units of ± is that of the taxel in row {row + 1}, column "
+        f"{column + 1}: {times[row, column]:.1f} "
+        f"({100 * limits.chance(times[row, column]):.0f} %), whose voltage hardly changes."
     )
 
 
@@ -273,6 +278,6 @@ def _widest(results: PadComparison) -> str:
         return means
     return (
         f"{means} Of the pads tried, that of {height:g} mm comes nearest with {mean:.0f} %, but its taxel "
-        f"{measured.PRESSED} changes by {100 * change:.1f} % while it is held. Which assumption is wrong, these data "
-        "do not tell."
+        f"{measured.PRESSED} changes by {100 * change:.1f} % while it is held. These data do not show which "
+        f"assumption is wrong."
     )

@@ -13,10 +13,10 @@ def rest_section(spread: Spread) -> str:
     rows = [[name, spread.laws[name], SOURCES[name], f"{100 * spread.shares[name]:.1f}"] for name in SOURCES]
     return f"""\
 ## Spread of the voltages at rest
-One cell of the pad, its parameters drawn {SAMPLES} times from the distributions below and each sample computed
-(`taxel tolerance` with a study that is written to DIR/tolerance). What is called assumed has no source: neither the
-tolerances of that board, grid and mould are published, nor limits of the current of the NJL5908AR, in whose place those
-of another part stand.
+One cell of the pad is computed {SAMPLES} times, with parameters drawn from the distributions below
+(`taxel tolerance` with a study that is written to DIR/tolerance). Values called *assumed* have no source: the
+tolerances of that board, grid and mould are not published. The limits of the current of the NJL5908AR are not published
+either; those of another part are used.
 
 {markdown_table(["parameter", "distribution", "what, and source", "share of the variance [%]"], rows)}
 
@@ -32,8 +32,8 @@ def _words(spread: Spread) -> str:
         "Standard deviation of the reading at rest, in percent of its mean: "
         f"**{high:.0f} ± {spread.all_error:.0f} % with all of these**, "
         f"{low:.0f} ± {spread.without_gain_error:.0f} % without the gain of the parts; measured, {actual:g} % among 25 "
-        f"taxels (from {bottom:g} to {top:g} V). Errors are those of finitely many samples, noise of the light "
-        "included; at rest there is none of elements or time steps. The measured spread "
+        f"taxels (from {bottom:g} to {top:g} V). Errors are due to the finite number of samples, and contain the "
+        f"noise of the light; at rest, elements and time steps cause no error. The measured spread "
         f"{'lies between the two' if inside else '**does not lie between the two**'}"
     )
     gain = spread.gain_for(actual)
@@ -42,6 +42,6 @@ def _words(spread: Spread) -> str:
     narrower = "is narrower than" if gain < spread.gain else "is **not** narrower than"
     return (
         f"{figures}: with the other tolerances as assumed, a gain that varies by {gain:.0f} % would explain it. That "
-        f"{narrower} the {spread.gain:.0f} % of the datasheet, as parts of one delivery are, and it is no test: one "
-        "number is met by many sets of tolerances."
+        f"{narrower} the {spread.gain:.0f} % of the datasheet, as parts of one delivery usually are. It is not a "
+        f"test of the model, as many sets of tolerances give this one number."
     )

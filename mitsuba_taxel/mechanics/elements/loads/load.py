@@ -186,7 +186,9 @@ class DeadForce(Load):
     def loaded_area(self, mesh: VolumeMesh) -> float:
         area = float(self.nodal(mesh).sum())
         if not area > 0:
-            raise InputError(f"{self} is not allowed: it lies outside the top.")
+            raise InputError(
+                f"{self} is not allowed: it lies outside the top of the pad; a position over the top is needed."
+            )
         return area
 
     def is_symmetric(self, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
