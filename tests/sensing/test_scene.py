@@ -158,7 +158,7 @@ def test_scenes_by_name_by_path_and_as_dictionaries_are_the_same(llvm_mono):
         (lambda: PadSensor(history=3), "history = 3 is not allowed: pairs of a time and a value"),
         (lambda: PadSensor(force=3), "force = 3 is not allowed: a list of finite numbers is needed"),
         (lambda: Wall(reflectance="much"), "reflectance = 'much' is not allowed: a finite number from 0 to 1"),
-        (lambda: Scene("plate.xml", 3), "parameters = 3 is not allowed: a mapping"),
+        (lambda: Scene("plate.xml", 3), "parameters = 3 is not allowed: a dictionary"),
         (lambda: Scene("plate.xml", mesh_size="fine"), "mesh_size = 'fine' is not allowed"),
     ],
 )
