@@ -158,8 +158,7 @@ def _modes(count: int) -> np.ndarray:
 
 @kept(8)
 def _resampled(*counts: int) -> list[np.ndarray]:
-    """Bootstrap weights (DRAWS, count) of each half of the replicates, of ``counts`` replicates; equal in every call.
-    """
+    """Bootstrap weights (DRAWS, count) of each half of the replicates, of ``counts`` replicates; always the same."""
     random = np.random.default_rng(0)
     even = [(count, np.full(count, 1 / count)) for count in counts]
     drawn = [[random.multinomial(*half) / half[0] for half in even] for _ in range(DRAWS)]

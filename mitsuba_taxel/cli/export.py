@@ -17,9 +17,8 @@ from .options import debug_option, json_option, output_option
 def command(folder: Path, output: Path, as_json: bool) -> None:
     """Write readings as a function of the parameters varied by the study in DIR, for any ONNX runtime.
 
-    The model is a polynomial, cross-validated on whole paths; of a study with a circuit it tells voltages and counts as
-    well. It flags inputs outside the range of the study, and
-    contains their units and its error.
+    The model is a polynomial, cross-validated on whole paths; for a study with a circuit it also gives voltages and
+    counts. It flags inputs outside the range of the study, and contains their units and its error.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.surrogates import export

@@ -101,8 +101,8 @@ def load_path(
         touches obstacles, or times are missing, not needed, negative or decreasing.
     ComputationError
         naming the value at which the path ends, because the pad cannot be loaded further, or touches itself, the board
-        or an obstacle; or if memory does not suffice. With ``self_contact`` of the load, it goes on where it touches
-        them.
+        or an obstacle; or if memory does not suffice. If the load has ``self_contact``, the path continues after the
+        contact.
     """
     require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
     require("material", material, (Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic")

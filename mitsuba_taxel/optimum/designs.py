@@ -213,7 +213,8 @@ class DesignEvaluator:
     def _shifted(self, design: Design) -> dict[tuple[int, int], Design]:
         """Neighbours of a design for central differences, by the index of a variable without derivative, and the sign.
 
-        A neighbour has the mesh of the design, moved. Where it is refused, the design takes its place.
+        A neighbour has the mesh of the design, moved. If the neighbour is refused, the design itself is used instead,
+        for a one-sided difference.
         """
         neighbours = {}
         for number, name in enumerate(self._names):

@@ -273,7 +273,7 @@ def view_angle(responses: DesignResponses) -> np.ndarray:
 
 @dataclass(frozen=True)
 class FigureOfMerit:
-    """A figure of merit that may be asked for.
+    """A figure of merit that a study may request.
 
     Attributes
     ----------

@@ -102,7 +102,9 @@ def _variable(name: str, definition: Any, base: Mapping[str, str], choices: Mapp
     try:
         start = float(word)
     except ValueError:
-        raise InputError(f"variable {name} = {word!r} is not allowed: a number in the scene is needed.") from None
+        raise InputError(
+            f"variable {name} = {word!r} is not allowed: a <default> of the scene with a number is needed."
+        ) from None
     if not table["low"] < table["high"]:
         raise InputError(f"variable {name}: low = {table['low']:g} must be below high = {table['high']:g}.")
     if not table["low"] <= start <= table["high"]:

@@ -37,17 +37,19 @@ class Optimum:
         Parameters of the original scene, and of the best design.
     figures : DataFrame
         One row for the objective and each constraint: ``unit``; ``before`` and ``best``, their worst components;
-        ``before_finer`` and ``best_finer``, the same on a finer mesh; ``error``, that of ``best`` by its elements and
-        the noise of its light, extrapolated from the change by that mesh, NaN if there is none; ``multiplier``, the
-        relative gain of the objective if the bound were relaxed by its own size: above 0 if the constraint binds.
+        ``before_finer`` and ``best_finer``, their worst components on a finer mesh; ``error``, the error of ``best`` by
+        its elements and the noise of its light, extrapolated from the change by the finer mesh, NaN without one;
+        ``multiplier``, the relative gain of the objective if the bound were relaxed by its own size: above 0 if the
+        constraint binds.
     variables : DataFrame
         One row per variable: ``low``, ``high``, ``before``, ``best``, and the active bound, ``at``; NaN where a design
         does not have it.
     slopes : DataFrame
         Derivatives of the worst components at the best design, one row per figure and variable that it has.
     history : DataFrame
-        One row per design, in order, with the number of the ``descent`` that looked at it first, 0 for the initial
-        designs, that of the design whose mesh it has, ``mesh_of``, and the ``best`` value of the objective so far.
+        One row per design, in order, with the number of the ``descent`` that evaluated it first (0 for the initial
+        designs), the number of the design whose mesh it has (``mesh_of``), and the ``best`` value of the objective so
+        far.
     front : DataFrame
         Pareto front of the objective and another one, with parameters; empty if not requested.
     gain, gain_error, probability : float
@@ -60,7 +62,7 @@ class Optimum:
         Relative gain of the objective by a descent from the best design on the finer mesh, which is made where no local
         optimum is shown by the slope; NaN otherwise.
     beyond_ended : bool
-        Whether that descent ended as its steps gained no more.
+        Whether that descent ended because its steps improved the design no further.
     gradients : int
         Number of gradients: of the best design, of others within 2 % of the bounds, one of each mesh, and on the finer
         mesh: the slope is that of their mean.

@@ -45,7 +45,7 @@ def left_out(
     irradiance, crosstalk : bool
         Whether the irradiance map, or each LED on each phototransistor, is requested.
     began : float, optional
-        ``time.time()`` before the scene was first loaded; if given, the lines tell whether all meshes and solutions
+        ``time.time()`` before the scene was first loaded; if given, the lines state whether all meshes and solutions
         came from the disk cache.
 
     Returns

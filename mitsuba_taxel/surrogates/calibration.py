@@ -54,7 +54,7 @@ class Calibration(NamedTuple):
     coverage : float
         Fraction of the forces that the intervals should contain.
     covered : float
-        The fraction contained on left-out paths, with the width from the others.
+        Fraction of the forces on left-out paths within intervals whose width is from the other paths.
     unit : str
         Unit of the readings, W or V.
     noise : float

@@ -37,7 +37,7 @@ def triangle_rule(degree: int) -> Rule:
     points : (Q, 2) ndarray
         3 for degree 1, 6 for 2.
     weights : (Q,) ndarray
-        Weights of which the sum is 1/2.
+        Weights, whose sum is 1/2.
     """
     points = [point for a, _ in _ORBITS[degree] for point in ((a, a), (a, 1 - 2 * a), (1 - 2 * a, a))]
     weights = [weight / 2 for _, weight in _ORBITS[degree] for _ in range(3)]
@@ -197,7 +197,7 @@ def polar_rule(target: np.ndarray, count: int) -> Rule:
     points : (3 count², 2) ndarray
         Coordinates (s, t).
     weights : (3 count²,) ndarray
-        Weights of which the sum is 1/2.
+        Weights, whose sum is 1/2.
     """
     equilateral = np.array([[1.0, 0.0], [0.5, math.sqrt(3) / 2]])
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])

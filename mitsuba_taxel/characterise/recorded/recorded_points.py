@@ -1,5 +1,4 @@
-"""Points of a recorded run: one for each hold of the force, and one for each of equal ranges of force while it moves.
-"""
+"""Points of a recorded run: one for each hold of the force, and one for each equal range of a moving force."""
 
 from __future__ import annotations
 

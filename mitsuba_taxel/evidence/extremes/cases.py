@@ -186,8 +186,7 @@ def _self_contacts() -> Iterator[ExtremeCase]:
 
 
 def _other_kinds() -> Iterator[ExtremeCase]:
-    """Registered cells, laws and indenters that occur in no other case: a new kind is tested without being named here.
-    """
+    """Registered cells, laws and indenters that no other case has: a new kind is tested without being named here."""
     # Cells.
     for cell in other_cells():
         pad = pad_of(cell)

@@ -128,7 +128,7 @@ def path(
     ``taxel``.
 
     ``force`` is in N for a modulus of 1 MPa, to which forces are proportional; ``change`` is that of the power,
-    relative to rest. With errors, these are total ones. The attribute ``end`` tells why a path ends early; else it is
+    relative to rest. With errors, these are total ones. The attribute ``end`` states why a path ends early; else it is
     empty.
 
     Raises

@@ -66,8 +66,7 @@ def edges(store: PaperStudies, axis: str, workers: int | None) -> dict[float, xr
 
 
 def plate_offset(axis: str, distance: float) -> float:
-    """Position in mm of the plate's centre along an axis, if its edge is ``distance`` inside the edge of the package.
-    """
+    """Position in mm of the plate's centre along an axis, if its edge is ``distance`` inside that of the package."""
     return round(float(distance) + (PLATE - PACKAGE[axis]) / 2, 6)
 
 

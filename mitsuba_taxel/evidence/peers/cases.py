@@ -47,8 +47,7 @@ class PeerCase:
         return self.scene == "plate.xml"
 
     def plate(self) -> tuple[float, float]:
-        """Height of the plate and spacing in mm; raises for any other case, if a peer was modelled for the plate alone.
-        """
+        """Height of the plate and spacing in mm; raises for other cases, as a peer was modelled for the plate alone."""
         self.require_ideal()
         if not self.single_bounce:
             raise UnsupportedCase("the pad's mesh with its region-wise walls was not modelled for it")

@@ -92,8 +92,7 @@ def _own(pad: Pad, size: float, symmetric: bool, solver: str) -> tuple[float, fl
 
 
 def _peer(pad: Pad, size: float, threads: int) -> tuple[float, float]:
-    """Mean roof displacement and seconds by CalculiX, on the same mesh; the time excludes meshing and writing the deck.
-    """
+    """Mean roof displacement and seconds by CalculiX, on the same mesh; without meshing and writing the deck."""
     mesh = mesh_pad(pad, size)
     result = calculix.solve(mesh, MATERIAL, FORCE, threads)
     return mean_roof_displacement(mesh, result.displacement, CELL), result.seconds

@@ -30,7 +30,7 @@ class Node:
 class Interpolated:
     """A state at or between nodes, its figures, and the seconds that all nodes up to it took.
 
-    ``iterations`` are 0 between nodes; ``stability_checked`` tells whether it lies between states that were checked.
+    ``iterations`` are 0 between nodes; ``stability_checked`` states whether it lies between states that were checked.
     """
 
     unknowns: np.ndarray

@@ -39,8 +39,7 @@ def path_along(path: PadPath, values: Sequence[Sequence[float]]) -> PadPath:
 
 
 def _reach(path: PadPath) -> float:
-    """Half the width in mm of the contact for which elements are small; infinite for a plate and without an indenter.
-    """
+    """Half the width in mm of the contact for which elements are small; infinite for a plate or no indenter."""
     indenter = path.load.moved_indenter
     if indenter is None:
         return math.inf

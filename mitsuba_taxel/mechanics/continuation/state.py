@@ -127,7 +127,7 @@ class State(Displayed):
     second_mesh : Callable
         Solves the same load on a second mesh, and compares.
     path_rate : Callable
-        Returns the rate along the path, at no cost where the tangents of its solved states tell it: the unit vector
+        Returns the rate along the path, at no cost if the tangents of its solved states determine it: the unit vector
         ``direction`` of the load's value, and the derivative of the ``displacement`` (N, 3) along it, in mm per N, mm
         or MPa, accurate to about 1e-4. None at rest, where no direction is known, for a viscoelastic silicone, and
         where few iterations do not lead to it.

@@ -40,7 +40,7 @@ class CriticalMode:
     Raises
     ------
     ComputationError
-        if the state is not stable, or its least stiff modes are too close to be told apart.
+        if the state is not stable, or its least stiff modes cannot be distinguished.
     """
 
     def __init__(self, state: State) -> None:

@@ -72,7 +72,7 @@ def _largest(answers: Iterable[np.ndarray]) -> np.ndarray:
 
 
 def _along(values: np.ndarray) -> np.ndarray:
-    """(S,) positions of loads (S, c) on their line; raises `InputError` if there is none."""
+    """(S,) positions of loads (S, c) along the straight line through them; raises `InputError` if they lie on none."""
     from_first = values - values[0]
     length = np.linalg.norm(from_first, axis=1).max()
     if length == 0:

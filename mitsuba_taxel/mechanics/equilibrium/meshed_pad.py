@@ -112,7 +112,8 @@ class MeshedPad:
         return guess
 
     def ticks(self, response: np.ndarray) -> int:
-        """Number of smallest fractions of a step, from the change of the unknowns by the step to first order."""
+        """Number of ticks, the smallest fractions of a step, from the first-order change of the unknowns by the "
+        "step."""
         return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split(response)[0]))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:

@@ -48,7 +48,7 @@ def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
 
 
 def ticks_of(elements: Elements, response: np.ndarray) -> int:
-    """Number of smallest fractions of a step, a power of two times :data:`TICKS`.
+    """Number of ticks, the smallest fractions of a step: a power of two times :data:`TICKS`.
 
     The step is measured by the strain of a block. A plate of side a and thickness t bends under the same pressure about
     (a / t)^3 times as much, and turns before it strains: where the linear response of the pad would turn its silicone

@@ -77,7 +77,7 @@ def second_state(
     Returns
     -------
     SecondState or None
-        None if no mesh tells it.
+        None if there is no such mesh.
     """
     with lock_of(pad):
         size = chosen_size(pad, material, load, mesh_size, mesh_tolerance)

@@ -172,7 +172,7 @@ class RowSteps:
         Raises
         ------
         StepTooLong
-            if states on the way are not to be interpolated.
+            if states within the step cannot be interpolated accurately enough.
         """
         try:
             here = self._with_start_velocity(self._start)

@@ -13,7 +13,7 @@ WITHOUT_PAD = "the scene has no pad, and a study stores no derivatives by differ
 
 @in_turn
 def without_derivative(scene: Scene, names: Iterable[str]) -> dict[str, str]:
-    """Parameters by which a study has no derivatives of a scene.
+    """Parameters with respect to which a study has no derivatives of a scene, with the reasons.
 
     Parameters
     ----------

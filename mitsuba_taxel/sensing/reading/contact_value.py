@@ -14,7 +14,7 @@ class FirstContact:
     Attributes
     ----------
     value : float
-        Value of the parameter that changes with the load; if there is no contact, the furthest one asked for, or that
+        Value of the parameter that changes with the load; without contact, the furthest requested value, or the value
         at which the pad becomes unstable or its path ends otherwise.
     rates : (P,) ndarray
         Derivatives of ``value`` with respect to other parameters; 0 if it is the furthest one, NaN if the path ends

@@ -29,8 +29,8 @@ class Result(NamedTuple):
     of : Callable[[Readings], array or None]
         The values; None where a reading has none.
     along_curve : bool
-        Whether it is interpolated along the curves of a study where a reading does not tell it, as errors are that take
-        a second mesh.
+        Whether it is interpolated along the curves of a study between the readings that have it, as errors by a second
+        mesh are.
     in_table : bool
         Whether the tables of readings hold it.
     """

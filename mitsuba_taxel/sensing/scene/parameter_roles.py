@@ -33,10 +33,11 @@ def roles_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
     Returns
     -------
     dict[str, tuple[str, int]]
-        By name, the role, and 1, or -1 of a parameter that is used as ``-$name``. A role is the name of a plugin's
-        parameter, such as ``pressure`` or ``indenter_x``; of a vector, with ``_x``, ``_y`` or ``_z``, as
-        ``translate_x``; and one of ``fx``, ``fy``, ``fz``, ``ux``, ``uy``, ``uz`` of the load of a `deformable_pad`.
-        Parameters with several uses that differ, and roles that several parameters have, are left out.
+        Role and sign by name of the parameter; the sign is -1 for a parameter that is used as ``-$name``, else 1. A
+        role is the name of a plugin's parameter, such as ``pressure`` or ``indenter_x``; of a vector, with ``_x``,
+        ``_y`` or ``_z``, as ``translate_x``; and one of ``fx``, ``fy``, ``fz``, ``ux``, ``uy``, ``uz`` of the load of a
+        `deformable_pad`. Parameters with several uses that differ, and roles that several parameters have, are left
+        out.
     """
     uses_of: dict[str, set[tuple[str, int] | None]] = {}
     for role, word in _uses(scene):
@@ -60,9 +61,9 @@ def forces_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
     Returns
     -------
     dict[str, tuple[str, int]]
-        By name, the component, one of `FORCES`, and 1, or -1 of a parameter that is used as ``-$name``. In scenes of
-        other plugins, a parameter with the name of a component counts as that component, if nothing uses it in a force
-        or in a unit other than N.
+        Component of the force (one of `FORCES`) and sign by name of the parameter; the sign is -1 for a parameter that
+        is used as ``-$name``, else 1. In scenes of other plugins, a parameter with the name of a component counts as
+        that component, if nothing uses it in a force or in a unit other than N.
     """
     in_force = {name: role for name, role in roles_of_parameters(scene).items() if role[0] in FORCES}
     uses: dict[str, set[str]] = {}

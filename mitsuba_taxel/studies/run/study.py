@@ -104,7 +104,7 @@ def sweep(
         Light paths for each taxel and randomisation, instead of a target.
     time_budget : float, optional
         Seconds that the study should take: limits the points and the refinement of meshes. Scenes that would not end in
-        time are not started, but for the first; a note says how many, and the same call goes on.
+        time are not started, but for the first; a note says how many, and the same call continues.
     mesh_size : float, optional
         In mm, of finite elements, for pads whose size the scene leaves open; a target error may reduce it.
     seed : int

@@ -344,7 +344,7 @@ def _of_contact(contact: FirstContact | None) -> dict[str, np.ndarray]:
 
 
 def _contact(arrays: Mapping[str, np.ndarray]) -> FirstContact | None:
-    """The first contact in a result's file, None if it has none; raises if it is damaged."""
+    """The first contact in a result's file, None if it has none; raises an error if it is damaged."""
     fields = {name.removeprefix(CONTACT): array for name, array in arrays.items() if name.startswith(CONTACT)}
     if not fields:
         return None
@@ -353,7 +353,7 @@ def _contact(arrays: Mapping[str, np.ndarray]) -> FirstContact | None:
 
 
 def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives | None:
-    """The derivatives in a result's file, None if it has none; raises if they are damaged."""
+    """The derivatives in a result's file, None if it has none; raises an error if they are damaged."""
     fields = {name.removeprefix(BY): array for name, array in arrays.items() if name.startswith(BY)}
     if not fields:
         return None
@@ -367,7 +367,7 @@ def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives |
 
 
 def _kept(arrays: Mapping[str, np.ndarray]) -> StoredResult:
-    """The result in the arrays of its file; raises if they are damaged."""
+    """The result of a job, from the arrays of its file; raises an error if they are damaged."""
     words = json.loads(str(arrays["words"]))
     seconds, files = words.pop("seconds"), words.pop("files")
     errors = [None if error is None else RoofError(**error) for error in words.pop("roof_errors")]

@@ -97,5 +97,5 @@ def _digests(scene: Path, values: set[str]) -> dict[str, str]:
         try:
             digests[name] = hashlib.sha256(read_bytes(file, LARGEST_FILE)).hexdigest()[:16]
         except OSError as error:
-            raise InputError(f"{file} cannot be read ({error.strerror}), which the scene names.") from error
+            raise InputError(f"{file}, which the scene names, cannot be read ({error.strerror}).") from error
     return digests

@@ -1,2 +1,1 @@
-"""Angular laws of LEDs and phototransistors, and the weighted points on their faces that are the ends of light paths.
-"""
+"""Angular laws of LEDs and phototransistors, and the weighted points on their faces where light paths end."""

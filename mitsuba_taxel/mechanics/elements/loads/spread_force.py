@@ -18,7 +18,8 @@ class SpreadForce(DeadForce, name="spread_force", rank=0):
     Parameters
     ----------
     self_contact : bool
-        Whether paths go on where the pad touches itself, the board or obstacles, by contact without friction.
+        Whether load paths continue, with contact without friction, after the pad touches itself, the board or
+        obstacles.
     """
 
     meaning = "on the whole top"
