@@ -89,7 +89,8 @@ def _estimates(exact: np.ndarray, linear: np.ndarray, linear_only: np.ndarray) -
 
 def _moments(samples: np.ndarray) -> np.ndarray:
     """Mean, variance and both quantiles (4, T) of samples (N, T)."""
-    low, high = np.quantile(samples, (0.05, 0.95), axis=0)
+    # Sorted first, as `np.sort` is so much faster than the selection of quantiles that both take half the time.
+    low, high = np.quantile(np.sort(samples, axis=0), (0.05, 0.95), axis=0, overwrite_input=True)
     return np.stack([samples.mean(axis=0), samples.var(axis=0, ddof=1), low, high])
 
 
