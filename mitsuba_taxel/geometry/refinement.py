@@ -57,7 +57,7 @@ def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: fl
         if not cut.any():
             return mesh
         cut[of_tets[cut[of_tets] & (of_tets != longest)]] = False  # their turn comes when they are the longest
-        mesh = _bisected(mesh, ends[cut])
+        mesh = bisected(mesh, ends[cut])
 
 
 def _with_longest(cut: np.ndarray, of_tets: np.ndarray, longest: np.ndarray) -> np.ndarray:
@@ -70,8 +70,21 @@ def _with_longest(cut: np.ndarray, of_tets: np.ndarray, longest: np.ndarray) -> 
         cut = more
 
 
-def _bisected(mesh: VolumeMesh, ends: np.ndarray) -> VolumeMesh:
-    """The mesh with edges (E, 2) cut, at most one in each element."""
+def bisected(mesh: VolumeMesh, ends: np.ndarray) -> VolumeMesh:
+    """The mesh with some edges cut in their middles.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Before.
+    ends : (E, 2) ndarray of int
+        Corners at the ends of the edges, ascending in each row and from row to row; at most one edge of an element.
+
+    Returns
+    -------
+    VolumeMesh
+        Of quadratic elements on the same curved walls.
+    """
     corners = np.unique(mesh.tets[:, :4])
     number = np.full(len(mesh.points), -1)
     number[corners] = np.arange(len(corners))

@@ -81,7 +81,7 @@ def check_mirrors(pad: Pad | PadFile, codes: list[int], subdivision: int) -> Non
         if it is too small for a curved mirror.
     """
     if isinstance(pad, Pad):
-        round_walls = list(pad.shape.round_regions)
+        round_walls = list(pad.curved_regions)
     else:
         round_walls = list(REGIONS) if pad.is_drawn else []
     names = [name for name in round_walls if REGIONS[name] in codes]

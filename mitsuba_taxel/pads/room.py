@@ -51,7 +51,10 @@ def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
     """
     slack = ROUNDING * pad.cell_size
     points = points - points[..., 2:] * [*pad.slope, 0.0]
-    return np.all(pad.shape.holds(points, slack), axis=1)
+    within = pad.shape.holds(points, slack)
+    if pad.edges is not None:
+        within &= pad.edges.holds(points, slack)
+    return np.all(within, axis=1)
 
 
 def room_needed(pad: Pad, corners: np.ndarray) -> str:

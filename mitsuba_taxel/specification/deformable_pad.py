@@ -100,6 +100,7 @@ class DeformablePad(Specification, Kinded):
     top_x: float | None = _of_pad("top_x")
     top_y: float | None = _of_pad("top_y")
     meshed_as: str | None = _of_pad("meshed_as")
+    fillet: float | None = _of_pad("fillet")
 
     material: str = kind(
         "neo_hookean", Material, "A material law, or a silicone of known stiffness.", also=dict.fromkeys(SILICONES, "")

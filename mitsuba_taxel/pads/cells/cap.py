@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.pads.cells.cell_shape import Difference
-from mitsuba_taxel.pads.cells.meridian import as_text, least_radii, of_quadric, roof_meridian
+from mitsuba_taxel.pads.cells.meridian import least_radii, of_quadric
 from mitsuba_taxel.pads.cells.shaft import RoundShaft, at_distance
 from mitsuba_taxel.pads.cells.silicone_shifts import Rays, region_planes, shifts_along_rays
 
@@ -85,5 +85,4 @@ class Cap(RoundShaft):
         slope = math.hypot(*self.pad.slope)
         if not slope:
             return np.array([self.roof_radius])
-        roof = roof_meridian(as_text(self.as_profile(4)), self.radius, self.cell_height)
-        return least_radii(roof, slope, self.pad.cell_size).min(keepdims=True)
+        return least_radii(self.roof, slope, self.pad.cell_size).min(keepdims=True)

@@ -5,13 +5,16 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.kinds import Kind
 from mitsuba_taxel.parameters import Number
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.pads.cells.fillet import Fillet
 
 ON_FLAT_WALLS, ON_ROUND_WALLS = 1.6, 2.0
 """Divisors of the element size on the walls of cells: elements of curved walls are smaller, to follow the shape."""
@@ -41,6 +44,10 @@ class Dimensions(Protocol):
     def section(self) -> str | None: ...
     @property
     def slope(self) -> tuple[float, float]: ...
+    @property
+    def wall(self) -> float: ...
+    @property
+    def fillet(self) -> float: ...
     @property
     def extent(self) -> tuple[float, float, float]: ...
 
@@ -279,6 +286,28 @@ class CellShape(Kind, family="cell"):
             points[on[name]] = self.onto_wall(name, points[on[name]], axis[on[name]], None)[0]
         return points
 
+    def filleted(self, radius: float) -> Fillet:
+        """The rounded edges of the cell.
+
+        Parameters
+        ----------
+        radius : float
+            Of the fillets, mm.
+
+        Returns
+        -------
+        Fillet
+            In mm.
+
+        Raises
+        ------
+        InputError
+            if edges of this shape cannot be rounded, or not by this radius.
+        """
+        raise InputError(
+            f"fillet = {radius:g} is not allowed: the edges of these {self.name} cells cannot be rounded, 0 is needed."
+        )
+
     @abstractmethod
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
         """Which points lie within the cell.
@@ -379,7 +408,7 @@ class CellShape(Kind, family="cell"):
         (M, 2) ndarray
             Points (x, z) from the board over the roof to the board, relative to the middle of the mouth, mm.
         """
-        half = self.outline()
+        half = self.filleted(self.pad.fillet).outline() if self.pad.fillet else self.outline()
         outline = np.concatenate([half[::-1] * [-1, 1], half])
         return outline + outline[:, 1:] * [self.pad.slope[0], 0.0]
 

@@ -18,6 +18,8 @@ from mitsuba_taxel.geometry.point_tree import PointTree
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
+    from mitsuba_taxel.pads.cells.arc import Arc
+
 DEGREE = 3
 SAMPLES = 257
 """Number of points of a meridian at which its shape is checked, and from which projections start."""
@@ -27,6 +29,8 @@ PLACES = 33
 """Number of points of a roof at which tangents and curvature are evaluated."""
 SIDES = (1, -1)
 """Signs of the two sides of a leaning cell; first the side to which it leans."""
+SMOOTH_RIM = 10.0
+"""Largest angle in degrees between side and roof at a smooth rim."""
 FLAT = 50.0
 """Largest radius of curvature, relative to the size of a cell: the value for flat walls."""
 
@@ -296,13 +300,13 @@ def from_axis(square: bool, points: np.ndarray, beside: np.ndarray | None = None
 
 
 def onto_meridian(
-    curve: Meridian, points: np.ndarray, square: bool = False, beside: np.ndarray | None = None
+    curve: Meridian | Arc, points: np.ndarray, square: bool = False, beside: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Project points onto the wall that a meridian describes.
 
     Parameters
     ----------
-    curve : Meridian
+    curve : Meridian or Arc
         Curve of the wall.
     points : (N, 3) ndarray
         Relative to the axis, mm.

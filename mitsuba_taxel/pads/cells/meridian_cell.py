@@ -13,9 +13,11 @@ import numpy as np
 
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.pads.cells.cell_shape import CellShape, Difference
+from mitsuba_taxel.pads.cells.fillet import Fillet
 from mitsuba_taxel.pads.cells.meridian import (
     PLACES,
     SAMPLES,
+    SMOOTH_RIM,
     Meridian,
     from_axis,
     least_radii,
@@ -23,10 +25,9 @@ from mitsuba_taxel.pads.cells.meridian import (
     rim_angle,
     side_meridian,
 )
+from mitsuba_taxel.pads.cells.rim_fillet import rim_fillet
 from mitsuba_taxel.pads.cells.silicone_shifts import Rays, region_planes, shifts_along_rays
 
-SMOOTH_RIM = 10.0
-"""Largest angle in degrees between side and roof at a smooth rim."""
 SPLINE_POINTS = 49
 """Number of points through which the roof of a solid is interpolated."""
 BELOW = 1.5
@@ -101,6 +102,11 @@ class MeridianCell(CellShape):
             points[selected, :2] = axis[selected, :2] + r * across / from_axis(self.is_square, across)[0][:, None]
             points[selected, 2] = z
         return points
+
+    def filleted(self, radius: float) -> Fillet:
+        if self.is_square:
+            return super().filleted(radius)
+        return rim_fillet(self.name, self.roof, self.side, radius)
 
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
         across = np.hypot(points[..., 0], points[..., 1])

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.pads.cells.box_fillet import BoxFillet, box_fillet
 from mitsuba_taxel.pads.cells.cell_shape import ON_FLAT_WALLS, Difference
 from mitsuba_taxel.pads.cells.shaft import Shaft
 from mitsuba_taxel.pads.cells.silicone_shifts import shifts_between_planes, wall_planes
@@ -27,6 +28,9 @@ class Parallelepiped(Shaft, name="parallelepiped", rank=1):
     ) -> tuple[np.ndarray, np.ndarray]:
         raise AssertionError("no wall is curved")
 
+    def filleted(self, radius: float) -> BoxFillet:
+        return box_fillet(self.radius, self.side_height, radius)
+
     def shaft(self, x: float, y: float, below: float) -> Any:
         from netgen.occ import Box, Pnt
 
@@ -34,4 +38,5 @@ class Parallelepiped(Shaft, name="parallelepiped", rank=1):
         return Box(Pnt(x - radius, y - radius, below), Pnt(x + radius, y + radius, self.side_height))
 
     def shifts(self, target: Any, points: np.ndarray, difference: Difference) -> np.ndarray:
-        return shifts_between_planes(points, wall_planes(self.pad, self.levels), wall_planes(target.pad, target.levels))
+        planes = wall_planes(self.pad, self.top), wall_planes(target.pad, target.top)
+        return shifts_between_planes(points, *planes)

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mitsuba_taxel.pads.cells.cell_shape import FLAT_ROOF, ON_ROUND_WALLS, CellShape, Difference, LightSizes
-from mitsuba_taxel.pads.cells.meridian import SAMPLES, as_text, of_quadric, roof_meridian
+from mitsuba_taxel.pads.cells.meridian import SAMPLES, Meridian, as_text, of_quadric, roof_meridian, side_meridian
+from mitsuba_taxel.pads.cells.rim_fillet import RimFillet, rim_fillet
 from mitsuba_taxel.pads.cells.silicone_shifts import Rays, region_planes, shifts_along_rays
 
 
@@ -101,9 +102,13 @@ class Shaft(CellShape):
     def as_profile(self, points: int) -> np.ndarray:
         return of_quadric(1.0, 1.0, points)
 
+    @property
+    def roof(self) -> Meridian:
+        """The meridian of the roof, from the crown to the rim."""
+        return roof_meridian(as_text(self.as_profile(4)), self.radius, self.cell_height)
+
     def outline(self) -> np.ndarray:
-        roof = roof_meridian(as_text(self.as_profile(4)), self.radius, self.cell_height)
-        return np.concatenate([roof.at(np.linspace(0, 1, SAMPLES))[0], [[self.radius, 0.0]]])
+        return np.concatenate([self.roof.at(np.linspace(0, 1, SAMPLES))[0], [[self.radius, 0.0]]])
 
     def wall_tangents(self) -> np.ndarray:
         return np.array([[0.0, -1.0]])
@@ -137,6 +142,10 @@ class RoundShaft(Shaft):
         points, side = points.copy(), on["side"]
         points[side, :2] = at_distance(points[side, :2], axis[side, :2], self.radius)
         return points
+
+    def filleted(self, radius: float) -> RimFillet:
+        side = side_meridian(np.array([self.radius, self.side_height]), self.radius)
+        return rim_fillet(self.name, self.roof, side, radius)
 
     def shaft(self, x: float, y: float, below: float) -> Any:
         from netgen.occ import Cylinder, Pnt, Z

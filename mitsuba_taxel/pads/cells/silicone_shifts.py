@@ -13,6 +13,9 @@ import numpy as np
 
 from mitsuba_taxel.pads.cells.cell_shape import Dimensions
 
+BESIDE = 0.4
+"""Largest thickness of the silicone beside a wall that scales with the fillets, relative to that between two cells."""
+
 
 def axes(pad: Dimensions) -> list[np.ndarray]:
     """x of the columns' axes and y of the rows', ascending, mm."""
@@ -38,24 +41,33 @@ def region_planes(pad: Dimensions, levels: list[float]) -> list[np.ndarray]:
     return [*_enclosed(pad, midplanes), np.array(levels)]
 
 
-def wall_planes(pad: Dimensions, levels: list[float]) -> list[np.ndarray]:
+def wall_planes(pad: Dimensions, roof: float) -> list[np.ndarray]:
     """Planes of the walls of cuboid cells: the outside of the pad, the walls, and horizontal planes.
+
+    With fillets there are planes on both sides of each wall, at the distance of the radius: between them, changes of
+    the radius scale the silicone and the fillets, which remain round.
 
     Parameters
     ----------
     pad : Dimensions
         In mm.
-    levels : list[float]
-        z of the horizontal planes, mm.
+    roof : float
+        Height of the roof, mm.
 
     Returns
     -------
     list[ndarray]
         x, y and z of the planes, ascending, mm.
     """
-    around = 0.5 * pad.cell_size * np.array([-1, 1])
+    outwards, above = [0.0], [0.0]
+    if pad.fillet:
+        gap = min(pad.pitch - pad.cell_size if pad.rows * pad.columns > 1 else np.inf, 2 * pad.wall)
+        outwards = [-pad.fillet, 0.0, min(pad.fillet, BESIDE * gap)]
+        above = [-pad.fillet, 0.0, min(pad.fillet, 2 * BESIDE * (pad.height - roof))]
+    right = 0.5 * pad.cell_size + np.array(outwards)
+    around = np.concatenate([-right[::-1], right])
     planes = [(axis[:, None] + around).ravel() for axis in axes(pad)]
-    return [*_enclosed(pad, planes), np.array(levels)]
+    return [*_enclosed(pad, planes), np.array([0.0, *(roof + np.array(above)), pad.height])]
 
 
 def _enclosed(pad: Dimensions, inner: list[np.ndarray]) -> list[np.ndarray]:

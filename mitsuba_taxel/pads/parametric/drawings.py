@@ -31,7 +31,8 @@ def solids(pad: Pad) -> dict[str, Any]:
     below = Box(Pnt(-x - MOULD, -y - MOULD, -MOULD - pad.cell_size), Pnt(x + MOULD, y + MOULD, 0))
     silicone, base = block, Box(Pnt(-x - MOULD, -y - MOULD, -MOULD), Pnt(x + MOULD, y + MOULD, 0))
     for centre in pad.cell_centres:
-        cell = _leaning(pad.shape.solid(*centre), pad)
+        upright = pad.shape.solid(*centre) if pad.edges is None else pad.edges.solid(*centre, -pad.cell_size)
+        cell = _leaning(upright, pad)
         silicone, base = silicone - cell, base + (cell - below)
     frame = Box(Pnt(-x - MOULD, -y - MOULD, 0), Pnt(x + MOULD, y + MOULD, height)) - block
     return {"pad": silicone, "mould_base": base, "mould_frame": frame}

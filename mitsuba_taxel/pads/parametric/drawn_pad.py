@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, Self
 
 from mitsuba_taxel.pads.cells import CellShape
 from mitsuba_taxel.pads.cells.cell_shape import Dimensions
+from mitsuba_taxel.pads.cells.fillet import Fillet
 
 
 class DrawnPad(Dimensions, Protocol):
@@ -14,11 +15,14 @@ class DrawnPad(Dimensions, Protocol):
     @property
     def cell(self) -> str: ...
     @property
-    def wall(self) -> float: ...
-    @property
     def top_x(self) -> float: ...
     @property
     def top_y(self) -> float: ...
+    def with_fillet(self, radius: float) -> Self: ...
+    @property
+    def edges(self) -> Fillet | None: ...
+    @property
+    def curved_regions(self) -> tuple[str, ...]: ...
     @property
     def shape(self) -> CellShape: ...
     @property

@@ -5,6 +5,7 @@ along it (T. Apel, Anisotropic Finite Elements, 1999). So the elements at the ed
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import permutations
 
 import numpy as np
@@ -37,7 +38,9 @@ _PRISM_FROM = np.array(
 _PRISM_TETS = np.array([[[0, 1, 2, 5], [0, 1, 5, 4], [0, 4, 5, 3]], [[0, 1, 2, 4], [0, 4, 2, 5], [0, 4, 5, 3]]])
 
 
-def cut_towards(mesh: VolumeMesh, singular: np.ndarray, fraction: float) -> VolumeMesh:
+def cut_towards(
+    mesh: VolumeMesh, singular: np.ndarray, fraction: float | Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> VolumeMesh:
     """Cut every edge of a mesh that has exactly one singular end.
 
     Elements are cut into tetrahedra and prisms, and the prisms into three tetrahedra each, with the diagonals that
@@ -50,8 +53,9 @@ def cut_towards(mesh: VolumeMesh, singular: np.ndarray, fraction: float) -> Volu
         Mesh of the pad.
     singular : (N,) ndarray of bool
         Which nodes are singular.
-    fraction : float
-        Position of the cut on an edge, relative to its length, from the singular end.
+    fraction : float or Callable
+        Position of the cut on an edge, relative to its length, from the singular end; or a function that returns the
+        positions (E,) of all cuts from the nodes (E,) at the singular ends of edges, and from those at the other ends.
 
     Returns
     -------
@@ -64,16 +68,19 @@ def cut_towards(mesh: VolumeMesh, singular: np.ndarray, fraction: float) -> Volu
     tets, faces, is_singular = number[mesh.tets[:, :4]], number[mesh.faces[:, :3]], singular[corners]
     edges = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)
     edges = edges[unique_rows(edges)[0]]
-    cut = _CutEdges(is_singular, edges[is_singular[edges].sum(axis=1) == 1], fraction)
+    edges = edges[is_singular[edges].sum(axis=1) == 1]
+    near, far = corners[np.where(is_singular[edges[:, :1]], edges, edges[:, ::-1])].T
+    fractions = fraction(near, far) if callable(fraction) else np.full(len(edges), fraction)
+    cut = _CutEdges(is_singular, edges, fractions)
     tets, tet_coordinates, parent = cut.pieces(tets, _TET_CUTS, _TET_PIECES)
     faces, _, face_parent = cut.pieces(faces, _FACE_CUTS, _FACE_PIECES)
     return of_pieces(mesh, tets, tet_coordinates, parent, faces, face_parent)
 
 
 class _CutEdges:
-    """Simplices cut on the edges (E, 2) that have one of the ``singular`` corners at one end."""
+    """Simplices cut on the edges (E, 2) that have one of the ``singular`` corners at one end, at fractions (E,)."""
 
-    def __init__(self, singular: np.ndarray, edges: np.ndarray, fraction: float) -> None:
+    def __init__(self, singular: np.ndarray, edges: np.ndarray, fraction: np.ndarray) -> None:
         self.singular, self.edges, self.fraction = singular, edges, fraction
         self._key = edges[:, 0] * len(singular) + edges[:, 1]
 
@@ -108,10 +115,11 @@ class _CutEdges:
             start, end = np.array(pairs).T
             ends = np.sort(corner_nodes[:, np.array(pairs)], axis=2)
             key = ends[:, :, 0] * len(self.singular) + ends[:, :, 1]
-            cut_nodes = len(self.singular) + np.searchsorted(self._key, key)
+            cut_edges = np.searchsorted(self._key, key)
+            cut_nodes, fraction = len(self.singular) + cut_edges, self.fraction[cut_edges][:, :, None]
             nodes = np.concatenate([corner_nodes, cut_nodes], axis=1)
             at_corners = np.eye(size)[order]
-            at_cuts = (1 - self.fraction) * at_corners[:, start] + self.fraction * at_corners[:, end]
+            at_cuts = (1 - fraction) * at_corners[:, start] + fraction * at_corners[:, end]
             node_coordinates = np.concatenate([at_corners, at_cuts], axis=1)
             for shape in shapes[singulars]:
                 local = _simplices(nodes[:, shape], np.array(shape), size)

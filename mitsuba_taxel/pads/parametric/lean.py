@@ -135,7 +135,7 @@ def on_round_walls(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
     (N,) ndarray of bool
         One value for each node.
     """
-    codes = [REGIONS[name] for name in pad.shape.round_regions]
+    codes = [REGIONS[name] for name in pad.curved_regions]
     on_wall = np.zeros(len(mesh.points), dtype=bool)
     on_wall[mesh.faces[np.isin(mesh.face_region, codes)]] = True
     return on_wall

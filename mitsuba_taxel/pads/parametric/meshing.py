@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,10 +14,15 @@ import numpy as np
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.element_maps import worst_element
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, mirrored
+from mitsuba_taxel.geometry.second_order import edge_ends
+from mitsuba_taxel.geometry.untangling import untangled
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.cells.fillet import FILLET
+from mitsuba_taxel.pads.cells.rim_fillet import RimFillet
 from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
 from mitsuba_taxel.pads.parametric.grading import cut_towards
-from mitsuba_taxel.pads.parametric.lean import leaning, leans
+from mitsuba_taxel.pads.parametric.lean import leaning, leans, on_round_walls
+from mitsuba_taxel.pads.parametric.rounding import MOST_CUT, with_round_rims
 from mitsuba_taxel.pads.parametric.solid import (
     SYMMETRY,
     is_square,
@@ -62,6 +70,15 @@ _NETGEN_TET = [0, 1, 2, 3, 4, 7, 5, 6, 8, 9]
 _NETGEN_FACE = [0, 1, 2, 5, 3, 4]
 """Netgen's nodes in the order of `TET_EDGES` and `FACE_EDGES`."""
 
+WIDTH, WIDEST = 0.7, 0.4
+"""Width of the fillets of cuboid cells with which they are meshed, relative to the size of elements along edges, and
+its limit relative to the thinnest part of the pad and half the cell."""
+
+CORNER = 0.65
+"""Size of elements at the corners of cuboid cells, relative to that on fillets."""
+STRAIGHT = 1e-6
+"""Distance of a midpoint from the chord, relative to the radius of the fillets, at which an edge counts as straight."""
+
 MESHING_LOCK = threading.RLock()
 """Held during every call of Netgen, which is not thread-safe."""
 
@@ -94,9 +111,9 @@ def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
     """
     check_room(pad, mesh_size)
     for refinement in REFINEMENTS:
-        mesh = _graded(_generated(pad, mesh_size, refinement), pad)
+        mesh = _symmetric_mesh(pad, mesh_size, refinement)
         quality, position = worst_element(mesh)
-        if quality < LEAST_QUALITY:
+        if not quality >= LEAST_QUALITY:
             continue
         for mirror in (*([ACROSS_DIAGONAL] if is_square(pad) else []), ACROSS_X, ACROSS_Y):
             mesh = mirrored(mesh, mirror)
@@ -155,8 +172,54 @@ def check_room(pad: DrawnPad, mesh_size: float) -> None:
         )
 
 
-def _generated(pad: DrawnPad, mesh_size: float, refinement: float) -> VolumeMesh:
-    """Netgen's mesh of the symmetric part."""
+def _symmetric_mesh(pad: DrawnPad, mesh_size: float, refinement: float) -> VolumeMesh:
+    """The mesh of the symmetric part of the upright pad.
+
+    Elements at singular and at rounded edges are cut, and nodes on the exact walls; see `rounding`."""
+    edges, below = pad.edges, -pad.cell_size
+    if edges is None:
+        mesh = _generated(pad, mesh_size, refinement)
+        mesh = cut_towards(mesh, singular_nodes(mesh, pad), CUT)
+        return replace(mesh, points=snapped(rounded(mesh, pad), pad))
+    sharp = pad.with_fillet(0.0)
+    edge_size = _local_sizes(sharp, mesh_size)[1] / refinement
+    if isinstance(edges, RimFillet):
+        marked = edges.width > MOST_CUT * edge_size
+        cell = partial(edges.marked_solid, below=below) if marked else None
+        mesh = with_round_rims(_generated(sharp, mesh_size, refinement, cell, edges.width), pad, CUT, marked)
+        return replace(mesh, points=snapped(mesh.points, pad))
+    # Fillets as wide as elements, which then move onto narrower fillets.
+    room = min(0.5 * pad.cell_size, pad.side_height, 2 * pad.wall, 2 * (pad.height - pad.top_of_cell))
+    room = min(room, pad.pitch - pad.cell_size) if pad.rows * pad.columns > 1 else room
+    wide = pad.with_fillet(max(pad.fillet, min(WIDTH * edge_size, WIDEST * room)))
+    assert wide.edges is not None
+    cell = partial(wide.edges.solid, below=below)
+    mesh = _generated(wide, mesh_size, refinement, cell, 0.25 * math.pi * wide.fillet)
+    mesh = cut_towards(mesh, singular_nodes(mesh, wide), CUT)
+    mesh = replace(mesh, points=snapped(rounded(mesh, wide), wide))
+    return untangled(replace(mesh, points=snapped(_narrowed(mesh, wide, pad), pad)), LEAST_QUALITY)
+
+
+def _narrowed(mesh: VolumeMesh, wide: DrawnPad, pad: DrawnPad) -> np.ndarray:
+    """(N, 3) nodes of a mesh moved from the pad with wide fillets. Midpoints of straight edges remain midpoints."""
+    points = mesh.points + wide.shape.shifts(pad.shape, mesh.points, lambda _: np.zeros(0))
+    ends = edge_ends(mesh.tets)
+    middles = mesh.points[ends].mean(axis=1)
+    straight = np.linalg.norm(mesh.points[mesh.corner_count :] - middles, axis=1) < STRAIGHT * wide.fillet
+    straight &= ~on_round_walls(pad, mesh)[mesh.corner_count :]
+    points[mesh.corner_count :][straight] = points[ends[straight]].mean(axis=1)
+    return points
+
+
+def _generated(
+    pad: DrawnPad,
+    mesh_size: float,
+    refinement: float,
+    cell: Callable[[float, float], Any] | None = None,
+    fillet_size: float = math.inf,
+) -> VolumeMesh:
+    """Netgen's mesh of the symmetric part, with other ``cell`` solids if given, and elements of at most
+    ``fillet_size`` mm on fillets."""
     with MESHING_LOCK:
         from netgen.meshing import MeshingParameters, NgException, SetMessageImportance
         from netgen.occ import OCCGeometry, Pnt
@@ -168,11 +231,17 @@ def _generated(pad: DrawnPad, mesh_size: float, refinement: float) -> VolumeMesh
         slender = pad.side_height > SLENDER * pad.cell_size
         if slender or not shape.has_curved_rim:
             curvature_safety = min(curvature_safety, 0.5 * pad.cell_size / face_size)
+        if shape.is_square and pad.fillet:
+            curvature_safety = min(curvature_safety, pad.fillet / fillet_size)
         try:
-            solid = symmetric_part(pad).Scale(Pnt(0, 0, 0), 1 / unit)
+            solid = symmetric_part(pad, cell or pad.shape.solid).Scale(Pnt(0, 0, 0), 1 / unit)
             for face in solid.faces:
                 if face.name in ("roof", "side"):
                     face.maxh = face_size / unit
+                if face.name == FILLET:
+                    low, high = face.bounding_box
+                    is_corner = max(high.x - low.x, high.y - low.y, high.z - low.z) < 1.01 * pad.fillet / unit
+                    face.maxh = min(face_size, CORNER * fillet_size if is_corner else fillet_size) / unit
                 if slender and face.name == "roof" and shape.roof_radius:
                     face.maxh = min(face_size, shape.roof_radius / CURVATURE_SAFETY / refinement) / unit
             for edge in singular_edges(solid, pad):
@@ -227,20 +296,13 @@ def _finer_edges(pad: DrawnPad, mesh_size: float) -> float:
     return 1.0 if "roof" in pad.shape.round_regions else min(max(relative, FINER_EDGES), 1.0)
 
 
-def _graded(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
-    """The mesh with the elements at singular edges cut, and new nodes on the exact surfaces of the pad."""
-    mesh = cut_towards(mesh, singular_nodes(mesh, pad), CUT)
-    points = snapped(rounded(mesh, pad), pad)
-    return VolumeMesh(points, mesh.tets, mesh.faces, mesh.face_region, mesh.face_cell)
-
-
 def _read(mesh: Any, pad: DrawnPad, unit: float) -> VolumeMesh:
     """The mesh of the symmetric part in mm, with nodes exactly on the planes that they belong to."""
     points = unit * np.array(mesh.Coordinates(), dtype=float)
     surface = mesh.Elements2D().NumPy()
     tets = mesh.Elements3D().NumPy()["nodes"][:, _NETGEN_TET].astype(np.int64) - 1
     faces = surface["nodes"][:, _NETGEN_FACE].astype(np.int64) - 1
-    names = [mesh.GetBCName(int(i)) for i in range(surface["index"].max())]
+    names = [mesh.GetBCName(int(i)).replace(FILLET, "side") for i in range(surface["index"].max())]
     region = np.array([REGIONS.get(name, 0) for name in names])[surface["index"] - 1]
     assert set(names) <= {*REGIONS, SYMMETRY}, names
     points = snapped(points, pad)

@@ -15,6 +15,7 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
 from mitsuba_taxel.pads.parametric.lean import leaning, leans, on_round_walls, upright_nodes
 from mitsuba_taxel.pads.parametric.meshing import snapped
+from mitsuba_taxel.pads.parametric.rounding import rounding, sharp_nodes
 from mitsuba_taxel.pads.parametric.solid import is_square
 
 LEAST_QUALITY = 0.1
@@ -49,22 +50,24 @@ def moved_onto(pad: DrawnPad, origin: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
     ComputationError
         if an element would be inverted, distorted or stretched too much.
     """
-    upright = upright_nodes(origin, mesh)
-    points = _morphed_nodes(origin, pad, upright)
+    sharp = sharp_nodes(origin, mesh, upright_nodes(origin, mesh))
+    points = _morphed_nodes(origin, pad, sharp)
     midside = mesh.corner_count + np.flatnonzero(~on_round_walls(pad, mesh)[mesh.corner_count :])
     edges = edge_ends(mesh.tets)[midside - mesh.corner_count]
-    points[midside] = upright[midside] + (points - upright)[edges].mean(axis=1)
-    morphed = replace(mesh, points=snapped(points, pad))
+    points[midside] = sharp[midside] + (points - sharp)[edges].mean(axis=1)
+    morphed = replace(mesh, points=snapped(points + rounding(pad, mesh, points), pad))
     if leans(pad):
         morphed = leaning(pad, morphed)
     _check_elements(mesh, morphed)
     return morphed
 
 
-def _morphed_nodes(origin: DrawnPad, pad: DrawnPad, upright: np.ndarray) -> np.ndarray:
-    """(N, 3) nodes of the target with upright cells. Mirror images of nodes move to mirror images, to the last bit."""
-    sign = np.where(upright < 0, -1.0, 1.0)
-    folded = np.abs(upright)
+def _morphed_nodes(origin: DrawnPad, pad: DrawnPad, sharp: np.ndarray) -> np.ndarray:
+    """(N, 3) nodes of the target with upright cells and sharp rims.
+
+    Mirror images of nodes move to mirror images, to the last bit."""
+    sign = np.where(sharp < 0, -1.0, 1.0)
+    folded = np.abs(sharp)
     swapped = is_square(pad) & (folded[:, 0] < folded[:, 1])
     folded[swapped, :2] = folded[swapped, 1::-1]
     nodes, image = np.unique(folded, axis=0, return_inverse=True)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from statistics import mode
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from mitsuba_taxel.base.arguments import as_numbers, check_whole
 from mitsuba_taxel.base.display import Displayed
@@ -20,6 +20,7 @@ from mitsuba_taxel.parameters import REQUIRED, Kinded, Points, choice, kind, num
 
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+    from mitsuba_taxel.pads.cells.fillet import Fillet
 
 CELL_SHAPES = tuple(name for name, shape in CellShape.kinds().items() if issubclass(shape, Shaft))
 """The shapes with a vertical side: those of the paper."""
@@ -113,6 +114,15 @@ class Pad(Kinded, Displayed):
         "this list, profile_r1, profile_z1 and so on; others are as here.",
         default_words="a mesh of its own",
     )
+    fillet: float = number(
+        0.0,
+        "mm",
+        "Radius of the rounded edge between roof and side, and of the upright edges of a parallelepiped; 0 for sharp "
+        "edges. Fillets belong to the side, and are sheared with cells that lean. The edges of the cell's mouth and of "
+        "the outside of the pad remain sharp.",
+        minimum=0,
+        common=(0.005, 20),
+    )
 
     _height_follows: ClassVar[bool] = False
     """Whether `cell_height` is the default."""
@@ -152,6 +162,8 @@ class Pad(Kinded, Displayed):
                 f"possible in a pad of height = {self.height:g}, or the cells break through the top."
             )
         self.shape.check_side(thinnest)
+        if self.fillet:
+            self.shape.filleted(self.fillet)
 
     def changed(self, **dimensions: Any) -> Pad:
         """The pad with other dimensions, as named in `dimensions`; an unset `cell_height` takes its new default.
@@ -244,13 +256,41 @@ class Pad(Kinded, Displayed):
 
     @property
     def dimensions(self) -> dict[str, float]:
-        """Values that change continuously: lengths in mm, and r and z of each point of a profile, as ``profile_r1``."""
-        return {name: getattr(self, name) for name in LENGTHS} | dict(self.shape.dimensions)
+        """Values that change continuously: lengths in mm, and r and z of each point of a profile, as ``profile_r1``.
+
+        Sharp edges have no `fillet` that could become smaller."""
+        fillet = {"fillet": self.fillet} if self.fillet else {}
+        return {name: getattr(self, name) for name in LENGTHS} | fillet | dict(self.shape.dimensions)
 
     @property
     def shape(self) -> CellShape:
         """The shape of the cells, bound to these dimensions."""
         return CellShape.named(self.cell)(self)
+
+    @property
+    def edges(self) -> Fillet | None:
+        """The rounded edges of the cells, upright; None if they are sharp."""
+        return self.shape.filleted(self.fillet) if self.fillet else None
+
+    def with_fillet(self, radius: float) -> Self:
+        """The same pad with another fillet, and with a mesh of its own.
+
+        Parameters
+        ----------
+        radius : float
+            Of its fillets, mm; 0 for sharp edges.
+
+        Returns
+        -------
+        Pad
+            A new pad.
+        """
+        return replace(self, fillet=radius, meshed_as="")
+
+    @property
+    def curved_regions(self) -> tuple[str, ...]:
+        """Which of ``roof`` and ``side`` are curved, in this order: both with fillets."""
+        return ("roof", "side") if self.fillet else self.shape.round_regions
 
     @property
     def top_of_cell(self) -> float:
@@ -290,7 +330,8 @@ class Pad(Kinded, Displayed):
     @property
     def identity(self) -> dict[str, object]:
         """Values that identify the pad and its meshes, fit for JSON, without defaults of upright and round cells."""
-        usual: dict[str, tuple] = {"top_x": (0.0,), "top_y": (0.0,), "section": (None, "round"), "meshed_as": ("",)}
+        usual: dict[str, tuple] = dict.fromkeys(("top_x", "top_y", "fillet"), (0.0,))
+        usual |= {"section": (None, "round"), "meshed_as": ("",)}
         values = asdict(self)
         values |= dict(values.pop("kind_values"))
         values |= {"code": code} if (code := own_code(type(self.shape))) else {}

@@ -46,9 +46,13 @@ def onto_round_walls(
     projected, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
     axis = np.zeros_like(points)
     axis[:, :2] = np.array([(0.0, 0.0), *pad.cell_centres])[cell]
-    shape = pad.shape
-    for name in shape.round_regions:
+    shape, edges = pad.shape, pad.edges
+    for name in pad.curved_regions:
         selected = (region == REGIONS[name]) & (cell > 0)
+        if edges is not None:
+            on_wall, gradient[selected] = edges.onto_wall(points[selected] - axis[selected])
+            projected[selected] = axis[selected] + on_wall
+            continue
         wall_beside = None if beside is None else beside[selected]
         projected[selected], gradient[selected] = shape.onto_wall(name, points[selected], axis[selected], wall_beside)
     return projected, gradient

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,21 @@ def is_square(pad: DrawnPad) -> bool:
     return pad.rows == pad.columns
 
 
-def symmetric_part(pad: DrawnPad) -> Any:
-    """The symmetric part of a pad as a ``netgen.occ`` shape: 0 <= y <= x if the pad is square, else x, y >= 0.
+def symmetric_part(pad: DrawnPad, cell: Callable[[float, float], Any]) -> Any:
+    """The symmetric part of a pad: 0 <= y <= x if the pad is square, else x, y >= 0.
 
-    Its faces have the names of their regions."""
+    Parameters
+    ----------
+    pad : DrawnPad
+        In mm.
+    cell : Callable[[float, float], netgen.occ.TopoDS_Shape]
+        Returns the cell whose axis has x and y, as :meth:`CellShape.solid`.
+
+    Returns
+    -------
+    netgen.occ.TopoDS_Shape
+        Its faces have the names of their regions.
+    """
     from netgen.occ import Box, Pnt
 
     width, depth, height = pad.extent
@@ -33,7 +45,7 @@ def symmetric_part(pad: DrawnPad) -> Any:
         solid = solid - _beyond_diagonal(pad)
     for x, y in pad.cell_centres:
         if min(x, y) > -0.5 * pad.cell_size and not (is_square(pad) and y - x > pad.cell_size):
-            solid = solid - pad.shape.solid(x, y)
+            solid = solid - cell(x, y)
     return solid
 
 
@@ -59,7 +71,7 @@ def _name_of_box_face(centre: Any, pad: DrawnPad) -> str:
 def singular_edges(solid: Any, pad: DrawnPad) -> list[Any]:
     """The edges of the symmetric part where the stress is singular: glued to the board, or re-entrant.
 
-    Edges along a plane of symmetry are left out, and so are smooth rims, as around a hemisphere.
+    Edges along a plane of symmetry are left out, and so are smooth rims, as around a hemisphere or with fillets.
 
     Parameters
     ----------
@@ -79,8 +91,8 @@ def singular_edges(solid: Any, pad: DrawnPad) -> list[Any]:
     )
     height = solid.bounding_box[1].z
     glued = {edge for edge in solid.edges if edge.bounding_box[1].z < 1e-6 * height}
-    singular = glued | (side & roof if pad.shape.has_sharp_rim else set())
-    if pad.shape.is_square:
+    singular = glued | (side & roof if pad.shape.has_sharp_rim and not pad.fillet else set())
+    if pad.shape.is_square and not pad.fillet:
         singular |= side | (roof - side if pad.shape.has_ridges else set())
     return [edge for edge in solid.edges if edge in singular and edge not in cut]
 
@@ -100,12 +112,14 @@ def singular_nodes(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
     (N,) ndarray of bool
         One value for each node.
     """
-    roof, side, bottom, outer = (_on_region(mesh, name) for name in ("roof", "side", "bottom", "outer"))
+    roof, side, bottom, outer = (on_region(mesh, name) for name in ("roof", "side", "bottom", "outer"))
     singular = bottom & (side | outer)
+    if pad.fillet:
+        return singular
     if pad.shape.has_sharp_rim:
         singular |= roof & side
     if pad.shape.is_square:
-        x, y = np.abs(mesh.points[:, :2] - _nearest_axis(mesh.points, pad)).T
+        x, y = np.abs(mesh.points[:, :2] - nearest_axis(mesh.points, pad)).T
         singular |= (side | roof & pad.shape.has_ridges) & (np.abs(x - y) < 1e-7 * pad.cell_size)
     return singular
 
@@ -125,21 +139,52 @@ def rounded(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
     (N, 3) ndarray
         In mm.
     """
-    axis = np.column_stack([_nearest_axis(mesh.points, pad), np.zeros(len(mesh.points))])
-    on = {name: _on_region(mesh, name) for name in ("roof", "side", "bottom")}
+    axis = np.column_stack([nearest_axis(mesh.points, pad), np.zeros(len(mesh.points))])
+    if pad.edges is not None:
+        points = mesh.points.copy()
+        on_walls = on_region(mesh, "roof") | on_region(mesh, "side")
+        points[on_walls] = axis[on_walls] + pad.edges.onto_wall(points[on_walls] - axis[on_walls])[0]
+        return points
+    on = {name: on_region(mesh, name) for name in ("roof", "side", "bottom")}
     return pad.shape.rounded(mesh.points, axis, on)
 
 
-def _nearest_axis(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
-    """(N, 2) x and y of the axis of the cell nearest to each of points (N, 3)."""
+def nearest_axis(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
+    """The axis of the cell nearest to each point.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        In mm.
+    pad : DrawnPad
+        With its cells.
+
+    Returns
+    -------
+    (N, 2) ndarray
+        x and y, mm.
+    """
     from scipy.spatial import cKDTree
 
     centres = np.array(pad.cell_centres)
     return centres[cKDTree(centres).query(points[:, :2])[1]]
 
 
-def _on_region(mesh: VolumeMesh, region: str) -> np.ndarray:
-    """(N,) which nodes lie on a region of the surface."""
+def on_region(mesh: VolumeMesh, region: str) -> np.ndarray:
+    """Which nodes lie on a region of the surface.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the pad.
+    region : str
+        Name of the region.
+
+    Returns
+    -------
+    (N,) ndarray of bool
+        For each node.
+    """
     on = np.zeros(len(mesh.points), dtype=bool)
     on[mesh.faces[mesh.face_region == REGIONS[region]]] = True
     return on

@@ -14,12 +14,15 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.cells import CellShape
 from mitsuba_taxel.pads.parametric.lean import AXES, lean, lean_rate, leans, on_round_walls, upright_nodes
 from mitsuba_taxel.pads.parametric.pad import Pad
+from mitsuba_taxel.pads.parametric.rounding import rounding, sharp_nodes
 from mitsuba_taxel.parameters import parameters_of
 
 STEP = 1e-3
 """Relative change of the difference quotient for positions, which are linear in each length."""
 LEAN_STEP = 1e-4
 """Change in mm of the difference quotient for the shift of leaning cells."""
+FILLET_STEP = 1e-6
+"""Change in mm of the difference quotient for nodes on fillets, at whose borders the curvature jumps."""
 SHAPE_STEP = 1e-5
 """Change of the difference quotient for quantities that are not linear in dimensions, such as the meridian of a
 profile."""
@@ -41,8 +44,8 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     mesh : VolumeMesh
         Mesh of the pad, undeformed: ``state.mesh`` of its states.
     parameter : str
-        One of pitch, wall, height, cell_size, cell_height, top_x and top_y, or of the points of a profile,
-        ``profile_r1`` and so on.
+        One of pitch, wall, height, cell_size, cell_height, top_x, top_y and, if it is above 0, fillet, or of the points
+        of a profile, ``profile_r1`` and so on.
 
     Returns
     -------
@@ -56,6 +59,8 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     """
     require("pad", pad, Pad, "a Pad")
     require("mesh", mesh, VolumeMesh, "a VolumeMesh")
+    if parameter == "fillet" and not pad.fillet:
+        raise refusal("parameter", parameter, "a pad with a fillet above 0 is needed")
     if not (isinstance(parameter, str) and parameter in pad.dimensions):
         is_parameter = isinstance(parameter, str) and parameter in parameters_of(Pad)
         reason = "it does not change continuously" if is_parameter else f"one of {', '.join(pad.dimensions)} is needed"
@@ -63,15 +68,20 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     upright = upright_nodes(pad, mesh)
     if parameter in AXES:
         return lean_rate(pad, mesh, upright, parameter)
+    sharp = sharp_nodes(pad, mesh, upright)
     target, step = _perturbed(pad, parameter)
 
     def difference(function: Callable[[CellShape], np.ndarray]) -> np.ndarray:
         return step * rate_by(pad, parameter, SHAPE_STEP, lambda changed, _: function(changed.shape))
 
-    velocity = pad.shape.shifts(target.shape, upright, difference) / step
+    velocity = pad.shape.shifts(target.shape, sharp, difference) / step
     middles = velocity[mesh.corner_count :]
     straight = ~on_round_walls(pad, mesh)[mesh.corner_count :]
     middles[straight] = velocity[edge_ends(mesh.tets)[straight]].mean(axis=1)
+    if pad.fillet:
+        velocity = velocity + rate_by(
+            pad, parameter, FILLET_STEP, lambda changed, step: rounding(changed, mesh, sharp + step * velocity)
+        )
     if not leans(pad):
         return velocity
     return velocity + rate_by(

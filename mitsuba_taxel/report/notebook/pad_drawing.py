@@ -118,7 +118,7 @@ def _section_path(pad: Pad, centres: Iterable[float], view: _PlaneView) -> str:
     half, radius, sphere = 0.5 * pad.extent[0], 0.5 * pad.cell_size, pad.shape.roof_radius
     path = f"M{_pair(view.at(-half, 0))}"
     for x in centres:
-        if sphere is None or pad.top_x:
+        if sphere is None or pad.top_x or pad.fillet:
             path += "".join(f"L{_pair(view.at(x + offset, z))}" for offset, z in pad.shape.section().tolist())
             continue
         arc = f"{view.scale * sphere:.2f}"
@@ -137,7 +137,12 @@ def _plan_path(pad: Pad, view: _PlaneView) -> str:
     for x, y in pad.cell_centres:
         left_end, middle = view.at(x - 0.5 * pad.cell_size, y)
         if pad.shape.is_square:
-            path += f"M{_pair((left_end, middle - radius))}h{size:.2f}v{size:.2f}h{-size:.2f}Z"
+            fillet, straight = view.scale * pad.fillet, size - 2 * view.scale * pad.fillet
+            path += f"M{_pair((left_end + fillet, middle - radius))}"
+            for line, (x_sign, y_sign) in (("h", (1, 1)), ("v", (-1, 1)), ("h-", (-1, -1)), ("v-", (1, -1))):
+                arc = f"a{fillet:.2f} {fillet:.2f} 0 0 1 {x_sign * fillet:.2f} {y_sign * fillet:.2f}"
+                path += f"{line}{straight:.2f}{arc if fillet else ''}"
+            path += "Z"
         else:
             half = f"a{radius:.2f} {radius:.2f} 0 0 1 "
             path += f"M{_pair((left_end, middle))}{half}{size:.2f} 0{half}{-size:.2f} 0Z"

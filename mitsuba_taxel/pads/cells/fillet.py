@@ -1,0 +1,106 @@
+"""Rounded edges of cells: the interface, and the limits of their radius.
+
+The cell of a filleted pad is what a ball of the radius of the fillet reaches within the sharp cell; silicone fills the
+rest. Fillets belong to the side."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+
+LEAST, MOST = 0.01, 0.8
+"""Least radius of a fillet, relative to the size of a cell, and largest length that it covers, relative to half of the
+roof and to the side."""
+FILLET = "fillet"
+"""Name of the faces of solids that are fillets."""
+ARC_POINTS = 17
+"""Number of points of the outline of a fillet."""
+
+
+class Fillet(ABC):
+    """The rounded edges of an upright cell, whose mouth is centred at the origin."""
+
+    @abstractmethod
+    def onto_wall(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Project points on or near the wall, sharp or rounded, onto the rounded wall.
+
+        Parameters
+        ----------
+        points : (N, 3) ndarray
+            In mm.
+
+        Returns
+        -------
+        projected : (N, 3) ndarray
+            In mm.
+        gradient : (N, 3, 3) ndarray
+            Derivative of the projected positions by the points.
+        """
+
+    @abstractmethod
+    def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
+        """Which points of the sharp cell lie within the rounded one.
+
+        Parameters
+        ----------
+        points : (N, M, 3) ndarray
+            Within the sharp cell, mm.
+        slack : float
+            Required distance from the wall, mm.
+
+        Returns
+        -------
+        (N, M) ndarray of bool
+            For each point.
+        """
+
+    @abstractmethod
+    def outline(self) -> np.ndarray:
+        """The meridian of the rounded cell, as :meth:`CellShape.outline` returns that of the sharp one."""
+
+    @abstractmethod
+    def solid(self, x: float, y: float, below: float) -> Any:
+        """The rounded cell as a solid, with faces named ``roof``, ``fillet`` and ``side``.
+
+        Parameters
+        ----------
+        x, y : float
+            Where its axis meets the board, mm.
+        below : float
+            Lowest z of the solid, mm.
+
+        Returns
+        -------
+        netgen.occ.TopoDS_Shape
+            The solid.
+        """
+
+
+def refused(radius: float, size: float, largest: float) -> InputError:
+    """The error for a radius that is not allowed.
+
+    Parameters
+    ----------
+    radius : float
+        The radius, mm.
+    size : float
+        Width of the mouth, mm.
+    largest : float
+        Largest allowed radius, mm.
+
+    Returns
+    -------
+    InputError
+        To be raised.
+    """
+    digits = 3 - math.ceil(math.log10(largest))
+    largest = math.floor(largest * (1 + 1e-9) * 10.0**digits) / 10.0**digits
+    return InputError(
+        f"fillet = {radius:g} is not allowed: 0 for sharp edges, or {LEAST * size:.3g} to {largest:g} mm is needed, "
+        f"{LEAST:.0%} of cell_size to {MOST:.0%} of half the roof and of the side."
+    )

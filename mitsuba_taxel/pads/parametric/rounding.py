@@ -1,0 +1,183 @@
+"""Fillets: the meshes of pads whose cells have rounded edges.
+
+Cuboid cells are meshed with fillets that are as wide as elements, and the mesh is moved onto the pad: elements at the
+edges become as thin as the fillet, and stay as long.
+
+Round cells are meshed with sharp rims. The elements at the rim are cut so that a layer of them is as thick as the
+fillet is wide, and as long as before along the rim; then each node of a wall moves to its image on the rounded wall,
+as `pads.cells.rim_fillet` describes it.
+
+So a fillet needs hardly more elements than a sharp edge, however small it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from mitsuba_taxel.geometry.refinement import bisected
+from mitsuba_taxel.geometry.second_order import edge_ends
+from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
+from mitsuba_taxel.pads.cells.rim_fillet import RimFillet
+from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
+from mitsuba_taxel.pads.parametric.grading import cut_towards
+from mitsuba_taxel.pads.parametric.solid import nearest_axis, on_region, rounded, singular_nodes
+from mitsuba_taxel.pads.regions import REGIONS
+
+ON_RIM = 1e-6
+"""Distance of nodes from a sharp rim, relative to the size of a cell, that counts as zero."""
+MOST_CUT = 0.5
+"""Largest position of a cut, relative to the length of an element's edge."""
+
+
+def with_round_rims(mesh: VolumeMesh, pad: DrawnPad, at_sharp_edges: float, marked: bool) -> VolumeMesh:
+    """The mesh of a pad with rounded rims, from the mesh of the pad with sharp rims.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the symmetric part of the upright pad with sharp rims.
+    pad : DrawnPad
+        With its fillet, mm.
+    at_sharp_edges : float
+        Position of the cut at edges that remain sharp, relative to the length of an element's edge.
+    marked : bool
+        Whether elements follow the borders of the fillets, so that none need be cut there.
+
+    Returns
+    -------
+    VolumeMesh
+        With nodes on the exact walls.
+    """
+    rim, sharp_pad = _rim(pad), pad.with_fillet(0.0)
+    mesh = _cut_between_rims(mesh, pad)
+    distance = rim.from_rim(_within_cells(pad, mesh.points))
+    on_rim = _on_rims(pad, mesh.points)
+
+    def fraction(near: np.ndarray, far: np.ndarray) -> np.ndarray:
+        of_fillet = rim.width / np.maximum(distance[far], rim.width)
+        return np.where(on_rim[near], np.minimum(of_fillet, MOST_CUT), at_sharp_edges)
+
+    if marked:
+        mesh = cut_towards(mesh, singular_nodes(mesh, pad), fraction)
+        sharp = _with_round_mouths(mesh, pad)
+    else:
+        mesh = cut_towards(mesh, singular_nodes(mesh, sharp_pad), fraction)
+        sharp = rounded(mesh, sharp_pad)
+        # The layer at the rim is on the fillet.
+        on_fillet = (mesh.face_region == REGIONS["roof"]) & _on_rims(pad, sharp)[mesh.faces[:, :3]].any(axis=1)
+        mesh = replace(mesh, face_region=np.where(on_fillet, REGIONS["side"], mesh.face_region))
+        # The border between roof and fillet is a circle, also between the corners.
+        border = np.intersect1d(mesh.faces[on_fillet], mesh.faces[mesh.face_region == REGIONS["roof"]])
+        sharp[border] = _on_circle(pad, sharp[border], *rim.arc.at(rim.arc.ends[1:])[0][0])
+    mesh = replace(mesh, points=sharp + rounding(pad, mesh, sharp))
+    # Two elements on each half of a fillet.
+    on_rim = _on_rims(pad, sharp_nodes(pad, mesh, mesh.points))
+    mesh = cut_towards(mesh, on_rim, 0.5)
+    return replace(mesh, points=mesh.points + rounding(pad, mesh, mesh.points))
+
+
+def _with_round_mouths(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
+    """(N, 3) nodes, with those on the mouths of cells moved exactly onto them."""
+    points, mouth = mesh.points.copy(), on_region(mesh, "side") & on_region(mesh, "bottom")
+    points[mouth] = _on_circle(pad, points[mouth], 0.5 * pad.cell_size, 0.0)
+    return points
+
+
+def _on_circle(pad: DrawnPad, points: np.ndarray, radius: float, height: float) -> np.ndarray:
+    """Points (N, 3) moved onto the circle of a radius about the axis of their cell, at a height, mm."""
+    axis = nearest_axis(points, pad)
+    across = points[:, :2] - axis
+    across *= radius / np.linalg.norm(across, axis=1, keepdims=True)
+    return np.column_stack([axis + across, np.full(len(points), height)])
+
+
+def _cut_between_rims(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
+    """The mesh without elements' edges that connect two nodes of rims directly."""
+    while True:
+        on_rim = _on_rims(pad, mesh.points)
+        count = len(mesh.points)
+        ends = np.sort(mesh.tets[:, np.array(TET_EDGES)], axis=2)
+        between = on_rim[ends].all(axis=2) & ~on_rim[mesh.tets[:, 4:]]
+        if not between.any():
+            return mesh
+        # One edge in each element at a time.
+        keys, row = np.unique(ends @ [count, 1], return_inverse=True)
+        row = np.where(between, row.reshape(between.shape), -1)
+        last = row.max(axis=1, keepdims=True)
+        chosen = np.setdiff1d(row[row >= 0], row[(row >= 0) & (row < last)])
+        mesh = bisected(mesh, np.stack(np.divmod(keys[chosen], count), axis=1))
+
+
+def rounding(pad: DrawnPad, mesh: VolumeMesh, sharp: np.ndarray) -> np.ndarray:
+    """Displacements of nodes from the pad with sharp rims to the one with rounded rims, both upright.
+
+    Midpoints of straight edges remain midpoints. Cuboid cells have none: `wall_planes` contain their fillets.
+
+    Parameters
+    ----------
+    pad : DrawnPad
+        In mm.
+    mesh : VolumeMesh
+        For its elements and regions.
+    sharp : (N, 3) ndarray
+        Nodes of the pad with sharp rims, mm.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        In mm.
+    """
+    return _displacement(pad, mesh, sharp, lambda rim, points: rim.onto_wall(points)[0])
+
+
+def sharp_nodes(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
+    """Nodes of the pad with sharp rims: the inverse of adding :func:`rounding`.
+
+    Parameters
+    ----------
+    pad : DrawnPad
+        In mm.
+    mesh : VolumeMesh
+        For its elements and regions.
+    upright : (N, 3) ndarray
+        Nodes of the upright pad with rounded rims, mm.
+
+    Returns
+    -------
+    (N, 3) ndarray
+        In mm.
+    """
+    return upright + _displacement(pad, mesh, upright, RimFillet.onto_sharp_wall)
+
+
+def _displacement(
+    pad: DrawnPad, mesh: VolumeMesh, points: np.ndarray, onto: Callable[[RimFillet, np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """Displacements (N, 3) of nodes on walls by a projection, and of the midpoints of edges inside with their ends."""
+    displacement, edges = np.zeros_like(points), pad.edges
+    if not isinstance(edges, RimFillet):
+        return displacement
+    on_walls = on_region(mesh, "roof") | on_region(mesh, "side")
+    within = _within_cells(pad, points[on_walls])
+    displacement[on_walls] = onto(edges, within) - within
+    count = mesh.corner_count
+    straight = ~on_walls[count:]
+    displacement[count:][straight] = displacement[edge_ends(mesh.tets)[straight]].mean(axis=1)
+    return displacement
+
+
+def _rim(pad: DrawnPad) -> RimFillet:
+    assert isinstance(pad.edges, RimFillet)
+    return pad.edges
+
+
+def _within_cells(pad: DrawnPad, points: np.ndarray) -> np.ndarray:
+    """(N, 3) points relative to the middle of the mouth of the nearest cell, mm."""
+    return points - np.column_stack([nearest_axis(points, pad), np.zeros(len(points))])
+
+
+def _on_rims(pad: DrawnPad, points: np.ndarray) -> np.ndarray:
+    """(N,) whether points (N, 3) of the pad with sharp rims lie on one."""
+    return _rim(pad).from_rim(_within_cells(pad, points)) <= ON_RIM * pad.cell_size
