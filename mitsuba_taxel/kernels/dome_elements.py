@@ -55,9 +55,6 @@ def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> floa
 def fewer_triangles(subdivision: int, pad: Pad, mesh_size: float) -> int:
     """Triangles along the edges of smaller elements, for triangles no larger than on default elements.
 
-    Edges on domes are proportional to the square of the ratio of sizes, as the ratio is at least `FINER_DOMES`; on
-    other walls, to the ratio itself.
-
     Parameters
     ----------
     subdivision : int
@@ -72,5 +69,29 @@ def fewer_triangles(subdivision: int, pad: Pad, mesh_size: float) -> int:
     int
         At least 1.
     """
-    power = 2 if "roof" in pad.shape.round_regions else 1
-    return math.ceil((mesh_size / pad.default_mesh_size) ** power * subdivision)
+    return math.ceil(edge_ratio(pad, mesh_size) * subdivision)
+
+
+def edge_ratio(pad: Pad | PadFile, mesh_size: float) -> float:
+    """Length of the edges of elements on roofs, relative to the default.
+
+    On domes it falls with the square of the size of smaller elements, down to `FINER_DOMES`; on other walls with the
+    size.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+        The pad.
+    mesh_size : float
+        Size of its elements, mm.
+
+    Returns
+    -------
+    float
+        Without unit.
+    """
+    from mitsuba_taxel.pads.parametric.meshing import FINER_DOMES  # imports scipy, which a scene without a pad omits
+
+    ratio = mesh_size / pad.default_mesh_size
+    is_domed = isinstance(pad, Pad) and "roof" in pad.shape.round_regions
+    return ratio * min(max(ratio, FINER_DOMES), 1.0) if is_domed else ratio

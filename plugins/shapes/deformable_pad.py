@@ -15,7 +15,7 @@ from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.processes import stages
-from mitsuba_taxel.kernels.dome_elements import fewer_triangles, size_for_light
+from mitsuba_taxel.kernels.dome_elements import edge_ratio, fewer_triangles, size_for_light
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
 from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE, is_region
 from mitsuba_taxel.kernels.surfaces.cell_surface import CellSurface
@@ -201,7 +201,7 @@ class DeformablePad(mi.Mesh):
         from mitsuba_taxel.mechanics import chosen_size, curvature_errors
 
         size = chosen_size(self.pad, self.material, self.load, self.loaded_mesh_size, self.mesh_tolerance)
-        return curvature_errors(self.state.mesh, displacement, size, self.pad.default_mesh_size)
+        return curvature_errors(self.state.mesh, displacement, edge_ratio(self.pad, size), self.pad.default_mesh_size)
 
     def _bent(self, surface: Surface, vertices: np.ndarray, curvature: np.ndarray) -> Places:
         """Vertices, and normals with the curvature of walls changed, in 1/mm."""

@@ -24,7 +24,7 @@ LARGEST_RATIO = 2.0
 """Size of elements, relative to the default, above which the mesher cannot make the elements of a roof larger."""
 
 
-def curvature_errors(mesh: VolumeMesh, displacement: np.ndarray, size: float, default_size: float) -> np.ndarray:
+def curvature_errors(mesh: VolumeMesh, displacement: np.ndarray, ratio: float, default_size: float) -> np.ndarray:
     """Typical error of the curvature of the walls of each cell, by the size of the elements.
 
     Parameters
@@ -33,16 +33,17 @@ def curvature_errors(mesh: VolumeMesh, displacement: np.ndarray, size: float, de
         Undeformed mesh.
     displacement : (N, 3) ndarray
         Displacement of the nodes, mm.
-    size, default_size : float
-        Size of the elements, and the default size of this pad, mm.
+    ratio : float
+        Length of the edges of elements on roofs, relative to the default.
+    default_size : float
+        Default size of the elements of this pad, mm.
 
     Returns
     -------
     (K,) ndarray
         In 1/mm, one standard deviation, by the number that :func:`wall_numbers` gives to a wall.
     """
-    ratio = min(size / default_size, LARGEST_RATIO)
-    per_strain = TYPICAL_CURVATURE_ERROR * ratio**CURVATURE_ORDER / default_size
+    per_strain = TYPICAL_CURVATURE_ERROR * min(ratio, LARGEST_RATIO) ** CURVATURE_ORDER / default_size
     square = (displacement**2).sum(axis=1)[mesh.faces].mean(axis=1)
     number = wall_numbers(mesh.face_cell, mesh.face_region)
     total, count = (np.bincount(number, weight) for weight in (square, np.ones_like(square)))

@@ -37,8 +37,8 @@ def test_errors_follow_the_strain_and_the_elements_of_each_cell(state):
     strain = 0.01 * np.where(state.mesh.points[:, :1] > 0, 1.0, 0.0) * state.mesh.points * [0.0, 0.0, 1.0]
     walls = wall_numbers(np.array([1, 2]), np.full(2, REGIONS["roof"]))
     pressed, both, finer = (
-        curvature_errors(state.mesh, factor * strain, size, 1.25)[walls]
-        for factor, size in ((1, 1.25), (2, 1.25), (1, 0.625))
+        curvature_errors(state.mesh, factor * strain, ratio, 1.25)[walls]
+        for factor, ratio in ((1, 1.0), (2, 1.0), (1, 0.5))
     )
     assert pressed[0] == 0 and pressed[1] == pytest.approx(0.01 / 1.25 * PAD.cell_height / PAD.height)
     assert both == pytest.approx(2 * pressed) and finer == pytest.approx(pressed / 8)
