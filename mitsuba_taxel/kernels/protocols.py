@@ -82,12 +82,14 @@ class PhototransistorSensor(TaxelEnd, Protocol):
 
     It also caches properties of its scene, which are None until they are computed: ``guided_emission`` is a
     `GuidedEmission`; ``guide`` is the vertices of a mesh and the `Guide` for these, or None where a guide does not pay;
-    ``recorded`` is the `RecordedPaths`; ``checked`` is the `KnownScene` of the last check.
+    ``plane_mirrors`` is the same with the `PlaneMirrors`; ``recorded`` is the `RecordedPaths`; ``checked`` is the
+    `KnownScene` of the last check.
     """
 
     specification: Phototransistor
     guided_emission: Any
     guide: tuple[np.ndarray, Any] | None
+    plane_mirrors: tuple[np.ndarray, Any] | None
     recorded: Any
     checked: Any
 

@@ -10,8 +10,9 @@ import mitsuba as mi
 
 from mitsuba_taxel.kernels.paths.emission_guiding import guided_emission
 from mitsuba_taxel.kernels.paths.guide import guide_for
+from mitsuba_taxel.kernels.paths.plane_mirrors import plane_mirrors
 from mitsuba_taxel.kernels.paths.ray_offsets import clearance_of, leave, release
-from mitsuba_taxel.kernels.paths.techniques import Techniques, Vertex
+from mitsuba_taxel.kernels.paths.techniques import Mirrored, Techniques, Vertex
 from mitsuba_taxel.kernels.paths.wavefronts import splat
 from mitsuba_taxel.sensing.reading import rendering
 from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
@@ -30,7 +31,8 @@ class TaxelTracer(mi.CppADIntegrator):
 
     Three techniques are combined by multiple importance sampling with the power heuristic (E. Veach, 1997, chapters 9
     and 10): connections to the phototransistor, connections to the first point on a ray from the phototransistor, and
-    unidirectional hits. Mirrors, diffuse walls and narrow gaps are therefore all efficient. Between the diffuse walls
+    unidirectional hits. Mirrors, diffuse walls and narrow gaps are therefore all efficient. Below a plane mirror as
+    roof, walls that scatter are connected with the image of the phototransistor as well. Between the diffuse walls
     of a cell, path guiding samples directions towards other scattering walls. In scenes with mirrors, emission guiding
     learns from a pilot run the directions from which light returns.
 
@@ -57,16 +59,17 @@ class TaxelTracer(mi.CppADIntegrator):
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power [W] from each LED of ``led_index`` to the phototransistor of ``index``, estimated by a path each."""
         emission, guide = guided_emission(self, scene, pair), guide_for(scene, pair)
+        mirrors = plane_mirrors(scene, pair)
 
         def trace(scene, sampler, index, led_index):
-            return self.sample_guided(scene, pair, index, led_index, sampler, pixels, emission, guide)
+            return self.sample_guided(scene, pair, index, led_index, sampler, pixels, emission, guide, mirrors)
 
         if pixels is not None:
             return trace(scene, sampler, index, led_index)
-        return pair.sensor.recorded.power(trace, scene, sampler, index, led_index, self, emission, guide)
+        return pair.sensor.recorded.power(trace, scene, sampler, index, led_index, self, emission, guide, mirrors)
 
     @dr.syntax
-    def sample_guided(self, scene, pair, index, led_index, sampler, pixels, emission, guide):
+    def sample_guided(self, scene, pair, index, led_index, sampler, pixels, emission, guide, mirrors):
         """Power [W] as in :meth:`sample_paths`, with guided directions.
 
         Parameters
@@ -77,10 +80,12 @@ class TaxelTracer(mi.CppADIntegrator):
             Distribution of the directions of emission; None for the law of the LED.
         guide : Guide or None
             Distribution of the directions between diffuse walls; None for those of the BSDFs alone.
+        mirrors : PlaneMirrors or None
+            Plane mirrors over which walls are connected with the phototransistor; None without them.
         """
         led, sensor = pair.led, pair.sensor
         clearance = clearance_of(scene, pair)
-        techniques = Techniques(self.strategy, scene, sensor, index, guide, clearance)
+        techniques = Techniques(self.strategy, scene, sensor, index, guide, clearance, mirrors)
         most_reflections = dr.opaque(mi.UInt32, MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
         is_bent = pair.is_below_windows
 
@@ -112,6 +117,7 @@ class TaxelTracer(mi.CppADIntegrator):
         carried = power * density / overdrawn
         ray = release(vertex.p, vertex.n, direction, clearance)
         specular = mi.Bool(False)
+        mirrored = Mirrored(mi.Float(0), mi.Float(0))
         reach = mi.Float(dr.inf)  # distance of the point sampled by the guide; infinite without such a point
         target = mi.UInt32(0)  # triangle of that point
         depth = mi.UInt32(0)
@@ -134,7 +140,7 @@ class TaxelTracer(mi.CppADIntegrator):
 
             # ---------------------- Unidirectional hit ----------------------
             previous = replace(vertex, throughput=throughput)
-            value, offset = techniques.hit(si, direction, previous, total_density, specular)
+            value, offset = techniques.hit(si, direction, previous, total_density, specular, mirrored)
             value = dr.select(active, value, 0)
             splat(sensor, index, offset, value, pixels)
             result += value
@@ -147,6 +153,7 @@ class TaxelTracer(mi.CppADIntegrator):
             scatter = partial(_scatter, techniques.context, si, bsdf, active)
             value = techniques.connect(view, vertex, scatter, active)
             value += techniques.connect_subpath(view, vertex, scatter, active & (depth + 1 < most_reflections))
+            value += techniques.connect_image(view, vertex, scatter, active & (depth + 1 < most_reflections))
             splat(sensor, index, view.offset, value, pixels)
             result += value
 
@@ -159,6 +166,7 @@ class TaxelTracer(mi.CppADIntegrator):
             direction = si.to_world(bs.wo)
             density = mi.Float(bs.pdf)
             carried = throughput * weight[0] * density
+            arrived_specular = mi.Bool(specular)
             specular = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             reach = mi.Float(dr.inf)
             if dr.hint(techniques.guide is not None, mode="scalar"):
@@ -172,6 +180,10 @@ class TaxelTracer(mi.CppADIntegrator):
                 carried = dr.select(by_guide, throughput * value, carried)
                 specular &= ~by_guide
                 reach = dr.select(by_guide, target_distance, reach)
+            if dr.hint(techniques.mirrors is not None, mode="scalar"):
+                # The LED is not connected with its image: emission guiding finds the mirror.
+                from_wall = active & specular & ~arrived_specular & (depth > 0)
+                mirrored = techniques.mirrored(si, from_wall, total_density * density, distance)
             ray = leave(vertex.p, vertex.n, direction, clearance)
             if dr.hint(techniques.guide is not None, mode="scalar"):
                 # From the offset origin to the exact point: otherwise a grazing ray would hit the adjacent triangle.

@@ -22,6 +22,7 @@ from mitsuba_taxel.specification.phototransistor import Phototransistor as Param
 if TYPE_CHECKING:
     from mitsuba_taxel.kernels.paths.emission_guiding import GuidedEmission
     from mitsuba_taxel.kernels.paths.guide import Guide
+    from mitsuba_taxel.kernels.paths.plane_mirrors import PlaneMirrors
     from mitsuba_taxel.kernels.scene_state import KnownScene
 
 MOST_PIXELS = 1 << 24
@@ -64,7 +65,7 @@ class Phototransistor(mi.Sensor):
             'type': 'phototransistor', 'response': 'cosine_power', 'exponent': 2
     """
 
-    LEARNED: ClassVar = ("guided_emission", "guide", "recorded", "checked")
+    LEARNED: ClassVar = ("guided_emission", "guide", "plane_mirrors", "recorded", "checked")
     """Attributes that are derived from the state of the scene, and are not part of that state."""
 
     def __init__(self, props: mi.Properties) -> None:
@@ -94,6 +95,7 @@ class Phototransistor(mi.Sensor):
         self._faces: FaceGrid | None = None
         self.guided_emission: GuidedEmission | None = None  # learned by pilot runs
         self.guide: tuple[np.ndarray, Guide | None] | None = None
+        self.plane_mirrors: tuple[np.ndarray, PlaneMirrors | None] | None = None
         self.recorded = RecordedPaths()
         self.checked: KnownScene | None = None
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.kernels.paths.guide import guide_for
+from mitsuba_taxel.kernels.paths.plane_mirrors import plane_mirrors
 from mitsuba_taxel.kernels.paths.sample_warping import descend, grid_splits
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import has_mirrors
@@ -88,7 +89,9 @@ def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.nd
     sampler.seed(0, lanes)
     taxel = mi.UInt32(sampler.sequence)
     guide = guide_for(scene, pair)
-    power = integrator.sample_guided(scene, pair, taxel, taxel, sampler, None, None, guide).numpy()
+    power = integrator.sample_guided(
+        scene, pair, taxel, taxel, sampler, None, None, guide, plane_mirrors(scene, pair)
+    ).numpy()
 
     # The second pair of random numbers of each path again, which the law maps to its direction.
     sampler.seed(0, lanes)

@@ -1,4 +1,4 @@
-"""Three techniques that estimate the light from a vertex of a path, and their weights (multiple importance sampling).
+"""Techniques that estimate the light from a vertex of a path, and their weights (multiple importance sampling).
 
 A path of n reflections has the vertices LED, x1 .. xn and a point y of the phototransistor. It can be sampled as
 
@@ -10,6 +10,10 @@ A path of n reflections has the vertices LED, x1 .. xn and a point y of the phot
 The factor of x1 .. x(n-1) is common to the three densities. Their ratios, and with them the weights of the power
 heuristic, therefore depend on xn alone (E. Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997,
 chapters 9 and 10).
+
+Where xn is on a plane mirror, none but hits samples the path. Then an *image connection* samples it as well: x1 ..
+x(n-1) by scattering, y uniform, and xn where the straight line from the image of x(n-1) behind the mirror to y crosses
+the mirror.
 """
 
 from __future__ import annotations
@@ -21,7 +25,8 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.kernels.paths.guide import Guide
-from mitsuba_taxel.kernels.paths.ray_offsets import between, release
+from mitsuba_taxel.kernels.paths.plane_mirrors import PlaneMirrors
+from mitsuba_taxel.kernels.paths.ray_offsets import between, leave, release
 from mitsuba_taxel.kernels.taxels.windows import Sight, straight
 
 Scattering = Callable[[mi.Vector3f], tuple[mi.Float, mi.Float]]
@@ -39,6 +44,14 @@ class Vertex:
     guided: mi.Float  # probability that the guide samples the next direction
     uv: mi.Point2f  # position of the vertex on the guide's unit square
     inverse: mi.Float  # mm²: reciprocal area density of this vertex; 0 if no sensor subpath can sample it
+
+
+@dataclass
+class Mirrored:
+    """How a ray left the plane mirror that it comes from."""
+
+    density: mi.Float  # 1/sr: of its direction before the mirror and of specular reflection; 0 if images have no part
+    distance: mi.Float  # mm: from the vertex before the mirror
 
 
 @dataclass
@@ -77,6 +90,8 @@ class Techniques:
         Guide of the directions between walls.
     clearance : mi.Float
         See :func:`mitsuba_taxel.kernels.paths.ray_offsets.leave`.
+    mirrors : PlaneMirrors or None
+        Plane mirrors for image connections.
     """
 
     def __init__(
@@ -87,10 +102,12 @@ class Techniques:
         index: mi.UInt32,
         guide: Guide | None,
         clearance: mi.Float,
+        mirrors: PlaneMirrors | None = None,
     ) -> None:
         names = ("connections", "sensor_subpath_connections", "unidirectional_hits")
         self.connections, self.sensor_subpaths, self.unidirectional = (strategy in ("all", name) for name in names)
         self.scene, self.sensor, self.index, self.guide, self.clearance = scene, sensor, index, guide, clearance
+        self.mirrors = mirrors if self.connections else None
         self.area = sensor.faces.area
         self.detector = mi.ShapePtr(sensor.get_shape())
         dr.make_opaque(self.detector)  # so that another phototransistor needs no new kernel
@@ -209,8 +226,68 @@ class Techniques:
         value *= vertex.throughput * passed_on[0] * cosine / (distance_squared * view.cosine)
         return dr.select(active, value * self.area * view.weight * weight, 0)
 
+    def connect_image(self, view: View, vertex: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
+        """Power [W] of a connection from a vertex over the plane mirror to the point y of a view.
+
+        Parameters
+        ----------
+        view : View
+            The point of the phototransistor.
+        vertex : Vertex
+            The vertex.
+        scatter : Scattering
+            Scattering at the vertex.
+        active : mi.Bool
+            Active lanes.
+        """
+        if self.mirrors is None:
+            return mi.Float(0)
+        # The line from the image of the vertex to y, and its direction before the mirror.
+        image, normal, exists = self.mirrors.image(self.index, vertex.p)
+        sight = self.sensor.window.sight(self.index, image, view.y)
+        onward, distance_squared = sight.direction, sight.squared_distance
+        wo = onward - 2 * dr.dot(onward, normal) * normal
+        cosine = -dr.dot(onward, self.sensor.normal)
+        active = active & exists & (cosine > 0) & (distance_squared > 0) & sight.is_open
+        value, density = scatter(wo)
+        active &= value > 0
+
+        # Both segments are visible, and meet on the mirror.
+        si = self.scene.ray_intersect(leave(vertex.p, vertex.n, wo, self.clearance), active)
+        active &= self.mirrors.contains(self.index, si, active & si.is_valid())
+        ray = between(si.p, normal, onward, self.clearance, sight.crossing, self.sensor.normal)
+        active &= ~self.scene.ray_test(ray, active)
+
+        solid_angle = self.area * cosine / distance_squared
+        hit = (1 - vertex.guided) * density * self.mirrors.specular * solid_angle
+        value *= vertex.throughput * self.mirrors.reflected * solid_angle * self.sensor.response(cosine)
+        return dr.select(active, value * self._weight((self.unidirectional, hit)), 0)
+
+    def mirrored(self, si: mi.SurfaceInteraction3f, active: mi.Bool, density: mi.Float, distance: mi.Float) -> Mirrored:
+        """How rays leave ``si``: of a density of 0 where that is not on a plane mirror.
+
+        Parameters
+        ----------
+        si : mi.SurfaceInteraction3f
+            Where a ray is reflected.
+        active : mi.Bool
+            Whether it is reflected as by a mirror, and comes from a wall that scatters.
+        density : mi.Float
+            Density of its direction before [1/sr], times the probability of specular reflection.
+        distance : mi.Float
+            From the wall, mm.
+        """
+        assert self.mirrors is not None
+        return Mirrored(dr.select(self.mirrors.contains(self.index, si, active), density, 0), mi.Float(distance))
+
     def hit(
-        self, si: mi.SurfaceInteraction3f, d: mi.Vector3f, previous: Vertex, density: mi.Float, specular: mi.Bool
+        self,
+        si: mi.SurfaceInteraction3f,
+        d: mi.Vector3f,
+        previous: Vertex,
+        density: mi.Float,
+        specular: mi.Bool,
+        mirrored: Mirrored,
     ) -> tuple[mi.Float, mi.Point2f]:
         """Power [W] of rays that arrive at ``si`` in direction ``d``, and their offset on the phototransistor.
 
@@ -226,6 +303,8 @@ class Techniques:
             Density of the direction ``d`` [1/sr]; not used where ``specular``.
         specular : mi.Bool
             Whether the direction was sampled by a mirror.
+        mirrored : Mirrored
+            How the ray left that mirror.
         """
         inside, offset = self.sensor.contains(self.index, si.p, d)
         if not self.unidirectional:
@@ -236,7 +315,13 @@ class Techniques:
         connection = distance_squared / (density * self.area * cosine)
         subpath = connection * previous.inverse * self.sensor.density_of_view(-d)
         subpath *= dr.abs(dr.dot(previous.n, d)) / distance_squared
-        weight = dr.select(specular, 1, self._weight((self.connections, connection), (self.sensor_subpaths, subpath)))
+        weight = self._weight((self.connections, connection), (self.sensor_subpaths, subpath))
+        of_mirror = mi.Float(1)
+        if self.mirrors is not None:
+            from_image = dr.square(dr.norm(si.p - previous.p) + mirrored.distance)
+            by_image = self.sensor.window.apparent(from_image, cosine) / (mirrored.density * self.area * cosine)
+            of_mirror = dr.select(mirrored.density > 0, self._weight((True, by_image)), 1)
+        weight = dr.select(specular, of_mirror, weight)
         return dr.select(hits, previous.throughput * self.sensor.response(cosine) * weight, 0), offset
 
     def guidance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Bool, mi.Float, mi.Point2f]:
