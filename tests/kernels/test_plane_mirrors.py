@@ -10,6 +10,9 @@ import pytest
 
 from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.kernels.paths.plane_mirrors import plane_mirrors
+from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
+from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
 
 pytestmark = pytest.mark.usefixtures("llvm_mono")
@@ -88,6 +91,22 @@ def agree(parts, points, largest_error):
     error = np.hypot(both.standard_error, hits.standard_error)
     assert np.all(error < largest_error * hits.power)
     assert np.all(np.abs(both.power - hits.power) < 4 * error)
+
+
+@pytest.mark.parametrize(("name", "bends"), [("fz", True), ("spacing", False)])
+def test_ends_of_a_difference_use_images_alike(name, bends, monkeypatch):
+    """A pad that is pressed at one end and at rest at the other has an image at neither; other changes keep theirs."""
+    used, scene = [], cells({**MIXED, "lambertian": 0.25, "isotropic": 0.25})
+
+    def spied(*arguments):
+        used.append(plane_mirrors(*arguments) is not None)
+        return plane_mirrors(*arguments)
+
+    monkeypatch.setattr("mitsuba_taxel.plugins.integrators.taxel_tracer.plane_mirrors", spied)
+    ready = prepare(scene)
+    derivatives_of_paths([rates(scene, name)], ready, np.ones((32, 1)), 1, 16, fixed=True)
+    assert used and set(used) == {not bends}
+    assert plane_mirrors(ready.scene, taxels_of(ready.scene)[0]) is not None
 
 
 def test_few_paths_suffice():

@@ -6,6 +6,8 @@ over the mirror, which they would otherwise take by chance. Roofs of unloaded bo
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import drjit as dr
@@ -13,13 +15,16 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.backend.packets import in_packets
-from mitsuba_taxel.kernels.protocols import is_pad, is_wall
+from mitsuba_taxel.kernels.protocols import is_pad, is_phototransistor, is_wall
 from mitsuba_taxel.kernels.surfaces.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import wall_at
 
 _PLANE = 1e-6
 """Largest distance from a plane, relative to the largest coordinate: the precision of single-precision vertices."""
+
+WITHOUT = np.empty(0), None
+"""Cached with a phototransistor, it keeps paths from using images."""
 
 
 class PlaneMirrors:
@@ -97,6 +102,8 @@ def plane_mirrors(scene: mi.Scene, pair: TaxelPair) -> PlaneMirrors | None:
     PlaneMirrors or None
         None if no unloaded pad has plane roofs with a specular component.
     """
+    if pair.sensor.plane_mirrors is WITHOUT:
+        return None
     for mesh in scene.shapes():
         wall = wall_at(mesh.bsdf(), "roof") if is_pad(mesh) else None
         if wall is None or not is_wall(wall) or wall.scattering not in ("mirror", "mixed"):
@@ -107,6 +114,33 @@ def plane_mirrors(scene: mi.Scene, pair: TaxelPair) -> PlaneMirrors | None:
         mirrors: PlaneMirrors | None = pair.sensor.plane_mirrors[1]
         return mirrors
     return None
+
+
+@contextmanager
+def without_images(scene: mi.Scene) -> Iterator[None]:
+    """Within the block, no path uses images.
+
+    Ends of a difference must not: of a roof at rest and a bent one, only the former has images, and the noise of the
+    two readings would not cancel.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        The scene.
+
+    Yields
+    ------
+    None
+        Afterwards images are looked for again.
+    """
+    sensors = [sensor for sensor in scene.sensors() if is_phototransistor(sensor)]
+    for sensor in sensors:
+        sensor.plane_mirrors = WITHOUT
+    try:
+        yield
+    finally:
+        for sensor in sensors:
+            sensor.plane_mirrors = None
 
 
 def _on(mesh: Any, positions: np.ndarray, pair: TaxelPair, wall: Any) -> PlaneMirrors | None:

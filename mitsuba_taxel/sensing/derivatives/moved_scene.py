@@ -6,6 +6,7 @@ their difference.
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.paths.plane_mirrors import without_images
 from mitsuba_taxel.kernels.surfaces.mesh_adapter import Places
 from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad, Nodal
@@ -119,7 +121,9 @@ class MovedScene:
         if walls is not None:
             move(live, deformed_pads(live), [self._places(offset, walls)])
         run = Run(self._ready._replace(scene=live), seed)
-        run.extend_to(points)
+        bends = walls is not None and walls.nodal.displacement.any()
+        with without_images(live) if bends else nullcontext():
+            run.extend_to(points)
         return run.powers
 
     def _places(self, offset: float, walls: MovingWalls) -> Places:
