@@ -33,7 +33,7 @@ ROOMS = ("parameters", "base", "geometry", "pads", "mechanics")
 
 
 def folder() -> Path:
-    """``MITSUBA_TAXEL_CACHE``, or ``mitsuba_taxel`` in the user's cache folder."""
+    """Folder of the cache: ``MITSUBA_TAXEL_CACHE``, or ``mitsuba_taxel`` in the user's cache folder."""
     # `platformdirs` gives the same folder on Linux, which is all that is supported, for one dependency more.
     variable = os.environ.get("MITSUBA_TAXEL_CACHE")
     if variable:

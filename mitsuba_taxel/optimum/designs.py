@@ -333,7 +333,7 @@ class DesignEvaluator:
         by_tolerance: list[np.ndarray],
         contacts: dict[str, DesignContact],
     ) -> DesignEvaluation:
-        """The evaluated design: from readings and derivatives of :meth:`_power`, and first contacts by line."""
+        """The evaluated design, from readings and derivatives of :meth:`_power` and first contacts by line."""
         shape, shape_rates = self._shape(design)
         loads = [frozenset(load.items()) for load in self._plan.loads]
 

@@ -129,7 +129,7 @@ def leaving_share(part: Part) -> float:
     Returns
     -------
     float
-        Relative to the power that the die sends into the resin.
+        Fraction, relative to the power that the die sends into the resin.
     """
     emitter = part.emitter
     start, heading, sine = emitted_rays(emitter, sobol_points(4))

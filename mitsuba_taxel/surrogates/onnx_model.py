@@ -153,7 +153,7 @@ def study_error(study: xr.Dataset) -> StudyError:
     Returns
     -------
     StudyError
-        Relative to full scale; NaN if an error is unknown.
+        Errors relative to full scale; NaN if an error is unknown.
     """
     dims = [dim for dim in study.power.dims if dim != "taxel"]
     scale = study.power.max(dims) - study.power.min(dims)
@@ -187,7 +187,7 @@ def write_calibration(found: Calibration, file: str | Path) -> None:
     found : Calibration
         Result of :func:`calibrate`.
     file : str or Path
-        Which is replaced if it exists.
+        Output file, which is replaced if it exists.
 
     Raises
     ------

@@ -118,7 +118,7 @@ def rectangle_rule(width: float, depth: float, columns: int, rows: int) -> Rule:
     points : (n, 2) ndarray
         In mm.
     weights : (n,) ndarray
-        Which add up to the area, mm².
+        Weights, which add up to the area, mm².
     """
     (x, of_x), (y, of_y) = gauss(columns), gauss(rows)
     points = np.stack(np.meshgrid((x - 0.5) * width, (y - 0.5) * depth, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -140,7 +140,7 @@ def square_annulus_rule(outer: float, inner: float, along: int, across: int) -> 
     points : (n, 2) ndarray
         In mm.
     weights : (n,) ndarray
-        Which add up to the area, mm².
+        Weights, which add up to the area, mm².
     """
     if inner == 0:
         return rectangle_rule(outer, outer, along, along)
@@ -168,7 +168,7 @@ def disc_annulus_rule(outer: float, inner: float, rings: int, spokes: int) -> Ru
     points : (n, 2) ndarray
         In mm.
     weights : (n,) ndarray
-        Which add up to the area, mm².
+        Weights, which add up to the area, mm².
     """
     nodes, weights = gauss(rings)
     radius = 0.5 * np.sqrt(inner**2 + nodes * (outer**2 - inner**2))

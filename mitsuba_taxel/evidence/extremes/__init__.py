@@ -1,4 +1,4 @@
 """The table of extreme cases: pads, scenes and circuits, each of which must be right or refused in one line.
 
-Cases enter; rows with an independent check leave (`taxel bench stability`).
+Input: cases. Output: rows with an independent check (`taxel bench stability`).
 """

@@ -1,2 +1,3 @@
 """Measured sensors compared with simulated ones: a pad of 5 x 5 cells on the bench, and the paper's loading cycles.
-Public records and studies enter; comparisons, fits of Prony series and the figures of the page leave."""
+Input: public records and studies. Output: comparisons, fits of Prony series and the figures of the page.
+"""

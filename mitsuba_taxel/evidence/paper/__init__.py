@@ -1,4 +1,4 @@
 """Rerun of the paper: its figures and tables from this package, compared with its own numbers.
 
-The choices that the paper leaves open enter as parameters of a scene; studies, figures and the page leave.
+Input: the choices that the paper leaves open, as parameters of a scene. Output: studies, figures and the page.
 """

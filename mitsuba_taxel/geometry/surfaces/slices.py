@@ -50,7 +50,7 @@ def sliced(height: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) -> Sli
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
     chosen : (T,) ndarray of bool
-        Which triangles are cut.
+        Whether each triangle is cut.
 
     Returns
     -------

@@ -107,7 +107,7 @@ class IndenterShape(Kind, family="indenter"):
         Parameters
         ----------
         points : (n, 3) ndarray
-            Relative to the tip, mm.
+            Positions relative to the tip, mm.
 
         Returns
         -------
@@ -224,7 +224,7 @@ class IndenterShape(Kind, family="indenter"):
         Parameters
         ----------
         points : (n, 3) ndarray
-            Relative to the tip, mm.
+            Positions relative to the tip, mm.
         depth : float
             Depth of the tip below the undeformed surface, mm.
 
@@ -278,7 +278,7 @@ class IndenterShape(Kind, family="indenter"):
         Returns
         -------
         vertices : (V, 3) ndarray
-            Relative to the tip, mm.
+            Positions relative to the tip, mm.
         triangles : (T, 3) ndarray of int
             Rows of their vertices, counter-clockwise from outside.
         """

@@ -285,7 +285,7 @@ def pad_path(
     Returns
     -------
     PadPath
-        Which holds what has been solved.
+        Path, which contains the states that have been solved.
     """
     return shared(pad, material, load, mesh_size, judged, judged_on, bodies, step_tolerance, refinement)
 

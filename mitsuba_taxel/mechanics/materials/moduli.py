@@ -85,7 +85,7 @@ class Moduli:
         weight : (m, q) ndarray
             Volume w of each quadrature point, mm³.
         gradients : (m, q, 10, 3) ndarray
-            B, of the shape functions, 1/mm.
+            Gradients B of the shape functions, 1/mm.
 
         Returns
         -------

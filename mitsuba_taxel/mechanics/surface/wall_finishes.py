@@ -86,7 +86,7 @@ def relief_of(finish: Finish | SeparateFinish, smooth: SmoothSurface) -> Relief:
     Returns
     -------
     Relief
-        Relative to ``smooth``.
+        Rough surface, relative to ``smooth``.
     """
     (first, walls), *others = by_walls(finish)
     relief = first.relief(smooth.with_rough(walls))

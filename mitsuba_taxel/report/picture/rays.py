@@ -73,7 +73,7 @@ def write_vtk(paths: RayPaths, file: Path) -> None:
     paths : RayPaths
         Paths of a taxel, in mm and W.
     file : Path
-        Which is replaced if it exists.
+        Output file, which is replaced if it exists.
 
     Raises
     ------

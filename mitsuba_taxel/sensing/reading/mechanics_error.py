@@ -88,7 +88,7 @@ def moved(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> 
     scene : mi.Scene
         Scene that holds the pads.
     pads : Sequence[PadShape]
-        Which move.
+        Pads whose vertices move.
     surfaces : list[Places]
         Vertices of each pad within the block.
 
@@ -111,7 +111,7 @@ def restored(scene: mi.Scene, pads: Sequence[PadShape]) -> Iterator[None]:
     scene : mi.Scene
         Scene that holds the pads.
     pads : Sequence[PadShape]
-        Which the block may move.
+        Pads that the block may move.
 
     Yields
     ------
@@ -133,7 +133,7 @@ def move(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> N
     scene : mi.Scene
         Scene that holds the pads.
     pads : Sequence[PadShape]
-        Which move.
+        Pads whose vertices move.
     surfaces : list[Places]
         New vertices of each pad.
     """

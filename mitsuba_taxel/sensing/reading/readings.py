@@ -106,7 +106,7 @@ def error_budget(power: np.ndarray, light: np.ndarray, mechanics: np.ndarray, ge
     Returns
     -------
     dict[str, float]
-        Relative to the reading, by ``light``, ``mechanics``, ``geometry`` and ``total``.
+        Errors relative to the reading, by ``light``, ``mechanics``, ``geometry`` and ``total``.
     """
     total = np.hypot(np.hypot(light, mechanics), geometry)
     errors = {"light": light, "mechanics": mechanics, "geometry": geometry, "total": total}

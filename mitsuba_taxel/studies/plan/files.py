@@ -16,7 +16,7 @@ def make_folder(folder: Path) -> None:
     Parameters
     ----------
     folder : Path
-        Which need not exist.
+        Folder, which need not exist.
 
     Raises
     ------

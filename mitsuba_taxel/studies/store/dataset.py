@@ -405,7 +405,7 @@ def missed_slope(
 
 
 def study_error_budget(study: xr.Dataset) -> dict[str, float]:
-    """The error budget, as of `Readings`, of the worst reading of a study; failed readings are left out.
+    """The error budget (see `Readings`) of the worst reading of a study; failed readings are left out.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ def write_netcdf(study: xr.Dataset, file: Path) -> None:
     study : xr.Dataset
         Study of one scene.
     file : Path
-        Which is replaced if it exists.
+        Output file, which is replaced if it exists.
 
     Raises
     ------

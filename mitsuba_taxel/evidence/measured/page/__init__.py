@@ -1,1 +1,1 @@
-"""Sections of the page of measured sensors, a file each: comparisons enter, Markdown leaves."""
+"""Sections of the page of measured sensors, a file each. Input: comparisons. Output: Markdown."""

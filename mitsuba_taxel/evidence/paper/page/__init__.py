@@ -1,1 +1,1 @@
-"""Sections of the page of the paper, a file each: studies of a rerun enter, Markdown leaves."""
+"""Sections of the page of the paper, a file each. Input: studies of a rerun. Output: Markdown."""
