@@ -280,7 +280,10 @@ def _differences(
     beside_pad = any(_without_pad(base) != _without_pad(state) for _, state in states)
     moves_packages = any(_without_pad(base, PACKAGES) != _without_pad(state, PACKAGES) for _, state in states)
     if pad and pad.self_contact and moves_packages:
-        raise InputError(f"{parameter.name} has no derivative with self_contact: it moves what the pad may touch.")
+        raise InputError(
+            f"{parameter.name} has no derivative with self_contact, as it moves what the pad may touch: "
+            f"vary it in a sweep instead."
+        )
     for _, state in states if beside_pad else []:
         _with_pad_of(base, state, config)
 

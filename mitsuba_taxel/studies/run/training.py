@@ -192,7 +192,9 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _TrainingRows:
         if rows.power.shape[1] != first.power.shape[1]:
             raise InputError(f"scene {name} has {rows.power.shape[1]} taxels: {first.power.shape[1]} are needed.")
         if _force_columns(rows.parameters) != _force_columns(first.parameters):
-            raise InputError(f"scene {name} has other forces as parameters than the first: the same are needed.")
+            raise InputError(
+                f"scene {name} has other forces as parameters than the first scene: the same forces are needed."
+            )
     if len(studies) > 1:
         for name, rows in zip(studies, per_scene, strict=True):
             rows.parameters.insert(0, "scene", name)
