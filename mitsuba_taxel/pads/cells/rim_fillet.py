@@ -96,6 +96,31 @@ class RimFillet(Fillet):
             sharp[selected, 2] = position[:, 1]
         return sharp
 
+    def slid(self, points: np.ndarray, origin: RimFillet) -> np.ndarray:
+        """Points of the sharp wall, moved along the roof with the border of the fillet.
+
+        Parameters
+        ----------
+        points : (N, 3) ndarray
+            On the sharp wall, mm.
+        origin : RimFillet
+            The fillet from whose border the points move to the border of this one.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            In mm.
+        """
+        in_plane = _in_plane(points)
+        on_roof = self._towards_roof(in_plane)
+        borders = [fillet.roof.nearest(fillet.arc.at(fillet.arc.ends[1:])[0])[0][0] for fillet in (origin, self)]
+        u = self.roof.nearest(in_plane[on_roof])[0]
+        position = self.roof.at(u + np.interp(u, [0.0, borders[0], 1.0], [0.0, borders[1] - borders[0], 0.0]))[0]
+        slid = points.copy()
+        slid[on_roof, :2] *= (position[:, 0] / in_plane[on_roof, 0])[:, None]
+        slid[on_roof, 2] = position[:, 1]
+        return slid
+
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
         in_plane = _in_plane(points.reshape(-1, 3))
         beyond = np.linalg.norm(in_plane - self.arc.centre, axis=1) > self.arc.radius - slack

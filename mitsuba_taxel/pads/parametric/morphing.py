@@ -55,7 +55,7 @@ def moved_onto(pad: DrawnPad, origin: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
     midside = mesh.corner_count + np.flatnonzero(~on_round_walls(pad, mesh)[mesh.corner_count :])
     edges = edge_ends(mesh.tets)[midside - mesh.corner_count]
     points[midside] = sharp[midside] + (points - sharp)[edges].mean(axis=1)
-    morphed = replace(mesh, points=snapped(points + rounding(pad, mesh, points), pad))
+    morphed = replace(mesh, points=snapped(points + rounding(pad, mesh, points, origin), pad))
     if leans(pad):
         morphed = leaning(pad, morphed)
     _check_elements(mesh, morphed)

@@ -110,7 +110,7 @@ def _cut_between_rims(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
         mesh = bisected(mesh, np.stack(np.divmod(keys[chosen], count), axis=1))
 
 
-def rounding(pad: DrawnPad, mesh: VolumeMesh, sharp: np.ndarray) -> np.ndarray:
+def rounding(pad: DrawnPad, mesh: VolumeMesh, sharp: np.ndarray, origin: DrawnPad | None = None) -> np.ndarray:
     """Displacements of nodes from the pad with sharp rims to the one with rounded rims, both upright.
 
     Midpoints of straight edges remain midpoints. Cuboid cells have none: `wall_planes` contain their fillets.
@@ -123,13 +123,20 @@ def rounding(pad: DrawnPad, mesh: VolumeMesh, sharp: np.ndarray) -> np.ndarray:
         For its elements and regions.
     sharp : (N, 3) ndarray
         Nodes of the pad with sharp rims, mm.
+    origin : DrawnPad, optional
+        The pad for which the mesh was made: nodes move with the border between roof and fillet.
 
     Returns
     -------
     (N, 3) ndarray
         In mm.
     """
-    return _displacement(pad, mesh, sharp, lambda rim, points: rim.onto_wall(points)[0])
+    before = None if origin is None else origin.edges
+
+    def onto_wall(rim: RimFillet, points: np.ndarray) -> np.ndarray:
+        return rim.onto_wall(rim.slid(points, before) if isinstance(before, RimFillet) else points)[0]
+
+    return _displacement(pad, mesh, sharp, onto_wall)
 
 
 def sharp_nodes(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:

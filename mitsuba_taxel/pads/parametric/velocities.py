@@ -80,7 +80,7 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     middles[straight] = velocity[edge_ends(mesh.tets)[straight]].mean(axis=1)
     if pad.fillet:
         velocity = velocity + rate_by(
-            pad, parameter, FILLET_STEP, lambda changed, step: rounding(changed, mesh, sharp + step * velocity)
+            pad, parameter, FILLET_STEP, lambda changed, step: rounding(changed, mesh, sharp + step * velocity, pad)
         )
     if not leans(pad):
         return velocity

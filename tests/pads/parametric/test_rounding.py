@@ -104,6 +104,17 @@ def test_velocities_are_those_of_moved_meshes(cell, name, lean):
     assert np.abs(velocity).max() > 0.1
 
 
+@pytest.mark.parametrize("cell", CELLS[:2])
+@pytest.mark.parametrize(("name", "rate"), [("fillet", -1.0), ("cell_size", 0.5)])
+def test_the_border_of_the_roof_moves_with_the_dimensions(meshes, cell, name, rate):
+    pad, mesh = meshes[cell, 0.4]
+    faces = [np.unique(mesh.faces[mesh.face_region == REGIONS[region]]) for region in ("roof", "side")]
+    border = np.intersect1d(*faces)
+    border = border[mesh.points[border, 1] == 0]
+    velocity = mesh_velocity(pad, mesh, name)[border, 0] * np.sign(mesh.points[border, 0])
+    np.testing.assert_allclose(velocity, rate, atol=1e-5)
+
+
 def test_sharp_edges_have_no_derivative_by_the_radius():
     pad = one_cell("cylindrical", 0.0)
     assert "fillet" not in pad.dimensions
