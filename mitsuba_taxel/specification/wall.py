@@ -46,9 +46,10 @@ class Wall(Specification):
     )
     reflectance_table: str | None = text(
         None,
-        "CSV file of wavelength in nm, increasing, and reflectance, 0 to 1, instead of `reflectance`.",
+        "CSV file of wavelength in nm, increasing, and reflectance, 0 to 1; `reflectance` is left out.",
         "the name of a CSV file",
         when=_REFLECTING,
+        without="material",
     )
     specular: float | None = _fraction_of("the law of mirrors")
     lambertian: float | None = _fraction_of("the cosine law")

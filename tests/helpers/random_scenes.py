@@ -28,7 +28,8 @@ EXTREMES = ("0", "-1", "1e-9", "1e-3", "0.01", "20", "1000", "1e9", "1e18", "1e3
 WRONG = ("", "abc", "true", "1 2", "0, 0, 1", "none", "1.5", "é", "../x", "a" * 300)
 TAGS = {"float": "float", "int": "integer", "boolean": "boolean", "string": "string", "vector": "vector"}
 SELDOM = (
-    "rows", "columns", "mesh_size", "mesh_tolerance", "subdivision", "finish", "part", "filename", "regions", "spacing",
+    "rows", "columns", "mesh_size", "mesh_tolerance", "subdivision", "finish", "roof_finish", "side_finish", "part",
+    "filename", "regions", "spacing",
     "body", "led_shift", "phototransistor_shift", "indenter_file", "pitch", "shore_a", "window_height",
 )  # fmt: skip
 """Parameters that take minutes, exclude others, or fit few others: given in wild scenes alone."""
@@ -116,7 +117,8 @@ def _value(draw: random.Random, parameter: Any, wild: float) -> str:
         word = draw.choice(WRONG if draw.random() < 0.3 else EXTREMES)
         return ", ".join([word] * 3) if isinstance(parameter, Vector) and draw.random() < 0.7 else word
     if isinstance(parameter, Choice):
-        return draw.choice(list(parameter.allowed))
+        unknown = ("white_silicone", "black_silicone", "white_plastic", "white_paint", "black_print")  # without data
+        return draw.choice([word for word in parameter.allowed if word not in unknown])
     if isinstance(parameter, Switch):
         return draw.choice(["true", "false"])
     if isinstance(parameter, Whole):
