@@ -21,8 +21,8 @@ MIXED = {"type": "wall", "scattering": "mixed", "reflectance": 0.9, "specular": 
 SIDES = {"type": "wall", "scattering": "lambertian", "reflectance": 0.9}
 
 
-def cells(roof=MIRROR, cell="parallelepiped", columns=1, strategy="all", detector=None, part=None, **pad):
-    walls = {"type": "region", "roof": roof, "side": SIDES}
+def cells(roof=MIRROR, cell="parallelepiped", columns=1, strategy="all", detector=None, part=None, sides=SIDES, **pad):
+    walls = {"type": "region", "roof": roof, "side": sides}
     reflector = {"type": "photo_reflector", "columns": columns, "rows": 1}
     if part is None:
         reflector |= {"spacing": 0.9, "led": {"type": "annular_led"}}
@@ -60,10 +60,11 @@ def test_unloaded_flat_roofs_are_plane():
         cells(cell="spherical"),
         cells(SIDES),
         cells({"type": "wall", "scattering": "rough_mirror", "rms_slope": 2.0}),
+        cells(sides={"type": "wall", "scattering": "absorbing"}),
     ],
-    ids=["bent", "curved", "diffuse", "rough"],
+    ids=["bent", "curved", "diffuse", "rough", "nothing scatters"],
 )
-def test_other_roofs_have_no_image(scene):
+def test_other_cells_have_no_image(scene):
     assert mirrors_of(scene) is None
 
 

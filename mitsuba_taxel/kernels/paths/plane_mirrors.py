@@ -18,7 +18,7 @@ from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.kernels.protocols import is_pad, is_phototransistor, is_wall
 from mitsuba_taxel.kernels.surfaces.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
-from mitsuba_taxel.kernels.walls import wall_at
+from mitsuba_taxel.kernels.walls import absorbs, wall_at, walls_of
 
 _PLANE = 1e-6
 """Largest distance from a plane, relative to the largest coordinate: the precision of single-precision vertices."""
@@ -100,9 +100,12 @@ def plane_mirrors(scene: mi.Scene, pair: TaxelPair) -> PlaneMirrors | None:
     Returns
     -------
     PlaneMirrors or None
-        None if no unloaded pad has plane roofs with a specular component.
+        None if no unloaded pad has plane roofs with a specular component, or no wall scatters.
     """
-    if pair.sensor.plane_mirrors is WITHOUT:
+    scattering = mi.BSDFFlags.Diffuse | mi.BSDFFlags.Glossy
+    if pair.sensor.plane_mirrors is WITHOUT or all(
+        absorbs(wall) or not wall.flags() & scattering for wall in walls_of(scene)
+    ):
         return None
     for mesh in scene.shapes():
         wall = wall_at(mesh.bsdf(), "roof") if is_pad(mesh) else None
