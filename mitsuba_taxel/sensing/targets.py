@@ -110,6 +110,7 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
     """
     if not curved_pads(ready.scene):
         return FLAT
+    ready = ready._replace(paired=None)  # triangles of this scene are moved, not those of its base state
     tilt = tilt_share(ready.scene)
     pilot, chords = (Run(ready, derived_seed(seed, 1)) for _ in range(2))
     points = GEOMETRY_POINTS
@@ -182,7 +183,10 @@ def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, toler
         return MechanicsEstimate(None, 0.0)
     points = DEVIATION_POINTS
     while True:
-        before, changes = mechanics_deviations(ready.scene, lambda: _powers(ready, seed, points))  # noqa: B023
+        if ready.paired is not None:
+            before, changes = ready.paired.deviations(seed, points)
+        else:
+            before, changes = mechanics_deviations(ready.scene, lambda: _powers(ready, seed, points))  # noqa: B023
         power = before.mean(axis=0)
         if changes is None:
             return MechanicsEstimate(np.full_like(power, math.nan), math.nan)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import mitsuba as mi
 import numpy as np
@@ -34,6 +34,16 @@ CHOSEN_INTEGRATOR = "integrator taxel_tracer: it connects paths from LED and pho
 """Note on an integrator that the scene does not name."""
 
 
+class PairedPowers(Protocol):
+    """Readings of a scene relative to a base state, with which those under other loads share their noise."""
+
+    def powers(self, points: int, seed: int, first: int) -> tuple[np.ndarray, int]:
+        """Readings (R, T) in W, and the points used, from point ``first`` on."""
+
+    def deviations(self, seed: int, points: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """Readings (R, T) in W, and their changes (2, R, T) with coarser finite elements; None if unknown."""
+
+
 class Prepared(NamedTuple):
     """A scene that is loaded, checked, and has an integrator."""
 
@@ -41,6 +51,7 @@ class Prepared(NamedTuple):
     integrator: mi.Integrator
     parameters: dict[str, str]
     notes: list[str]  # which integrator was chosen and why, if the scene names none
+    paired: PairedPowers | None = None  # readings relative to a base state, which replace those of the scene
 
 
 AnyScene: TypeAlias = "Scene | Prepared | mi.Scene | str | Path | dict[str, Any]"
@@ -159,7 +170,7 @@ class Run:
             self._step(points)
             return
         if not self.points:
-            _trace(self.ready, 1, self.seed, 0, self.with_image)  # compiles before steps are timed
+            traced(self.ready, 1, self.seed, 0, self.with_image)  # compiles before steps are timed
         while self.points < points and (not self.points or clock is None or clock.allows(2 * self.seconds)):
             self._step(self.points or min(FIRST_POINTS, points))
 
@@ -181,12 +192,12 @@ class Run:
     def _step(self, points: int) -> None:
         """Trace more points, and average with the earlier ones."""
         start = time.perf_counter()
-        powers, image, points = _trace(self.ready, points, self.seed, self.points, self.with_image)
+        powers, image, points = traced(self.ready, points, self.seed, self.points, self.with_image)
         total = self.points + points
         weight = points / total
         self.powers = powers if not self.points else (1 - weight) * self.powers + weight * powers
         if self.with_image:
-            self.image = image if self.image is None else (1 - weight) * self.image + weight * image
+            self.image = image if self.image is None or image is None else (1 - weight) * self.image + weight * image
         self.points = total
         self.seconds = time.perf_counter() - start
 
@@ -209,9 +220,37 @@ def derived_seed(seed: int, index: int) -> int:
     return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
 
 
-def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
-    """Powers (replicates, taxels), the irradiance map of the first sensor if requested, and the points used."""
+def traced(
+    ready: Prepared, points: int, seed: int, first: int, image: bool
+) -> tuple[np.ndarray, np.ndarray | None, int]:
+    """Readings by random paths.
+
+    Parameters
+    ----------
+    ready : Prepared
+        The scene.
+    points : int
+        Per taxel and replicate.
+    seed : int
+        Of the random numbers.
+    first : int
+        Number of the first point.
+    image : bool
+        Whether the irradiance map is wanted.
+
+    Returns
+    -------
+    powers : (R, T) ndarray
+        In W.
+    map : ndarray or None
+        Irradiance on the first sensor.
+    points : int
+        Points used.
+    """
     scene, integrator = ready.scene, ready.integrator
+    if ready.paired is not None and not image:
+        powers, points = ready.paired.powers(points, seed, first)
+        return powers, None, points
     if not traces_taxels(integrator):
         set_wavelength(scene, scene.emitters())
         return _render(scene, points, seed, first)

@@ -1,0 +1,171 @@
+"""Readings of one scene under several loads whose differences have little noise: by paths through material points.
+
+A reading is that of a base state, with the same random numbers for all loads, plus the difference from the base state
+by `trace_difference`.
+"""
+
+from __future__ import annotations
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.processes import stages
+from mitsuba_taxel.kernels.paths.paired_paths import PairedState, trace_difference
+from mitsuba_taxel.kernels.walls import set_wavelength
+from mitsuba_taxel.sensing.reading.mechanics_error import move, restored
+from mitsuba_taxel.sensing.reading.runs import REPLICATES, Prepared, derived_seed, prepare, traced
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene.taxels import taxels_of
+from mitsuba_taxel.specification.taxel_tracer import TaxelTracer
+
+PAIRED = 25
+"""Index of the random numbers of differences among those derived from a seed."""
+NOT_PAIRED = (
+    mi.BSDFFlags.Delta
+    | mi.BSDFFlags.Delta1D
+    | mi.BSDFFlags.Glossy
+    | mi.BSDFFlags.Null
+    | mi.BSDFFlags.Transmission
+    | mi.BSDFFlags.Anisotropic
+)
+"""Properties of walls whose paths do not exist between given points, depend on the orientation of triangles, or have
+more noise: moved paths leave the lobe of a rough mirror of 5 degrees (two to three times the noise of shared random
+numbers)."""
+
+
+def can_be_paired(ready: Prepared) -> bool:
+    """Whether differences between loads of a scene can be computed by paths through material points.
+
+    That needs one pad, LEDs and phototransistors without windows in one plane, diffuse walls, and a `taxel_tracer` of
+    all paths.
+
+    Parameters
+    ----------
+    ready : Prepared
+        The scene under any load.
+
+    Returns
+    -------
+    bool
+        False, for example, with mirrors.
+    """
+    tracer = getattr(ready.integrator, "specification", None)
+    if not (isinstance(tracer, TaxelTracer) and tracer.max_depth < 0 and tracer.strategy == "all"):
+        return False
+    try:
+        pairs = taxels_of(ready.scene)
+    except InputError:  # LEDs and phototransistors cannot be paired
+        return False
+    if len(deformed_pads(ready.scene)) != 1 or any(pair.is_below_windows or not pair.coplanar for pair in pairs):
+        return False
+    return not any(shape.bsdf() is not None and shape.bsdf().flags() & NOT_PAIRED for shape in ready.scene.shapes())
+
+
+def paired(base: Scene, scene: Scene) -> Prepared:
+    """A scene whose readings are those of a base scene plus a difference, where that is possible.
+
+    Parameters
+    ----------
+    base : Scene
+        The same scene under another load, as for :func:`paired_with`.
+    scene : Scene
+        The scene to read.
+
+    Returns
+    -------
+    Prepared
+        The scene; its readings are not paired if the base scene does not exist, or :func:`can_be_paired` is false.
+    """
+    try:
+        loaded_base = prepare(base)
+    except (InputError, ComputationError):
+        return prepare(scene)
+    return paired_with(base, loaded_base, scene) if can_be_paired(loaded_base) else prepare(scene)
+
+
+def paired_with(base: Scene, loaded_base: Prepared, scene: Scene) -> Prepared:
+    """A scene whose readings are those of a base scene plus a difference.
+
+    Parameters
+    ----------
+    base : Scene
+        The same scene under another load, the larger the better: its elements serve for the unloaded pad too.
+    loaded_base : Prepared
+        The base scene, of which :func:`can_be_paired` is true.
+    scene : Scene
+        The scene to read.
+
+    Returns
+    -------
+    Prepared
+        The scene; its readings are not paired if the triangles of both states differ.
+    """
+    ready = prepare(scene)
+    if scene.parameters == base.parameters:
+        return ready._replace(paired=PairedReading(loaded_base, ready, None))
+    (pad,), (base_pad,) = deformed_pads(ready.scene), deformed_pads(loaded_base.scene)
+    moved = ready.scene
+    # An unloaded pad may have larger elements: its state on those of the base is read.
+    if not pad.is_loaded and pad.state.mesh is not base_pad.state.mesh:
+        moved = prepare(base).scene
+        (pad,) = deformed_pads(moved)
+        pad.take(pad.at_onset())
+        moved.parameters_changed([])
+    region, base_region = pad.changing_region(), base_pad.changing_region()
+    touched = region is not None and base_region is not None and not np.array_equal(region, base_region)
+    if touched or not np.array_equal(pad.surface.triangles, base_pad.surface.triangles):
+        return ready
+    return ready._replace(paired=PairedReading(loaded_base, ready, moved))
+
+
+class PairedReading:
+    """Readings of a scene relative to a base state.
+
+    Parameters
+    ----------
+    base : Prepared
+        The base state.
+    ready : Prepared
+        The scene.
+    moved : mi.Scene or None
+        A scene with its pad on the triangles of the base state; None if the scene is the base state.
+    """
+
+    def __init__(self, base: Prepared, ready: Prepared, moved: mi.Scene | None) -> None:
+        self._base, self._ready, self._moved = base, ready, moved
+
+    def powers(self, points: int, seed: int, first: int) -> tuple[np.ndarray, int]:
+        """Readings (R, T) in W, and the points used, from point ``first`` on."""
+        powers, _, points = traced(self._base, points, seed, first, False)
+        if self._moved is not None:
+            powers = powers + _difference(self._base.scene, self._moved, points, derived_seed(seed, PAIRED), first)
+        return powers, points
+
+    def deviations(self, seed: int, points: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """As of `mechanics_deviations`: readings of the base state, and changes by the errors of the scene's pad."""
+        (pad,), pads = deformed_pads(self._ready.scene), deformed_pads(self._base.scene)
+        before = traced(self._base, points, seed, 0, False)[0]
+        with stages.stage("mechanics"):
+            fraction = pad.state.probed_share
+            surfaces = pad.deviating_places(fraction)
+        if surfaces is None:
+            return before, None
+        changes = []
+        with restored(self._base.scene, pads):
+            for surface in surfaces:
+                move(self._base.scene, pads, [surface])
+                changes.append(_difference(self._ready.scene, self._base.scene, points, seed, 0) / fraction)
+        return before, np.array(changes)
+
+
+def _difference(first: mi.Scene, second: mi.Scene, points: int, seed: int, start: int) -> np.ndarray:
+    """Readings (R, T) of the second scene minus those of the first, in W."""
+    before, after = (PairedState(scene, deformed_pads(scene)[0]) for scene in (first, second))
+    columns = []
+    for pair in taxels_of(first):
+        for scene in (first, second):
+            set_wavelength(scene, [pair.led])
+        columns.append(trace_difference(before, after, pair, points, seed, REPLICATES, first_point=start))
+    return np.concatenate(columns, axis=1)
