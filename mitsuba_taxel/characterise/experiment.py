@@ -40,6 +40,8 @@ class Branch:
         the same experiment. With one replicate there are no errors.
     tangents : Tangents, optional
         Derivatives with respect to the force, if available.
+    is_fitted : bool
+        Whether slopes are those of the smooth curve through the readings, see :func:`fitted_slopes`.
 
     Raises
     ------
@@ -50,6 +52,7 @@ class Branch:
     force: np.ndarray
     samples: np.ndarray
     tangents: Tangents | None = None
+    is_fitted: bool = False
 
     def __post_init__(self) -> None:
         if self.force.ndim != 1 or self.samples.ndim != 3 or len(self.samples) != len(self.force):
@@ -88,7 +91,8 @@ class Branch:
 
     def part(self, points: slice | np.ndarray) -> Branch:
         """The branch restricted to a selection of its points."""
-        return Branch(self.force[points], self.samples[points], self.tangents and self.tangents.part(points))
+        tangents = self.tangents and self.tangents.part(points)
+        return Branch(self.force[points], self.samples[points], tangents, self.is_fitted)
 
     def at(self, force: np.ndarray) -> np.ndarray:
         """Samples (forces, replicates, channels) at forces within the branch, linearly interpolated."""
@@ -148,7 +152,7 @@ class Experiment:
                 run.tangents.slope @ weights[:, None],
                 run.tangents.error @ np.abs(weights)[:, None],
             )
-            return Branch(run.force, run.samples @ weights[:, None], tangents)
+            return Branch(run.force, run.samples @ weights[:, None], tangents, run.is_fitted)
 
         rest = None if self.rest is None else self.rest @ weights[:, None]
         return replace(self, taxel=np.array([0]), runs=tuple(map(sums, self.runs)), rest=rest)

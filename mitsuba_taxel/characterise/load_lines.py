@@ -12,6 +12,7 @@ import xarray as xr
 from mitsuba_taxel.base.units import FORCES, TIME
 from mitsuba_taxel.characterise.experiment import Branch, Experiment, Tangents, parts_at_zero, since
 from mitsuba_taxel.characterise.roles import with_forces_named
+from mitsuba_taxel.sensing.reading.derivative_values import BY_CURVE, DETERMINISTIC
 
 SAME_DIRECTION = 1e-4
 """One minus the cosine up to which two steps of a path count as parallel: 0.8 degrees, as forces are rounded."""
@@ -74,7 +75,18 @@ def load_lines(study: xr.Dataset) -> list[LoadLine]:
 
 
 def loading_lines(study: xr.Dataset) -> list[LoadLine]:
-    """The lines of growing force; of a path that goes up and down along one line, only the first run."""
+    """The lines of growing force; of a path that goes up and down along one line, only the first run.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Results of one scene, with components of the force called ``fx``, ``fy`` and ``fz``.
+
+    Returns
+    -------
+    list[LoadLine]
+        Empty if no force is varied.
+    """
     first: dict[tuple, LoadLine] = {}
     for line in load_lines(study):
         if line.loading:
@@ -104,7 +116,7 @@ def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Br
     power = study.replicate_power.isel({line.dim: line.positions})
     other_dims = [dim for dim in power.dims if dim not in (line.dim, "replicate", "taxel")]
     power = power.transpose(*other_dims, line.dim, "replicate", "taxel")
-    tangents = _tangents(study, line, other_dims)
+    tangents, methods = _tangents(study, line, other_dims), _methods(study, line, other_dims)
     for index in np.ndindex(power.shape[: len(other_dims)]):
         where = {
             str(dim): study[dim].values[number].item() if dim in study.coords else number
@@ -114,7 +126,25 @@ def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Br
         finite = np.isfinite(samples).all(axis=(1, 2))
         tangent = None if tangents is None else tangents.part(index).part(finite)
         usable = tangent is not None and np.isfinite(tangent.slope).all()
-        yield where, Branch(line.force[finite], samples[finite], tangent if usable else None)
+        method = set() if methods is None else set(methods[index].ravel())
+        yield (
+            where,
+            Branch(
+                line.force[finite],
+                samples[finite],
+                tangent if usable and method <= {DETERMINISTIC, ""} else None,
+                is_fitted=BY_CURVE in method,
+            ),
+        )
+
+
+def _methods(study: xr.Dataset, line: LoadLine, other_dims: list[Any]) -> np.ndarray | None:
+    """Methods of the derivatives along a line (other dimensions, points, components); None without derivatives."""
+    names = [name for name, component in zip(FORCES, line.direction, strict=True) if component]
+    if "derivative_method" not in study or not set(names) <= set(study.parameter.values.tolist()):
+        return None
+    methods = study.derivative_method.sel(parameter=names).isel({line.dim: line.positions})
+    return methods.transpose(*other_dims, line.dim, "parameter").values
 
 
 def _tangents(study: xr.Dataset, line: LoadLine, other_dims: list[Any]) -> Tangents | None:

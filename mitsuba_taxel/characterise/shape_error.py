@@ -35,6 +35,7 @@ import xarray as xr
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.roles import with_forces_named
+from mitsuba_taxel.sensing.reading.derivative_values import DETERMINISTIC
 
 COURSE, BY_STRAIN = 0.1, 5.0
 """Standard deviation of the random course of an error along a path, relative to the size of the error: its least value,
@@ -229,6 +230,8 @@ def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
     if "derivative_error" not in study:
         return factor
     error = study.derivative_error.fillna(0.0)
+    if "derivative_method" in study:  # errors of other methods are due to noise
+        error = error.where(study.derivative_method == DETERMINISTIC, 0.0)
     for dim in {str(dim) for name in _varied(study) for dim in study[name].dims}:
         names = [name for name in _varied(study) if dim in study[name].dims and name in study.parameter.values]
         if study.sizes[dim] < 2 or not names:

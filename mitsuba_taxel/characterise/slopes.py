@@ -8,17 +8,20 @@ import numpy as np
 
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.characterise.experiment import Branch, Tangents
+from mitsuba_taxel.characterise.fitted_curve import FEWEST, fitted_slopes
 from mitsuba_taxel.characterise.replicates import at_largest
 
-PLACES = 1001
-"""Evenly spaced forces of a run at which the largest slope of a cubic curve is searched."""
+PLACES, FIT_PLACES = 1001, 101
+"""Evenly spaced forces of a run at which the largest slope of a cubic curve, and of a fitted curve, is searched."""
 
 
 class Slopes(NamedTuple):
     """Slopes (channels,) in W/N or V/N with their standard errors; NaN where the run has no such slope.
 
     If the run has tangents, these are slopes of the cubic curves through values and slopes, with the errors of the
-    slopes. Otherwise they are differences of readings:
+    slopes. If the run is fitted and has at least `FEWEST` points, the largest slope and that at zero force are those of
+    the smooth curve through the readings, with the errors by noise and by the fit. Otherwise slopes are differences of
+    readings:
 
     ``max_slope`` : the slope of largest magnitude between neighbouring points, which the literature on this kind of
     sensor calls the sensitivity of a simulated taxel (paper, section 2.3). ``max_slope_at`` : the middle between these
@@ -61,6 +64,8 @@ def slopes(run: Branch) -> Slopes:
         return Slopes(*np.full((len(Slopes._fields), channels), np.nan))
     if run.tangents is not None:
         return _of_tangents(run.force, run.tangents)
+    if run.is_fitted and len(run.force) >= FEWEST:
+        return _of_fit(run.force, run.samples)
     steps = np.diff(run.samples, axis=0) / np.diff(run.force)[:, None, None]
     steepest = at_largest(steps)
     mean = (run.samples[-1] - run.samples[0]) / (run.force[-1] - run.force[0])
@@ -129,6 +134,31 @@ def _of_tangents(force: np.ndarray, tangents: Tangents) -> Slopes:
         np.trapezoid(error, x, axis=0) / span,
         curve(zero)[0],
         _between(zero, x, error)[0],
+    )
+
+
+def _of_fit(force: np.ndarray, samples: np.ndarray) -> Slopes:
+    """Slopes of the smooth curve through samples (points, replicates, channels) at forces (points,).
+
+    The mean slope is the difference of the readings at the ends, which needs no curve.
+    """
+    low, high = force.min(), force.max()
+    # Zero is the last position, if the curve reaches it or ends closer to it than its neighbouring points.
+    outside = max(low, -high, 0.0)
+    positions = np.append(np.linspace(low, high, FIT_PLACES), 0.0 if outside <= np.diff(np.sort(force)).min() else low)
+    fit = fitted_slopes(force, samples, positions)
+    slope, error, channels = fit.slope, fit.error, np.arange(samples.shape[2])
+    steepest = np.abs(slope[:-1]).argmax(axis=0)
+    mean = (samples[-1] - samples[0]) / (force[-1] - force[0])
+    has_zero = positions[-1] == 0
+    return Slopes(
+        slope[steepest, channels],
+        error[steepest, channels],
+        positions[steepest],
+        mean.mean(axis=0),
+        standard_error(mean),
+        np.where(has_zero, slope[-1], np.nan),
+        np.where(has_zero, error[-1], np.nan),
     )
 
 

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 DETERMINISTIC = "without random numbers"
 BY_PATHS = "differences of random paths"
-"""Methods."""
+BY_CURVE = "curve through readings"
+"""Methods; the last one is that of studies, whose readings along a force share their random numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +111,18 @@ class Derivatives:
 
 
 def unit_of(parameter: str) -> str:
-    """Unit of the derivative of a power with respect to a parameter, from the unit of the parameter."""
+    """Unit of the derivative of a power with respect to a parameter, from the unit of the parameter.
+
+    Parameters
+    ----------
+    parameter : str
+        Unit of the parameter, 1 for none.
+
+    Returns
+    -------
+    str
+        Such as W/N.
+    """
     return "W" if parameter == "1" else f"W/{parameter}"
 
 

@@ -11,6 +11,8 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from mitsuba_taxel.sensing.reading.pad_results import PAD_RESULTS
 from mitsuba_taxel.sensing.reading.readings import Readings
 
@@ -46,6 +48,14 @@ class Result(NamedTuple):
 
 def _of_derivatives(attribute: str) -> Callable[[Readings], Any]:
     return lambda readings: None if readings.derivatives is None else getattr(readings.derivatives, attribute)
+
+
+def _methods(readings: Readings) -> list[str] | None:
+    derivatives = readings.derivatives
+    if derivatives is None:
+        return None
+    # A study fits curves through its readings where a column has no values.
+    return ["" if unknown else derivatives.method for unknown in np.isnan(derivatives.values).all(axis=0)]
 
 
 def _worst_roof(attribute: str) -> Callable[[Readings], float | None]:
@@ -153,6 +163,7 @@ RESULTS: tuple[Result, ...] = (
         _of_derivatives("standard_errors"),
         along_curve=True,
     ),
+    Result("derivative_method", "", "how derivative was computed", (PARAMETER,), _methods),
     Result(
         "largest_strain_derivative",
         "",
