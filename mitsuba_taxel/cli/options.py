@@ -98,7 +98,8 @@ target_slope_option = click.option(
     "--target-slope",
     type=Fraction(),
     help="Error of slopes against the varied forces, such as 1% or 0.01, relative to the steepest taxel's: uses "
-    "derivatives, and chooses the mesh. If it is not reached, the exit code is 3.",
+    "derivatives or, by random paths, curves through the readings; chooses mesh and points. If it is not reached, the "
+    "exit code is 3.",
 )
 derivatives_option = click.option(
     "--derivatives",

@@ -64,6 +64,8 @@ class Batch:
         Relative error of the slopes by the varied forces.
     circuit : Circuit or None
         Read-out circuit whose voltages are reported with the powers.
+    from_paths : bool
+        Whether derivatives that light without random numbers does not give are obtained from random paths.
     bare : bool
         Whether to compute readings only, without meshes, slopes, and errors of mechanics and geometry.
     meshes : str
@@ -83,6 +85,7 @@ class Batch:
     derivatives: tuple[str, ...] = ()
     target_slope: float | None = None
     circuit: Circuit | None = None
+    from_paths: bool = False
     bare: bool = False
     meshes: str = "all"
 

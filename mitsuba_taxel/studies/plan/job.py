@@ -44,10 +44,16 @@ class Job:
         See ``measure``; their errors are computed together with that of the mechanics.
     where_smooth : bool
         Whether derivatives are computed only if the readings need no random numbers, and else omitted without a remark.
+    from_paths : bool
+        Whether derivatives that light without random numbers does not give are differences of random paths.
+    fitted : tuple[str, ...]
+        Those of ``derivatives`` that follow from curves through the readings of the study instead.
     bare : bool
         Whether the error of the pads' shape may remain unknown.
     continued : Readings or None
         Readings of the same scene with fewer points, which this job extends.
+    base : dict[str, str] or None
+        Parameters of the scene relative to which readings are traced, if walls allow it: see `PairedReading`.
     sides : dict[str, int]
         Side on which all other values of a parameter in the study lie, by parameter: 1 if they are larger, -1 if
         smaller, 0 if on both sides. Derivatives at a kink are those of that side.
@@ -66,8 +72,11 @@ class Job:
     maps: bool
     derivatives: tuple[str, ...] = ()
     where_smooth: bool = False
+    from_paths: bool = False
+    fitted: tuple[str, ...] = ()
     bare: bool = False
     continued: Readings | None = None
+    base: dict[str, str] | None = None
     sides: dict[str, int] = field(default_factory=dict)
     plugins: tuple[Path, ...] = field(default_factory=loaded_plugins)
 

@@ -3,6 +3,9 @@
 Between two steps, a curve is interpolated by the cubic Hermite polynomial of their readings and slopes. The reading in
 the middle is computed as well, and becomes a step. If it deviates from the polynomial, both halves are examined;
 otherwise the polynomials through all three steps are about sixteen times as accurate as the first.
+
+Where light is by random paths, the steps are those of a smooth curve through noisy readings: Chebyshev points, which
+are dense at the ends. Pilot runs show whether a few of them resolve the curve, or more are needed.
 """
 
 from __future__ import annotations
@@ -23,11 +26,16 @@ from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.job import describe
 from mitsuba_taxel.studies.plan.vary import Axis, combinations
+from mitsuba_taxel.studies.run.curve_pilot import FIRST_PILOT, CurvePilot
 from mitsuba_taxel.studies.store.provenance import provenance
 
 SLOPE_ERROR = 0.01
 """Default tolerance, relative to the largest slope of a curve."""
 MOST_HALVINGS = 6
+PATHS_SLOPE_ERROR = 0.03
+"""The same where light is by random paths."""
+COUNTS = (5, 9, 17)
+"""Numbers of steps by random paths; each contains the steps of the one before."""
 MOST_CURVES = 4
 """Number of curves, spread evenly over a study, whose steps are determined; all curves get the union of these steps."""
 
@@ -41,7 +49,7 @@ def with_chosen_steps(batch: Batch) -> Batch:
     Raises
     ------
     InputError
-        if there are two open ranges, or readings have no derivative with respect to the force, as with mirrors.
+        if there are two open ranges, or a scene is refused.
     ComputationError
         if the load path fails, or a curve has a kink.
     """
@@ -59,7 +67,7 @@ def with_chosen_steps(batch: Batch) -> Batch:
     other_axes = [dimension for dimension in batch.axes if dimension is not axis]
     curves = [values for _, values in combinations(other_axes)]
     chosen = np.unique(np.linspace(0, len(curves) - 1, MOST_CURVES).round().astype(int))
-    steps = sorted({step for number in chosen for step in _StepCurve(batch, axis, curves[number]).steps()})
+    steps = sorted({step for number in chosen for step in _steps(batch, axis, curves[number])})
 
     # The range is replaced by the values at these fractions.
     start, stop = (float(word) for word in axis.values[axis.dim])
@@ -67,6 +75,18 @@ def with_chosen_steps(batch: Batch) -> Batch:
     filled = axis._replace(values={axis.dim: words}, is_open=False)
     axes = tuple(filled if dimension is axis else dimension for dimension in batch.axes)
     return replace(batch, axes=axes, derivatives=tuple(dict.fromkeys((*batch.derivatives, axis.dim))))
+
+
+def _steps(batch: Batch, axis: Axis, fixed: Mapping[str, str]) -> list[float]:
+    """Steps of one curve, as sorted fractions of the range of ``axis``."""
+    from mitsuba_taxel.sensing.diffuse.diffuse_cells import NotFollowed
+    from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
+
+    curve = _StepCurve(batch, axis, fixed)
+    try:
+        return curve.steps()
+    except (NotDiffuse, NotFollowed):
+        return curve.steps_by_paths()
 
 
 class _StepCurve:
@@ -110,6 +130,35 @@ class _StepCurve:
                 )
         return sorted(self._readings)
 
+    def steps_by_paths(self) -> list[float]:
+        """Steps where light is by random paths, as sorted fractions of the range.
+
+        They come from the cache of an earlier run if it holds them.
+        """
+        from mitsuba_taxel.mechanics import cache
+
+        batch, (start, stop) = self._batch, self._ends
+        about = [batch.points, batch.target_slope, batch.seed, batch.mesh_size, self._ends, dict(self._fixed)]
+        name = cache.key("steps by paths", self._origin, self._name, batch.defines, about)
+        arrays = cache.load(name)
+        if arrays is None:
+            target = batch.target_slope or PATHS_SLOPE_ERROR
+            pilot = CurvePilot(lambda force: batch.scene(self._values(force)), batch.seed)
+            for count in COUNTS:
+                fractions = (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
+                forces = (start + fractions * (stop - start)).tolist()
+                if count == COUNTS[0] and batch.target_slope and not batch.points:
+                    pilot.points_for(forces, target)  # reads as much as shows the bends of the curve
+                _, fit, is_bent = pilot.errors(forces, max(pilot.points, FIRST_PILOT))
+                if fit <= target / 2 or not is_bent:
+                    break
+            arrays = {"fractions": fractions}
+            cache.store(name, arrays)
+        return arrays["fractions"].tolist()
+
+    def _values(self, force: float) -> dict[str, str]:
+        return {**self._fixed, self._name: f"{force:.10g}"}
+
     def _read(self, fraction: float) -> tuple[np.ndarray, np.ndarray]:
         """Readings and slopes at a fraction of the range, from the cache of an earlier run if it holds them.
 
@@ -124,7 +173,7 @@ class _StepCurve:
         from mitsuba_taxel.mechanics import cache
 
         start, stop = self._ends
-        values = {**self._fixed, self._name: f"{start + fraction * (stop - start):.10g}"}
+        values = self._values(start + fraction * (stop - start))
         scene = self._batch.scene(values)
         name = cache.key("reading and slopes", self._origin, self._name, scene.parameters, scene.mesh_size)
         arrays = cache.load(name)
@@ -143,14 +192,15 @@ class _StepCurve:
         """``power`` (T,) in W, and ``slopes`` (2, T) in W/N towards smaller and towards larger forces."""
         from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import COARSE, derivatives_by
         from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+        from mitsuba_taxel.sensing.diffuse.diffuse_cells import NotFollowed
         from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
 
         try:
             change = rates(scene, self._name)
             sides = [replace(change, side=side) for side in (-1, 1)]
             derivatives = derivatives_by(sides, prepare(scene).scene, False, COARSE, of_light_alone=True)
-        except NotDiffuse as error:
-            raise InputError(f"{self._name} needs a step, start:stop:step: {error}") from error
+        except (NotDiffuse, NotFollowed):  # random paths choose the steps
+            raise
         except (InputError, ComputationError) as error:
             raise type(error)(f"{describe(values, self._batch.roles)}: {error}") from error
         finally:

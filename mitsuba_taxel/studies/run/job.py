@@ -10,15 +10,19 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.backend.own_plugins import load_plugins
 from mitsuba_taxel.base.errors import ComputationError, InputError, comes_from_interrupt
 from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing import Readings, Scene, measure
+from mitsuba_taxel.sensing.reading.derivative_values import BY_CURVE, Derivatives, unit_of
 from mitsuba_taxel.sensing.reading.irradiance_file import write_irradiance
 from mitsuba_taxel.sensing.reading.mechanics_error import roof_errors
-from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.reading.paired import paired
+from mitsuba_taxel.sensing.reading.runs import FIRST_POINTS, Prepared, prepare
 from mitsuba_taxel.sensing.scene.left_out import NONE
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, loaded_pads
 from mitsuba_taxel.studies.plan.job import MAPS, MESHES, Failure, Job, JobResult
@@ -27,12 +31,6 @@ from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 
 if TYPE_CHECKING:
     from mitsuba_taxel.sensing.reading.contact_value import FirstContact
-
-ELSEWHERE = (
-    " A study stores derivatives only without random numbers; taxel render --derivatives finds them by differences of "
-    "random paths."
-)
-"""End of the remark on readings without derivatives because their light is not diffuse."""
 
 
 def run(job: Job) -> JobResult | Failure:
@@ -61,7 +59,7 @@ def _read(job: Job) -> JobResult:
         # Scene and readings.
         parameters = {name: word for name, word in job.parameters.items() if name != TO_CONTACT}
         scene = Scene(job.file, parameters, job.mesh_size)
-        ready = prepare(scene)
+        ready = prepare(scene) if job.base is None else paired(Scene(job.file, job.base, job.mesh_size), scene)
         readings = measure(
             ready,
             points=job.points or None,
@@ -74,7 +72,7 @@ def _read(job: Job) -> JobResult:
         # Derivatives of the readings, or the first contact and its derivatives.
         path = path_to_contact(job.parameters.get(TO_CONTACT, NONE))
         if path is None:
-            readings = _with_derivatives(readings, job, scene, ready.scene)
+            readings = _with_derivatives(readings, job, scene, ready)
         else:
             readings = replace(readings, contact=_contact(job, scene, *path))
 
@@ -90,7 +88,7 @@ def _read(job: Job) -> JobResult:
     return JobResult(replace(readings, roof_errors=errors), seconds, files)
 
 
-def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> Readings:
+def _with_derivatives(readings: Readings, job: Job, scene: Scene, ready: Prepared) -> Readings:
     """The readings with the requested derivatives, or with a remark that gives the reason why there are none."""
     if not job.derivatives or (job.where_smooth and readings.points):
         return readings
@@ -101,14 +99,45 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
 
     try:
         changes = [replace(rates(scene, name), side=job.sides.get(name, 0)) for name in job.derivatives]
-        return replace(readings, derivatives=derivatives_by(changes, live, job.mechanics_error))
+        return replace(readings, derivatives=derivatives_by(changes, ready.scene, job.mechanics_error))
     except (InputError, ComputationError) as reason:
         if job.where_smooth:
             return readings
         if not isinstance(reason, (NotDiffuse, ComputationError)):
             raise
-        elsewhere = ELSEWHERE if isinstance(reason, (NotDiffuse, NotFollowed)) else ""
-        return replace(readings, remarks=[*readings.remarks, f"{reason}{elsewhere}"])
+        if not (job.from_paths and isinstance(reason, (NotDiffuse, NotFollowed))):
+            return replace(readings, remarks=[*readings.remarks, str(reason)])
+    return replace(readings, derivatives=_by_paths(readings, job, scene, ready))
+
+
+def _by_paths(readings: Readings, job: Job, scene: Scene, ready: Prepared) -> Derivatives:
+    """Derivatives by differences of random paths; those by fitted forces are NaN, until the study is complete."""
+    from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
+    from mitsuba_taxel.sensing.derivatives.scene_rates import rates
+
+    changes = [rates(scene, name) for name in job.derivatives]
+    shape, points = (len(readings.taxel), len(changes)), readings.points or FIRST_POINTS
+    empty = Derivatives(
+        job.derivatives,
+        tuple(unit_of(change.unit) for change in changes),
+        np.full(shape, math.nan),
+        np.full(shape, math.nan),
+        readings.power,
+        readings.standard_error,
+        math.nan,
+        np.full(len(changes), math.nan),
+        math.nan,
+        np.full(len(changes), math.nan),
+        BY_CURVE,
+    )
+    columns = [number for number, name in enumerate(job.derivatives) if name not in job.fitted]
+    if not columns:
+        return empty
+    chosen, alone = [changes[number] for number in columns], ready._replace(paired=None)
+    result = derivatives_of_paths(chosen, alone, readings.replicates, readings.seed, points, bool(job.points))
+    for name in ("values", "standard_errors", "strain_rates", "clearance_rates"):
+        getattr(empty, name)[..., columns] = getattr(result, name)
+    return replace(empty, strain=result.strain, clearance=result.clearance, method=result.method)
 
 
 def _contact(job: Job, scene: Scene, along: str, furthest: float) -> FirstContact:

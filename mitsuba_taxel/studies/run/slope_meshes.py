@@ -1,60 +1,115 @@
-"""Mesh size with which the slopes of a batch's curves reach their target error."""
+"""Mesh size and points with which the slopes of a batch's curves reach their target error."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from mitsuba_taxel.backend import in_turn
-from mitsuba_taxel.base.convergence import SLOPE_ORDER
+from mitsuba_taxel.base.arguments import as_numbers
+from mitsuba_taxel.base.convergence import ERROR_SHARE, ORDER, SLOPE_ORDER
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
-from mitsuba_taxel.sensing.reading.runs import prepare
+from mitsuba_taxel.sensing.reading.paired import paired
+from mitsuba_taxel.sensing.reading.prepared_scenes import Settings
+from mitsuba_taxel.sensing.reading.runs import Prepared, prepare
 from mitsuba_taxel.sensing.scene.description import Scene
-from mitsuba_taxel.sensing.targets import MOST_MESHES, RUNG, finer_mesh, smallest_mesh_size
+from mitsuba_taxel.sensing.targets import (
+    MOST_MESHES,
+    NEGLIGIBLE,
+    RUNG,
+    deviation_points,
+    finer_mesh,
+    mechanics_of,
+    smallest_mesh_size,
+)
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.job import describe
 from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
+from mitsuba_taxel.studies.run.curve_pilot import LIGHT_PART, CurvePilot
 
 MOST_CURVES = 4
-"""Number of curves, spread evenly over a study, whose first and last scene are examined."""
+"""Number of curves, spread evenly over a study, that are examined."""
+SHAPE_PART = math.sqrt(1 - LIGHT_PART**2)
+"""Fraction of a target error for the finite elements, where light has noise."""
 
 
 @in_turn
-def mesh_size_for_slopes(batch: Batch, mesh_size: float | None) -> float | None:
-    """The mesh size with which the slopes by force reach the batch's target at the ends of some curves.
+def settings_for_slopes(batch: Batch, settings: Settings) -> Settings:
+    """Settings with which the slopes by force reach the batch's target on some curves.
+
+    The mesh follows from the derivatives at both ends of a curve, or, where light is by random paths, from the effect
+    of the finite elements on the change of the readings along it. The points of random paths follow from pilot runs.
 
     Parameters
     ----------
     batch : Batch
         Study with a ``target_slope``.
-    mesh_size : float or None
-        Largest size, mm; None for that of the scene.
+    settings : Settings
+        Least number of points, and largest mesh size in mm; None for that of the scene.
 
     Returns
     -------
-    float or None
-        ``mesh_size`` or a smaller size, mm.
+    Settings
+        The same, or more points and a smaller size.
 
     Raises
     ------
     InputError, ComputationError
-        if there is no derivative, or the load path fails.
+        if the load path fails.
     """
+    from mitsuba_taxel.sensing.diffuse.diffuse_cells import NotFollowed
+    from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
+
     assert batch.target_slope is not None
     forces = [name for name in batch.derivatives if name in batch.forces]
     curve = next(axis for axis in batch.axes if axis.dim == curve_dimension(batch.axes))
     ends = [{name: words[end] for name, words in curve.values.items()} for end in (0, -1)]
     curves = [values for _, values in combinations([axis for axis in batch.axes if axis is not curve])]
     for number in np.unique(np.linspace(0, len(curves) - 1, MOST_CURVES).round().astype(int)):
-        for end in ends:
-            values = {**curves[number], **end}
-            try:
-                mesh_size = _mesh_size(batch.scene(values).with_mesh_size(mesh_size), forces, batch.target_slope)
-            except (InputError, ComputationError) as error:
-                raise type(error)(f"{describe(values, batch.roles)}: {error}") from error
-    return mesh_size
+        try:
+            for end in ends:
+                values = {**curves[number], **end}
+                scene = batch.scene(values).with_mesh_size(settings.mesh_size)
+                settings = settings._replace(mesh_size=_mesh_size(scene, forces, batch.target_slope))
+        except (NotDiffuse, NotFollowed):
+            if curve.dim in forces:
+                settings = _for_paths(batch, curve.dim, curves[number], settings)
+        except (InputError, ComputationError) as error:
+            raise type(error)(f"{describe(values, batch.roles)}: {error}") from error
+    return settings
+
+
+def _for_paths(batch: Batch, force: str, fixed: Mapping[str, str], settings: Settings) -> Settings:
+    """Settings for one curve by random paths, along a force with the other varied parameters fixed."""
+    assert batch.target_slope is not None
+    axis = next(axis for axis in batch.axes if axis.dim == force)
+    loads, words = as_numbers(axis.values[force]) or [], axis.values[force]
+
+    def at(load: float) -> Scene:
+        return batch.scene({**fixed, force: words[loads.index(load)]}).with_mesh_size(settings.mesh_size)
+
+    # Points, unless they are given or readings need none.
+    pilot = CurvePilot(at, batch.seed)
+    points = pilot.points_for(loads, batch.target_slope)
+    if not batch.points and settings.points:
+        settings = settings._replace(points=max(settings.points, points))
+
+    # The mesh: the error of the reading at the larger load, relative to the change of the steepest taxel.
+    change, power = pilot.change, pilot.power
+    tolerance = NEGLIGIBLE * batch.target_slope * change / power
+
+    def error_of(scene: Scene, ready: Prepared) -> float:
+        deviation = mechanics_of(ready, batch.seed, deviation_points(None, settings.points), tolerance).deviation
+        return 0.0 if deviation is None else ERROR_SHARE * float(np.abs(deviation).max()) / change
+
+    if change > 0:
+        target = SHAPE_PART * batch.target_slope
+        size = _finest(at(max(loads[0], loads[-1], key=abs)), error_of, target, ORDER, by_paths=True)
+        settings = settings._replace(mesh_size=size)
+    return settings
 
 
 def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
@@ -63,13 +118,32 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
     from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
     from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 
-    tried: list[tuple[float, float]] = []  # mesh size in mm, relative error of the slopes
+    def error_of(scene: Scene, ready: Prepared) -> float:
+        changes = [rates(scene, name) for name in forces]
+        return slope_share(derivatives_by(changes, ready.scene, of_light_alone=True))
+
+    return _finest(scene, error_of, target, SLOPE_ORDER)
+
+
+def _finest(
+    scene: Scene,
+    error_of: Callable[[Scene, Prepared], float],
+    target: float,
+    order: float,
+    by_paths: bool = False,
+) -> float | None:
+    """The mesh size in mm with which a relative error reaches a target, or the finest that can be computed.
+
+    The error ``error_of`` a scene falls with the power ``order`` of the mesh size. If it is computed ``by_paths``,
+    these go through material points where possible.
+    """
+    tried: list[tuple[float, float]] = []  # mesh size in mm, relative error
     size, failed = scene.mesh_size, 0.0
     for _ in range(MOST_MESHES):
-        # Error of the slopes with the current mesh.
+        # The error with the current mesh.
         try:
-            ready = prepare(scene)
-            derivatives = derivatives_by([rates(scene, name) for name in forces], ready.scene, of_light_alone=True)
+            ready = paired(scene, scene) if by_paths else prepare(scene)
+            error = error_of(scene, ready)
         except ComputationError:  # with finer elements, a load path may end at a smaller load
             if not tried:
                 raise
@@ -77,10 +151,10 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
             failed = scene.mesh_size
         else:
             size = scene.mesh_size
-            tried.append((smallest_mesh_size(ready, loaded=True), slope_share(derivatives)))
+            tried.append((smallest_mesh_size(ready, loaded=True), error))
 
         # The next mesh, by extrapolation of the errors, coarser than one that has failed.
-        finer = finer_mesh(scene, ready, tried, target, SLOPE_ORDER)
+        finer = finer_mesh(scene, ready, tried, target, order)
         if finer is not None and finer <= failed:
             finer = _between(tried[-1][0], failed)
         if finer is None:

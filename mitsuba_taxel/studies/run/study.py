@@ -27,7 +27,8 @@ from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
 from mitsuba_taxel.studies.run.pilots import piloted_settings
 from mitsuba_taxel.studies.run.pool import Pool, open_pool
 from mitsuba_taxel.studies.run.scene_source import file_of
-from mitsuba_taxel.studies.run.slope_meshes import mesh_size_for_slopes
+from mitsuba_taxel.studies.run.slope_meshes import settings_for_slopes
+from mitsuba_taxel.studies.store.curve_slopes import fitted_forces
 from mitsuba_taxel.studies.store.dataset import assemble
 from mitsuba_taxel.studies.store.folder import Store, StoredResult, StoreError, begin_tree, keepable
 from mitsuba_taxel.studies.store.opening import open_study, stored_study
@@ -123,10 +124,12 @@ def sweep(
     derivatives : Sequence[str]
         Parameters with respect to which to differentiate the readings, as for :func:`measure`; by default the varied
         forces, where readings need no random numbers. Slopes by force are then taken from the derivatives. Where light
-        is not diffuse there are none, which a note states if they were requested.
+        is by random paths, those by a force that is varied alone, over four values or more, are the slopes of a smooth
+        curve through the readings; others are differences of random paths. ``derivative_method`` names the method.
     target_slope : float, optional
         Target for the error of the slopes by the varied forces, relative to that of the steepest taxel: pads whose mesh
-        the scene leaves open get one that is fine enough at the end of some curves.
+        the scene leaves open get one that is fine enough at the end of some curves. Where light is by random paths, it
+        applies to the mean and the largest slope, and pilot runs choose the points unless these are given.
     circuit : Circuit, optional
         Read-out circuit, whose voltages and counts are returned with the powers.
     meshes : str
@@ -188,7 +191,7 @@ def sweep(
             )
 
     # Everything is checked before anything is computed. Values are tried in scenes only if results are stored.
-    batch = make_batch(source, vary, defines, together=together, **what)
+    batch = replace(make_batch(source, vary, defines, together=together, **what), from_paths=True)
     check_flags(retry_failed=retry_failed, parquet=parquet)
     check_progress(progress)
     if folder is None:
@@ -281,6 +284,7 @@ def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _BatchOutcome) -
         raise type(failure.error())(f"{describe(values, batch.roles)}: {failure.message}")
     about = {"scene": batch.file.name, "seed": batch.seed}
     about |= {"target_error": batch.target_error, "target_slope": batch.target_slope}
+    about |= {"derivatives": batch.derivatives if batch.from_paths else ()}
     run = {**computed.settings._asdict(), "pilot_seconds": computed.pilot_seconds}
     study = assemble(batch.axes, computed.results, failures, {**origin, **about, **run})
     return with_volts(study, batch.circuit)
@@ -365,6 +369,7 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
     keeps = {"all": stored, "none": False}
     checked = checked_places(batch.axes[curve])
     offered = not batch.derivatives and not settings.points and not batch.bare
+    fitted = fitted_forces(batch.axes, batch.derivatives, batch.forces) if batch.from_paths else ()
 
     # One job for each combination; the indices along the other dimensions identify its curve.
     curves: dict[tuple[int, ...], list[Job]] = {}
@@ -382,6 +387,9 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
             mechanics_error=index[curve] in checked and not batch.bare,
             derivatives=batch.varied_forces if offered else batch.derivatives,
             where_smooth=offered,
+            from_paths=batch.from_paths,
+            base=_base(batch, values, fitted, settings),
+            fitted=fitted,
             bare=batch.bare,
             sides={name: side for along, i in zip(sides, index, strict=True) for name, side in along[i].items()},
             meshes=not batch.bare and keeps.get(batch.meshes, stored and index[curve] == batch.axes[curve].size - 1),
@@ -389,6 +397,18 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
         )
         curves.setdefault((*index[:curve], *index[curve + 1 :]), []).append(job)
     return list(curves.values())
+
+
+def _base(batch: Batch, values: Mapping[str, str], fitted: Sequence[str], settings: Settings) -> dict[str, str] | None:
+    """Parameters of the scene of a curve relative to which the others are read by random paths: that of largest load.
+
+    None if no curve is fitted to the readings.
+    """
+    along = curve_dimension(batch.axes)
+    if along not in fitted or not settings.points or batch.maps:
+        return None
+    words = next(axis for axis in batch.axes if axis.dim == along).values[along]
+    return batch.parameters({**values, along: max(words, key=lambda word: abs(float(word)))})
 
 
 def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Settings, dict[str, float]]:
@@ -404,7 +424,7 @@ def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Setting
     with stages.record() as seconds, stages.stage("optics"):
         settings = Settings(batch.points, batch.mesh_size) if batch.points else piloted_settings(batch, machines)
         if batch.target_slope is not None:
-            settings = settings._replace(mesh_size=mesh_size_for_slopes(batch, settings.mesh_size))
+            settings = settings_for_slopes(batch, settings)
     # Points of an earlier run are not reduced, so that its results can be extended.
     if choice is not None and settings.points and choice[0].mesh_size == settings.mesh_size:
         settings = settings._replace(points=max(settings.points, choice[0].points))
@@ -462,7 +482,7 @@ def run_study(
     with open_pool(workers, scheduler) as pool:
         # A study of one scene.
         if not content["scenes"][0].get("name"):
-            batch = batch_from(content, 0, here)
+            batch = replace(batch_from(content, 0, here), from_paths=True)
             check_values(batch)
             return run_batch(batch, pool, folder, retry_failed, parquet, progress)
 
@@ -472,7 +492,7 @@ def run_study(
         # Each scene has its folder; the failure of one does not stop the others, unless nothing can be stored.
         for number, scene in enumerate(content["scenes"]):
             try:
-                batch = batch_from(content, number, here)
+                batch = replace(batch_from(content, number, here), from_paths=True)
                 check_values(batch)
                 run_batch(batch, pool, folder / batch.name, retry_failed, parquet, progress)
             except StoreError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES, HISTORY
 from mitsuba_taxel.sensing import Readings
-from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
+from mitsuba_taxel.sensing.reading.derivative_values import BY_CURVE, Derivatives
 from mitsuba_taxel.sensing.reading.readings import (
     describe_mechanics,
     error_budget,
@@ -25,12 +25,18 @@ from mitsuba_taxel.sensing.reading.readings import (
 from mitsuba_taxel.sensing.reading.results import RESULTS
 from mitsuba_taxel.studies.plan.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, curve_dimension
+from mitsuba_taxel.studies.store.curve_slopes import fitted_forces, with_curve_slopes
 from mitsuba_taxel.studies.store.folder import StoredResult
+from mitsuba_taxel.studies.store.slope_target import missed_slopes
 
 Index = tuple[int, ...]
 
 NOT_COMPUTED = "errors of the pads' shape were not computed: the stated error is that of the light alone"
 """Note of a study whose scenes were read without the errors of the pads' shape."""
+
+
+FITTED = "slopes by force: of smooth curves through readings that share their random numbers"
+"""Note of a study whose slopes are those of curves through its readings."""
 
 
 def assemble(
@@ -48,8 +54,8 @@ def assemble(
     results, failures : Mapping[Index, StoredResult] and Mapping[Index, Failure]
         Outcomes of the jobs by index along the axes; readings without a result are NaN.
     about : Mapping[str, Any]
-        ``scene``, ``seed``, ``target_error``, ``target_slope``, ``points``, ``mesh_size``, ``parameters``, ``units``,
-        ``forces``, ``roles``, ``versions``, ``pilot_seconds``.
+        ``scene``, ``seed``, ``target_error``, ``target_slope``, ``derivatives``, ``points``, ``mesh_size``,
+        ``parameters``, ``units``, ``forces``, ``roles``, ``versions``, ``pilot_seconds``.
 
     Returns
     -------
@@ -98,11 +104,7 @@ def assemble(
         notes.insert(0, f"{missing} of {math.prod(shape)} scenes have no reading yet: the same command computes them")
     if about["target_error"] is not None and (missed := missed_target(about["target_error"], power, total)):
         notes.insert(0, missed)
-    if about["target_slope"] is not None and (
-        missed := missed_slope(about["target_slope"], variables, results, about.get("forces", FORCES))
-    ):
-        notes.insert(0, missed)
-    return xr.Dataset(
+    study = xr.Dataset(
         {
             **variables,
             "replicate_power": ([*dims, "replicate", "taxel"], replicates, {"units": "W"}),
@@ -124,6 +126,15 @@ def assemble(
             "failures": "\n".join(_failures(axes, failures, about.get("roles", {}))),
         },
     )
+
+    # Slopes along forces from curves through readings, and the target of slopes.
+    forces = about.get("forces", FORCES)
+    study = with_curve_slopes(study, fitted_forces(axes, about.get("derivatives", ()), forces))
+    if "derivative_method" in study and (study.derivative_method == BY_CURVE).any():
+        study.attrs["notes"] = "\n".join(filter(None, [study.attrs["notes"], FITTED]))
+    if about["target_slope"] is not None and (beyond := missed_slopes(study, about["target_slope"], forces)):
+        study.attrs["notes"] = "\n".join(filter(None, [*beyond, study.attrs["notes"]]))
+    return study
 
 
 def _provenance(about: Mapping[str, Any]) -> dict[str, Any]:
@@ -372,36 +383,6 @@ def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> 
         return ""
     worst = f"{relative.max():.2g}" if np.isfinite(relative).all() else "unknown"
     return f"target error {target_error:g} not reached: {beyond.sum()} of {beyond.size} readings, the worst {worst}"
-
-
-def missed_slope(
-    target: float, rates: Mapping[str, Any], results: Mapping[Index, StoredResult], forces: Collection[str] = FORCES
-) -> str:
-    """Note on slopes whose relative error exceeds the target or is unknown; empty if there are none.
-
-    Parameters
-    ----------
-    target : float
-        Largest error of a slope by a force, relative to the steepest taxel.
-    rates : Mapping[str, Any]
-        Variables ``derivative`` and ``derivative_error``, each (..., T, parameters).
-    results : Mapping[Index, StoredResult]
-        Results by index, whose slopes are compared.
-    forces : Collection[str]
-        Names of the parameters that are forces.
-    """
-    names = next((derivatives.parameters for derivatives in _derivatives(results).values()), ())
-    if not names:
-        return f"target slope {target:g} not reached: there are no derivatives"
-    by_force = [number for number, name in enumerate(names) if name in forces]
-    relative = []
-    for index in results:
-        values, errors = (rates[name].values[index][:, by_force] for name in ("derivative", "derivative_error"))
-        steepest = np.abs(values).max(axis=0)
-        relative.append(errors.max(axis=0) / np.where(steepest > 0, steepest, np.inf))
-    worst = "unknown" if np.isnan(relative).any() else f"{np.max(relative):.2g}"
-    reached = np.all(np.array(relative) <= target)
-    return "" if reached else f"target slope {target:g} not reached: the worst error is {worst}"
 
 
 def study_error_budget(study: xr.Dataset) -> dict[str, float]:

@@ -79,6 +79,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     settings, pilot_seconds = store.choice or (Settings(study.get("points", 0), None), {})
     about = {"scene": Path(scene["scene"]).name, "seed": study["seed"]}
     about |= {name: study.get(name) for name in ("target_error", "target_slope")}
+    about |= {"derivatives": study.get("derivatives", ())}
     run = {**settings._asdict(), "pilot_seconds": pilot_seconds}
     circuit = circuit_of(study["circuit"]) if "circuit" in study else None
     opened = with_volts(assemble(axes, results, failures, {**origin, **about, **run}), circuit)

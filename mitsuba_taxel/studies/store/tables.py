@@ -131,6 +131,9 @@ def _readings(study: xr.Dataset) -> pandas.DataFrame:
     for result in listed if by_parameter else ():
         if result.name in by_parameter:
             for number, parameter in enumerate(study[PARAMETER].values):
-                values = study[result.name].isel({PARAMETER: number}).transpose(*dims).values.ravel()
-                table[f"{result.name}_{parameter}_{study.derivative_unit.values[number]}"] = values
+                values = study[result.name].isel({PARAMETER: number})
+                unit = f"_{study.derivative_unit.values[number]}" if values.dtype.kind == "f" else ""
+                table[f"{result.name}_{parameter}{unit}"] = (
+                    values.broadcast_like(study.power).transpose(*dims).values.ravel()
+                )
     return table

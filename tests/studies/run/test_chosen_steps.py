@@ -11,6 +11,7 @@ from mitsuba_taxel.characterise import sensitivity
 from mitsuba_taxel.studies.plan.batch import make_batch
 from mitsuba_taxel.studies.run import chosen_steps
 from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
+from mitsuba_taxel.studies.store.slope_target import curve_errors
 
 PAD = one_cell(cell="cylindrical", mesh_size=2.5, scattering="$roof", fx=0, fz=0, roof="lambertian")
 
@@ -84,19 +85,19 @@ def test_a_sweep_without_a_step(pad, tmp_path, monkeypatch):
     np.testing.assert_array_equal(sweep(pad, {"fz": "0:-1"}, points=64, output=tmp_path / "out").power, study.power)
 
 
-def test_without_derivatives_a_sweep_says_why(pad):
-    study = sweep(pad, {"roof": "mirror,lambertian"}, {"fz": "-0.3"}, points=16, derivatives=["fz"])
-    assert "derivatives are not available: a wall is a mirror in part" in study.attrs["notes"]
-    assert np.isnan(study.derivative.sel(roof="mirror")).all() and (study.derivative.sel(roof="lambertian") != 0).all()
+def test_random_paths_have_derivatives_too_and_the_table_names_their_method(pad, tmp_path):
+    study = sweep(
+        pad, {"roof": "mirror,lambertian"}, {"fz": "-0.3"}, points=16, derivatives=["fz"], output=tmp_path / "out"
+    )
+    assert np.isfinite(study.derivative).all() and (study.derivative_error > 0).all()
+    assert study.derivative_method.values.ravel().tolist() == ["differences of random paths", "without random numbers"]
+    assert "derivative_method_fz" in (tmp_path / "out" / "readings.csv").read_text()
+    np.testing.assert_array_equal(open_study(tmp_path / "out").derivative_method, study.derivative_method)
 
 
 @pytest.mark.parametrize(
     ("vary", "words"),
     [
-        (
-            {"fz": "0:-1", "roof": "mirror"},
-            "fz needs a step, start:stop:step: derivatives are not available: a wall is",
-        ),
         ({"fz": "0:-1", "fx": "0:1"}, "fz and fx have no step: only one of them may be without one"),
         ({"fz": "0:0"}, "start:stop, two different numbers"),
         ({"fz": "0:down"}, "start:stop, two different numbers"),
@@ -113,3 +114,22 @@ def test_a_run_that_goes_on_does_not_look_for_its_steps_again(pad, monkeypatch):
     first = with_chosen_steps(batch)
     monkeypatch.setattr("mitsuba_taxel.sensing.derivatives.diffuse_derivatives.derivatives_by", None)
     assert with_chosen_steps(batch) == first
+
+
+def test_a_printed_pad_chooses_its_steps_and_points_for_a_target_of_slopes(tmp_path, monkeypatch):
+    """Light is by random paths. A second call reads nothing again."""
+    finish = '<string name="finish" value="layer_steps"/> <float name="layer_height" value="0.2"/>'
+    text = one_cell(cell="spherical", mesh_size=2.5, fz=0)
+    (tmp_path / "pad.xml").write_text(text.replace("<bsdf", finish + "<bsdf", 1))
+    how = {"vary": {"fz": "0:-0.8"}, "target_slope": 0.4}
+    study = sweep(tmp_path / "pad.xml", **how, output=tmp_path / "out")
+    assert study.sizes["fz"] == 5 and float(study.fz[1]) == pytest.approx(-0.8 * (1 - np.sqrt(0.5)) / 2)
+    assert set(study.derivative_method.values.ravel()) == {"curve through readings"}
+    for errors in curve_errors(study):
+        light, fit, _ = errors.relative[:, 0]  # the mesh is fixed
+        assert np.hypot(light, fit) < 0.4
+    assert open_study(tmp_path / "out").attrs["notes"] == study.attrs["notes"]
+
+    monkeypatch.setattr("mitsuba_taxel.studies.run.job.measure", None)  # nothing is left to do
+    again = sweep(tmp_path / "pad.xml", **how, output=tmp_path / "out")
+    np.testing.assert_array_equal(again.power, study.power)

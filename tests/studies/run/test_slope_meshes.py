@@ -14,7 +14,7 @@ from mitsuba_taxel import ComputationError, InputError, Scene, open_study, sweep
 from mitsuba_taxel.base.convergence import SLOPE_ORDER
 from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
 from mitsuba_taxel.studies.run import slope_meshes
-from mitsuba_taxel.studies.store.dataset import missed_slope
+from mitsuba_taxel.studies.store.slope_target import missed_slopes
 
 PAD = one_cell(cell="cylindrical", mesh_size="$size", scattering="$roof", fz=0, size=1.7, roof="lambertian")
 
@@ -70,14 +70,13 @@ def test_a_target_that_is_not_reached_is_told(pad, tmp_path):
 
 
 def test_slopes_that_are_not_known_do_not_reach_a_target(pad):
-    how = {"fz": "0:-0.2:-0.2", "roof": "lambertian,mirror"}
-    study = sweep(pad, how, points=16, derivatives=["fz"])
-    rates = {"derivative": study.derivative, "derivative_error": study.derivative_error}
-    known = SimpleNamespace(readings=SimpleNamespace(derivatives=SimpleNamespace(parameters=("fz",))))
-    results = {place: known for place in np.ndindex(2, 2)}
-    assert missed_slope(0.9, rates, results).endswith("the worst error is unknown")
-    lit = {place: one for place, one in results.items() if place[1] == 0}
-    assert missed_slope(0.9, rates, lit) == ""
+    """Two loads give no curve, so the derivatives of the mirror are differences of random paths at each load."""
+    study = sweep(pad, {"fz": "0:-0.2:-0.2", "roof": "lambertian,mirror"}, points=16, derivatives=["fz"])
+    assert set(study.derivative_method.sel(roof="mirror").values.ravel()) == {"differences of random paths"}
+    assert missed_slopes(study.sel(roof=["lambertian"]), 0.9) == []
+    unknown = study.assign(derivative_error=study.derivative_error.where(study.roof == "lambertian"))
+    (note,) = missed_slopes(unknown, 0.9)
+    assert note.endswith("the worst error is unknown")
 
 
 def test_a_target_that_is_reached_is_not(pad):

@@ -1,0 +1,137 @@
+"""Pilot runs of random paths along a curve: noise of its slopes, and what its loads do not resolve.
+
+The readings of a pilot share their random numbers, as those of the study do, but these are other ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.characterise.experiment import Branch
+from mitsuba_taxel.characterise.fitted_curve import FEWEST, fitted_slopes
+from mitsuba_taxel.characterise.slopes import slopes
+from mitsuba_taxel.sensing.reading.paired import can_be_paired, paired_with
+from mitsuba_taxel.sensing.reading.runs import FIRST_POINTS, MOST_POINTS, Prepared, Run, derived_seed, prepare
+from mitsuba_taxel.sensing.scene.description import Scene
+
+PILOT = 24
+"""Index of the pilots' random numbers among those derived from a seed."""
+LIGHT_PART = 0.8
+"""Fraction of a target error of slopes for the light; the rest of the squares is for the finite elements."""
+FIRST_PILOT = 4 * FIRST_POINTS
+"""Points of the first pilot, per taxel and replicate."""
+ENOUGH = 8
+"""Largest factor from the points of a pilot to those that it recommends."""
+MOST_LOADS = 5
+"""Number of loads of a pilot, spread evenly over the loads of a curve."""
+
+
+class CurvePilot:
+    """Readings of some loads along one force.
+
+    Parameters
+    ----------
+    at : Callable[[float], Scene]
+        The scene under a force in N.
+    seed : int
+        Seed of the study.
+    """
+
+    change: float
+    """Change in W along the forces of the last call, of the taxel that changes most."""
+    power: float
+    """Its reading at the first force, W."""
+    points: int
+    """Points of the last call, 0 before the first."""
+    _base: Prepared | None
+
+    def __init__(self, at: Callable[[float], Scene], seed: int) -> None:
+        self.points, self._base = 0, None
+        self._at, self._seed, self._runs = at, derived_seed(seed, PILOT), dict[float, Run]()
+
+    def errors(self, forces: Sequence[float], points: int) -> tuple[float, float, bool]:
+        """Relative errors of the mean and the largest slope: by noise, the larger of both, and by the fit.
+
+        Parameters
+        ----------
+        forces : sequence of float
+            Two or more loads in N.
+        points : int
+            Per taxel and replicate, as many as in earlier calls or more.
+
+        Returns
+        -------
+        noise, fit : float
+            Relative to the steepest taxel; the second is 0 with fewer loads than a fit needs.
+        is_bent : bool
+            Whether the loads, rather than the points, are too few for the curve.
+        """
+        self.points = points
+        for force in forces:
+            if force not in self._runs:
+                self._runs[force] = Run(self._prepared(force, forces), self._seed)
+            self._runs[force].extend_to(points)
+        loads, samples = np.array(forces), np.array([self._runs[force].powers for force in forces])
+        change = samples[-1] - samples[0]
+        mean = change / (loads[-1] - loads[0])
+        most = int(np.abs(change.mean(axis=0)).argmax())
+        self.change, self.power = (float(abs(power.mean(axis=0)[most])) for power in (change, samples[0]))
+        noise, fit = _relative(standard_error(mean), mean.mean(axis=0)), 0.0
+        is_bent = False
+        if len(loads) >= FEWEST:
+            largest = slopes(Branch(loads, samples, is_fitted=True))
+            curve = fitted_slopes(loads, samples, largest.max_slope_at)
+            noise = max(noise, _relative(np.diagonal(curve.noise), largest.max_slope))
+            fit = _relative(np.diagonal(curve.fit_error), largest.max_slope)
+            is_bent = fit > _relative(np.diagonal(curve.interpolation_noise), largest.max_slope)
+        return noise, fit, is_bent
+
+    def _prepared(self, force: float, forces: Sequence[float]) -> Prepared:
+        """The scene under a force, with the base state of the study."""
+        base = self._at(max(forces, key=abs))
+        if self._base is None:
+            self._base = prepare(base)
+        return paired_with(base, self._base, self._at(force)) if can_be_paired(self._base) else prepare(self._at(force))
+
+    def points_for(self, forces: Sequence[float], target: float, least: int = FIRST_PILOT) -> int:
+        """Points with which the light takes at most its part of a target error of the slopes.
+
+        Parameters
+        ----------
+        forces : sequence of float
+            Loads in N of the study.
+        target : float
+            Relative error of the mean and the largest slope.
+        least : int
+            Points of the first pilot.
+
+        Returns
+        -------
+        int
+            Per taxel and replicate, a power of two, at most `MOST_POINTS`.
+        """
+        chosen = np.unique(np.linspace(0, len(forces) - 1, MOST_LOADS).round().astype(int))
+        points, forces = least, [forces[number] for number in chosen]
+        while True:
+            noise, fit, is_bent = self.errors(forces, points)
+            # Noise falls at least with the root of the number of points, and the error of the fit with it, unless the
+            # loads do not resolve the curve.
+            error = noise if is_bent else math.hypot(noise, fit)
+            factor = (error / (LIGHT_PART * target)) ** 2
+            if factor <= ENOUGH or points >= MOST_POINTS:
+                return min(points * _power_of_two(factor), MOST_POINTS)
+            points = min(points * _power_of_two(factor / ENOUGH), MOST_POINTS)
+
+
+def _relative(error: np.ndarray, slope: np.ndarray) -> float:
+    steepest = np.abs(slope).max()
+    return float(error.max() / steepest) if steepest > 0 else math.inf if error.any() else 0.0
+
+
+def _power_of_two(factor: float) -> int:
+    """The least power of two, from 1 to `MOST_POINTS`, that is at least a factor."""
+    return 1 << math.ceil(math.log2(min(max(factor, 1.0), MOST_POINTS)))
