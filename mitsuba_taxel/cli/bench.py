@@ -201,6 +201,19 @@ def slopes_command(markdown: Path | None) -> None:
     _shown(slopes(_say), HEADINGS, partial(map, slope_cells), keep, summary)
 
 
+@command.command("rough", short_help="Slopes of cells with rough walls: errors and time.")
+@markdown_option
+@debug_option
+def rough_command(markdown: Path | None) -> None:
+    """Slopes of cells with a finish or rough mirrors, with their errors by light, curve and elements, and the time."""
+    from mitsuba_taxel.evidence.coverage.rough_slopes import RoughRow, rough_slopes, write_page
+    from mitsuba_taxel.evidence.rows.row import cells, headings
+
+    rows = _shown(rough_slopes(_say), headings(RoughRow), partial(map, cells))
+    if markdown:
+        write_page(rows, markdown, f"taxel bench rough --markdown {markdown}")
+
+
 @command.command("horizon", short_help="Derivatives by the width of the horizon.")
 @markdown_option
 @debug_option

@@ -1,0 +1,142 @@
+"""Slopes of single cells with rough walls: their errors, and the CPU time that they take."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
+from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.evidence.coverage.domes import dome_scene
+from mitsuba_taxel.evidence.rows.row import cells, headings
+from mitsuba_taxel.sensing import Scene
+from mitsuba_taxel.sensing.reading.runs import Run, prepare
+from mitsuba_taxel.studies import sweep
+from mitsuba_taxel.studies.store.slope_target import curve_errors
+
+LOADS = (0.0, -0.1216, -0.415, -0.7084, -0.83)
+"""Chebyshev points from rest to -0.83 N, which is 10 N on a pad of 12 cells."""
+STEPS = {"finish": "layer_steps", "layer_height": 0.1}
+MIRROR = {"scattering": "rough_mirror", "rms_slope": 5.0}
+LAMBERTIAN = {"scattering": "lambertian", "reflectance": 0.9}
+CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any], int]] = {
+    "spherical, steps of 0.1 mm": ("spherical", LAMBERTIAN, STEPS, 4096),
+    "hemispheric, steps of 0.1 mm": ("hemispheric", LAMBERTIAN, STEPS, 16384),
+    "spherical, rough mirror of 5 degrees": ("spherical", MIRROR, {}, 4096),
+    "parallelepiped, rough mirror of 5 degrees": ("parallelepiped", MIRROR, {}, 4096),
+}
+"""Cell, roof, finish, and points by name."""
+
+
+@dataclass(frozen=True)
+class RoughRow:
+    """Slopes of one cell; errors are relative to the slopes.
+
+    Attributes
+    ----------
+    case : str
+        Of `CASES`.
+    points : int
+        Per replicate.
+    reading : float
+        Relative error of the worst reading by the light.
+    slope, light, shape : float
+        Mean slope in µW/N, and its errors by light and by finite elements and facets.
+    largest : float
+        Error of the largest slope by light and curve.
+    seconds : float
+        CPU seconds of the study.
+    plain : float
+        Error of the mean slope by as many paths that share their random numbers.
+    """
+
+    COLUMNS: ClassVar = {
+        "case": ("cell", ""),
+        "points": ("points", ""),
+        "reading": ("reading", ".2%"),
+        "slope": ("slope [µW/N]", ".1f"),
+        "light": ("light", ".2%"),
+        "shape": ("shape", ".2%"),
+        "largest": ("largest slope", ".2%"),
+        "seconds": ("CPU s", ".0f"),
+        "plain": ("shared numbers", ".1%"),
+    }
+    case: str
+    points: int
+    reading: float
+    slope: float
+    light: float
+    shape: float
+    largest: float
+    seconds: float
+    plain: float
+
+
+_PAGE = """\
+# Slopes with rough walls
+
+For users whose cells have a finish or rough mirrors.
+
+Written by `{command}`; do not edit by hand.
+
+Studies of one cell on elements of the default size, over five loads from 0 to -0.83 N. The LED has 1 W; walls other
+than the roof absorb; Lambertian roofs reflect 90 %.
+
+{table}
+
+- **points**: paths of each of 32 randomisations. **reading**: error of the worst reading by the light.
+- **slope**: the mean slope. **light**, **shape**: its error by the light, and by finite elements and facets.
+- **largest slope**: error of the largest slope by light and by the [curve](theory/derivatives.md) between the loads.
+- **CPU s**: of the study, with the mechanics and all errors.
+- **shared numbers**: error of the mean slope by the light, if the readings at both ends are traced with as many paths
+  that share their random numbers. With a finish the study uses [paths through material
+  points](theory/derivatives.md#paths-through-material-points) instead.
+"""
+
+
+def rough_slopes(starting: Callable[[str], None] | None = None) -> Iterator[RoughRow]:
+    """Rows of the table as they are measured; ``starting`` is called with the name of each."""
+    for case, (cell, roof, finish, points) in CASES.items():
+        if starting:
+            starting(case)
+        yield _row(case, lambda load: dome_scene(cell, roof, force=[0.0, 0.0, load], **finish), points)  # noqa: B023
+
+
+def _row(case: str, scene: Callable[[float], Scene], points: int) -> RoughRow:
+    start = time.process_time()
+    study = sweep(scene(LOADS[-1]), {"fz": list(LOADS)}, points=points, derivatives=["fz"])
+    seconds = time.process_time() - start
+    mean, largest = curve_errors(study)
+    reading = float((study.standard_error / study.power).max())
+    slope = float(mean.value[0])
+    ends = []
+    for load in (LOADS[0], LOADS[-1]):
+        run = Run(prepare(scene(load)), 0)
+        run.extend_to(points)
+        ends.append(run.powers[:, 0])
+    plain = float(standard_error(ends[1] - ends[0])) / abs(LOADS[-1] * slope)
+    light, _, shape = mean.relative[:, 0]
+    of_largest = float(np.hypot(*largest.relative[:2, 0]))
+    return RoughRow(case, points, reading, 1e6 * slope, float(light), float(shape), of_largest, seconds, plain)
+
+
+def write_page(rows: Sequence[RoughRow], file: Path, command: str) -> None:
+    """Write rows as a page that explains its columns.
+
+    Parameters
+    ----------
+    rows : sequence of RoughRow
+        All rows.
+    file : Path
+        Page, which is replaced.
+    command : str
+        Command that the page names as its origin.
+    """
+    table = markdown_table(headings(RoughRow), map(cells, rows), headings(RoughRow)[:1])
+    write_text(file, _PAGE.format(command=command, table=table))
