@@ -163,6 +163,21 @@ def test_an_inclined_side_has_treads_and_risers_as_well():
     np.testing.assert_allclose(radius, expected[:, None].repeat(3, axis=1), atol=1e-3)
 
 
+@pytest.mark.parametrize("cell", ["cylindrical", "parallelepiped"])
+def test_a_rounded_edge_has_steps(cell):
+    """Below the roof, the fillet is treads on the levels and vertical risers, and no silicone is lost."""
+    pad = Pad(cell, rows=1, columns=1, fillet=0.2)
+    smooth, rough = surface_of(pad, 6, None), surface_of(pad, 6, LayerSteps(0.1, offset=0.03))
+    area, height = areas(rough, "side"), corners(rough, "side")[..., 2]
+    slope = np.abs(area[:, 2]) / np.linalg.norm(area, axis=1)
+    assert np.minimum(slope, 1 - slope).max() < 1e-6
+    tread = (slope > 0.5) & (height.min(axis=1) > 0.2)
+    levels = (height[tread] - 0.03) / 0.1
+    np.testing.assert_allclose(levels, np.rint(levels), atol=1e-6)
+    assert set(np.rint(levels).astype(int).ravel()) >= {13, 14}
+    assert enclosed(rough) == pytest.approx(enclosed(smooth), rel=3e-3)
+
+
 @pytest.mark.parametrize(
     "make, message",
     [
