@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from one_cell import one_cell
 
-from mitsuba_taxel import Pad, PadSensor, measure
+from mitsuba_taxel import Pad, PadSensor, Scene, measure
+from mitsuba_taxel.pads.parametric.drawings import write_drawings
 
 REST = (0.0, 0.0, 0.0)
 
@@ -27,3 +29,25 @@ def test_the_derivative_by_the_radius_is_that_of_moved_pads(cell):
     rate = (ends[0] - ends[1]) / (2 * step)
     tolerance = 5 * float(np.ravel(derivatives.standard_errors)[0]) + 0.01 * abs(rate)
     assert float(np.ravel(derivatives.values)[0]) == pytest.approx(rate, abs=tolerance)
+
+
+@pytest.mark.parametrize("cell", ["parallelepiped", "cylindrical"])
+def test_a_reading_is_that_of_the_pads_drawing_meshed_by_netgen(cell, tmp_path):
+    """A Z-test at 4 standard deviations; equal walls, as faces of a file that round an edge count as roof."""
+    pad = Pad(cell, rows=1, columns=1, fillet=0.3)
+    write_drawings(pad, tmp_path)
+    own = one_cell(cell=cell, mesh_size=1.25).replace("<string", '<float name="fillet" value="0.3"/> <string', 1)
+    walls = '<bsdf name="side" type="wall"> <string name="scattering" value="lambertian"/> </bsdf>'
+    own = own.replace('<bsdf name="roof"', f'{walls} <bsdf name="roof"')
+    drawn = own.replace('<float name="fillet" value="0.3"/>', f'<string name="filename" value="{tmp_path}/pad.step"/>')
+    for name in ("rows", "columns"):
+        drawn = drawn.replace(f'<integer name="{name}" value="1"/>', "")
+    drawn = drawn.replace(f'<string name="cell" value="{cell}"/>', "")
+    readings = []
+    for name, text in (("own", own), ("drawn", drawn)):
+        (tmp_path / f"{name}.xml").write_text(text)
+        readings.append(measure(Scene(tmp_path / f"{name}.xml"), points=512, mechanics_error=False))
+    difference = readings[0].power[0] - readings[1].power[0]
+    error = np.hypot(*(reading.standard_error[0] for reading in readings))
+    assert abs(difference) < 4 * error + 5e-4 * readings[0].power[0]
+    assert error < 0.01 * readings[0].power[0]
