@@ -283,8 +283,8 @@ def _with_change(study: xr.Dataset, change: xr.DataArray, along: Mapping[str, xr
 
 
 def _steps(values: xr.DataArray, dim: str) -> xr.DataArray:
-    """Differences from the previous point along a dimension; the first point, which has none, gets that of the "
-    "second."""
+    """Differences from the previous point along a dimension; the first point, which has none, gets that of the
+    second."""
     after = np.maximum(np.arange(values.sizes[dim]), 1)
     first, last = (values.isel({dim: points}).drop_vars(dim, errors="ignore") for points in (after - 1, after))
     return last - first

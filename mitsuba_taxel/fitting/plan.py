@@ -89,7 +89,7 @@ def read_plan(file: Path) -> FitPlan:
         raise InputError(f"study {file.name} is not allowed: a table [fit.unknowns] is needed.")
     for name in [*content, *scene]:
         if name not in (*READ_KEYS, "circuit", "scene", "define"):
-            raise InputError(f"{name} is not allowed in a fit: its scenes are those of the rows of the data.")
+            raise InputError(f"{name} is not allowed in a fit: each row of the data defines a scene; take it out.")
 
     # The data, with settings by the names of the scene's parameters.
     folder = file.resolve().parent

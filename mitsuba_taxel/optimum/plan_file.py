@@ -185,7 +185,7 @@ def _refuse_twice(
     names = [{first.name for first in variables}, set(choices), loads]
     for first, second in ((0, 1), (0, 2), (1, 2)):
         for name in sorted(names[first] & names[second]):
-            raise InputError(f"{name} is given twice in [optimise]: as variable, choice or load.")
+            raise InputError(f"{name} is given twice in [optimise]: give it once, as a variable, a choice or a load.")
     for name in sorted((names[0] | names[1]) & set(defines)):
         raise InputError(f"{name} is both given a value and optimised: take one of them out.")
 
@@ -220,8 +220,8 @@ class _FigureReader:
             return None
         if not set(definition) <= {"maximise", "minimise", "points"} or definition.get("points", FRONT) in (1, 2):
             raise InputError(
-                f"front = {definition!r} is not allowed: a table with maximise or minimise, and with points of at "
-                f"least 3, is needed."
+                f"front = {definition!r} is not allowed: a table with maximise or minimise, and with points = 3 or "
+                "more, is needed."
             )
         return self.goal(definition), _count(definition, "points", FRONT)
 

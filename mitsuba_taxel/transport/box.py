@@ -94,7 +94,7 @@ class Passage:
         ]
 
     def slopes(self) -> tuple[Array3f64, Array3f64]:
-        """Derivatives of the fraction in world coordinates, per mm.
+        """Derivatives of the fraction of light that passes the box, in world coordinates, per mm.
 
         Returns
         -------

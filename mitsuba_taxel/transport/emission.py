@@ -141,8 +141,8 @@ class Emission:
 
     @property
     def deviation(self) -> np.ndarray:
-        """(F,) power on each patch by the quadrature rules, minus the power within its outline, as a fraction of "
-        "the LED's power."""
+        """(F,) power on each patch by the quadrature rules, minus the power within its outline, as a fraction of
+        the LED's power."""
         if self._is_narrow:
             on_patch = np.bincount(self.inside.points.face, self._integrated, len(self.positions))
             return on_patch - self._within_outlines.sum(axis=0)

@@ -99,7 +99,7 @@ def test_a_plan(plan):
         ),
         (WHOLE + "[optimise.tolerances]\nhole = 0\n", "tolerance of hole = 0"),
         (WHOLE + "[optimise.tolerances]\nwall = 1\n", "wall is not a <default>"),
-        (WHOLE + '[optimise.front]\nminimise = "rest"\npoints = 2\n', "points of at least 3"),
+        (WHOLE + '[optimise.front]\nminimise = "rest"\npoints = 2\n', "points = 3 or more"),
         (WHOLE + '[optimise.front]\nminimise = "rest"\nmaximise = "rest"\n', "one goal is needed"),
         (HEAD + GOAL + VARIABLES, "sensitivity cannot be computed: 2 loads or more"),
     ],

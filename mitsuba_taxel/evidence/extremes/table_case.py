@@ -32,4 +32,4 @@ class TimedCase(TableCase):
 
     @abstractmethod
     def _row(self) -> Any:
-        """The row without time and memory."""
+        """The row of the table, without its CPU time and memory use."""

@@ -21,9 +21,9 @@ NEW_INPUTS, SAMPLES = 5, 20
 
 
 def model_cases() -> dict[str, Callable[[int], dict[str, np.ndarray]]]:
-    """Cases by name. A case returns, for a seed, errors over the stated error.
+    """Cases by name: functions of a seed that return true errors, divided by the stated error.
 
-    They are errors of readings of an exported model, or of forces from counts.
+    The errors are those of readings of an exported model, or of forces from counts.
     """
     export = {f"export: errors {kind}": partial(_exported, kind) for kind in ("of single readings", "common to all")}
     noise = {

@@ -131,7 +131,7 @@ class DisplacementForm:
         gradient = np.einsum("mai,mqaj->mqij", displacement[self._mesh.tets], self._gradients) + np.eye(3)
         determinant = np.linalg.det(gradient)
         if not determinant.min() > 0:
-            raise ComputationError(f"an element would be inverted (J = {determinant.min():.2g}).")
+            raise ComputationError(f"an element would be inverted (J = {determinant.min():.2g}): take smaller steps.")
         stress, moduli = self._response(gradient, determinant)
         weighted = self._weight[..., None, None] * self._gradients
         forces = (weighted @ np.swapaxes(stress, -1, -2)).sum(axis=1)

@@ -93,7 +93,9 @@ class Friction:
         )
 
     def slip(self, tangents: np.ndarray, slip_position: np.ndarray, previous: FrictionState) -> np.ndarray:
-        """(m, 2) mm³, slip along the tangents since a ``previous`` state, less the elastic part due to its traction."""
+        """(m, 2) slip along both tangents since the ``previous`` state, integrated over the area of a node, in mm³.
+
+        It is without the elastic slip under the previous state's traction."""
         compliance = self._body.slack[:, None]
         return np.einsum(
             "mki,mi->mk", tangents, slip_position - previous.slip_position - compliance * previous.traction

@@ -360,9 +360,9 @@ class PressedState(LinearisedState):
         return Gradient(np.array([np.nan, np.nan, by_force]), material, shape)
 
     def _under_force(self, rate: np.ndarray, gain: float) -> np.ndarray:
-        """(N, 3) rate of the displacement at a constant force, from that at a constant depth.
+        """(N, 3) rate of the nodes' displacements at a constant force of the indenter, from that at a constant depth.
 
-        The force changes by ``gain`` at a constant displacement.
+        ``gain`` is the rate of the force while the nodes do not move.
         """
         gain += float(self._body.force_rate(self._contact_state, np.zeros(3), rate)[2])
         return rate - gain / self._stiffness * self._by_height

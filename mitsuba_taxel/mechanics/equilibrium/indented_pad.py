@@ -264,8 +264,8 @@ class IndentedPad(LoadedPad):
 
     @cached_property
     def _small_load(self) -> float:
-        """Scale of the residual for smaller forces: the force that strains the smallest area of a node by the natural
-        strain."""
+        """Least force in N by which the residual is scaled: the stress at the natural strain, times the smallest area
+        of the surface that belongs to a node."""
         return NATURAL_STRAIN * self.material.youngs_modulus * float(self.model.indentation.area.min())
 
 

@@ -246,9 +246,9 @@ class LoadedPad(MeshedPad):
     def solve_after(
         self, start: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
     ) -> tuple[Solution, Linearised]:
-        """See :meth:`solve`, after a ``history``; the factor of a state ``near`` by is used as long as it suffices.
+        """As :meth:`solve`, after a ``history``: the matrix factored at the state ``near`` is used while it suffices.
 
-        Displacements without the symmetry of the load are not checked.
+        Stability against displacements without the symmetry of the load is not tested.
 
         Parameters
         ----------

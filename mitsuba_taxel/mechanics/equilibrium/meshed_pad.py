@@ -95,7 +95,7 @@ class MeshedPad:
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """Start of a solve: the guess, or a point on the line from the unknowns of a state to the guess.
+        """Start of a solve: the guess, or where a kind of pad limits the step, a point between ``known`` and it.
 
         Parameters
         ----------
@@ -112,8 +112,7 @@ class MeshedPad:
         return guess
 
     def ticks(self, response: np.ndarray) -> int:
-        """Number of ticks, the smallest fractions of a step, from the first-order change of the unknowns by the "
-        "step."""
+        """Number of ticks, the smallest fractions of a step, from the first-order change of the unknowns by it."""
         return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split(response)[0]))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A state on elements of another size, with which its derivatives are compared."""
+"""The same load solved on elements of another size: a comparison gives the error of a state's derivatives."""
 
 from __future__ import annotations
 

@@ -208,7 +208,8 @@ class _Along:
                 else:
                     return differences, step
         raise InputError(
-            f"{self._change.name} = {self._change.value:g} has no derivative: a small change of it is not allowed."
+            f"{self._change.name} = {self._change.value:g} has no derivative: slightly different values are not "
+            "allowed; a value inside its range is needed."
         ) from refused
 
 

@@ -408,8 +408,8 @@ def _mesh_of(pad: Pad | PadFile, size: float) -> VolumeMesh:
 class _PadCells(NamedTuple):
     """The K cells of a pad.
 
-    ``number`` (K,) are their numbers, ``centres`` (K, 2) is in mm, and ``drawn`` (K,) are the numbers of the cells
-    whose faces are the patches.
+    ``number`` (K,) are their numbers, and ``centres`` (K, 2) is in mm. ``drawn`` (K,) has, for each cell, the number of
+    the cell whose faces in the mesh are its patches.
     """
 
     number: np.ndarray

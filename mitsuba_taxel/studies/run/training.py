@@ -190,7 +190,10 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _TrainingRows:
     first, *rest = per_scene
     for name, rows in zip(list(studies)[1:], rest, strict=True):
         if rows.power.shape[1] != first.power.shape[1]:
-            raise InputError(f"scene {name} has {rows.power.shape[1]} taxels: {first.power.shape[1]} are needed.")
+            raise InputError(
+                f"scene {name} has {rows.power.shape[1]} taxels, the first scene {first.power.shape[1]}: all scenes of "
+                "a training set need equally many."
+            )
         if _force_columns(rows.parameters) != _force_columns(first.parameters):
             raise InputError(
                 f"scene {name} has other forces as parameters than the first scene: the same forces are needed."

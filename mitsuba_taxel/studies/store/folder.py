@@ -111,9 +111,14 @@ class Store:
             path = self.folder / name
             kind = "file" if name in (LOCK, SCENE) else "folder"
             if path.is_symlink():
-                raise InputError(f"output folder {self.folder} is not allowed: {name} in it is a link, not a {kind}.")
+                raise InputError(
+                    f"output folder {self.folder} is not allowed: {name} in it is a link, not a {kind}; name another "
+                    "folder."
+                )
             if path.exists() and path.is_dir() is (kind == "file"):
-                raise InputError(f"output folder {self.folder} is not allowed: {name} in it is not a {kind}.")
+                raise InputError(
+                    f"output folder {self.folder} is not allowed: {name} in it is not a {kind}; name another folder."
+                )
 
     def _begin(self, content: Mapping[str, Any], scene: str) -> None:
         """Write the definition of the study, or check that it agrees with the stored one, which it may extend."""

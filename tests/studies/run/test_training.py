@@ -311,8 +311,8 @@ def test_behind_a_circuit_there_are_volts_and_counts(tmp_path):
         (dict(study=product(9, cells=tuple(CELLS))), "at least 10"),
         (dict(study=product(41).isel(fz=[0])), "forces in the study: 1"),
         (dict(study=product().where(False)), "no job with readings"),
-        (dict(study=product().drop_vars("power")), "power"),
-        (dict(study=xr.DataTree()), "power"),
+        (dict(study=product().drop_vars("power")), "no readings"),
+        (dict(study=xr.DataTree()), "no readings"),
     ],
 )
 def test_refuses_and_writes_nothing(tmp_path, given, culprit):

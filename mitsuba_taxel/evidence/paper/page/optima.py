@@ -215,7 +215,7 @@ def _roof(optimum: xr.Dataset) -> list[str]:
 
 
 def _lean(optimum: xr.Dataset) -> list[str]:
-    """Words with the lean of the cells."""
+    """A phrase that says how far the tops of the cells lie off their axes; none for upright cells."""
     values = _values(optimum)
     if "top_x" not in values:
         return []

@@ -58,8 +58,11 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
         return np.array([getattr(self.indenter, f"semi_axis_{axis}") for axis in _AXES])
 
     def own_gap(self, points: np.ndarray) -> Gap:
-        """With s the squared semi-axes and y the position from the centre, the nearest point of the surface is
-        s y / (t + s), where the sum of s (y / (t + s))² is 1, and the distance is t |y / (t + s)|."""
+        """Signed distance of ``points`` (n, 3) in mm from the surface, negative inside, and its derivatives.
+
+        With s the squared semi-axes and y the position from the centre, the nearest point of the surface is
+        s y / (t + s), where the sum of s (y / (t + s))² is 1, and the distance is t |y / (t + s)|.
+        """
         squares, from_centre = self.semi_axes**2, points - [0.0, 0.0, self.semi_axes[2]]
         magnitude = np.maximum(np.abs(from_centre), NEAREST * self.semi_axes)
         y = np.copysign(magnitude, from_centre)
