@@ -92,7 +92,10 @@ def command(
         from mitsuba_taxel.sensing.reading.irradiance_file import write_irradiance
 
         write_irradiance(readings, output)
-    (_print_json if as_json else _print_tables)(readings, volts, matrix, book, lines)
+    if as_json:
+        _print_json(readings, volts, matrix, book, lines)
+    else:
+        _print_tables(readings, ready.scene, volts, matrix, book, lines)
     if not as_json and (readings.power <= 0).any():
         tables.say(f"taxel check {scene} may say why a taxel is dark.")
     if target_error is not None:
@@ -106,16 +109,22 @@ def _print_json(readings, volts, matrix, book, lines) -> None:
     tables.print_json(answer | ({} if lines is None else {"left_out": lines}))
 
 
-def _print_tables(readings, volts, matrix, book, lines) -> None:
+def _print_tables(readings, scene, volts, matrix, book, lines) -> None:
     from mitsuba_taxel.sensing.reading.readings import crosstalk_text, readings_text
 
-    from . import tables
+    from . import many_taxels, tables
 
-    width = tables.terminal_width()
-    tables.say(readings_text(readings, width))
+    width, many = tables.terminal_width(), len(readings.taxel) > many_taxels.MOST_ROWS
+    if many:
+        print_summary(readings, many_taxels.taxel_positions(scene))
+    else:
+        tables.say(readings_text(readings, width))
     if volts is not None:
         tables.print_volts(readings.taxel, volts)
-    if matrix is not None:
+    if matrix is not None and many:
+        tables.say("\nCrosstalk: power on each phototransistor")
+        tables.print_summary(readings.taxel, many_taxels.crosstalk_quantities(matrix))
+    elif matrix is not None:
         tables.say(f"\n{crosstalk_text(matrix, width)}")
     if book is not None:
         from mitsuba_taxel.sensing.audit import audit_text
@@ -123,6 +132,34 @@ def _print_tables(readings, volts, matrix, book, lines) -> None:
         tables.say(f"\n{audit_text(book, width)}")
     if lines is not None:
         tables.print_left_out(lines)
+
+
+def print_summary(readings, positions) -> None:
+    """Print readings of many taxels: the answer, least, mean and most, a map, and how they were obtained.
+
+    Parameters
+    ----------
+    readings : Readings
+        Readings of T taxels.
+    positions : (T, 2) ndarray
+        Positions of the taxels along x and y, in mm.
+    """
+    from mitsuba_taxel.sensing.reading.readings import origin_lines, readings_answer
+
+    from . import many_taxels, tables
+
+    tables.say(f"{readings_answer(readings)}\n")
+    tables.print_summary(readings.taxel, many_taxels.reading_quantities(readings))
+    if dark := int((readings.power <= 0).sum()):
+        tables.say(f"Taxels without light: {dark} of {len(readings.taxel)}")
+    tables.say(many_taxels.full_table(len(readings.taxel), many_taxels.WITH_JSON))
+    for line in many_taxels.map_lines(readings.power, positions, "W"):
+        print(line)
+    for line in origin_lines(readings):
+        tables.say(line)
+    if readings.derivatives is not None:
+        tables.say(f"\nDerivatives of the readings ({readings.derivatives.method})")
+        tables.print_summary(readings.taxel, many_taxels.derivative_quantities(readings.derivatives))
 
 
 def readings_as_json(readings, volts=None) -> dict[str, object]:

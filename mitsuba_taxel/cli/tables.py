@@ -104,6 +104,13 @@ def print_result(printed: Printed) -> None:
         print_table([heading.replace(" [", "\n[") for heading in block.headings], block.rows)
 
 
+def print_summary(taxels: Sequence[int], quantities: Mapping) -> None:
+    """Print the least, mean and largest value of quantities (T,) by name, instead of a row for each taxel."""
+    from .many_taxels import HEADINGS, summary_rows
+
+    print_table(HEADINGS, summary_rows(taxels, quantities))
+
+
 def circuit_in(file):
     """The circuit in a file; None without a file."""
     if file is None:
@@ -113,9 +120,28 @@ def circuit_in(file):
     return read_circuit(file)
 
 
-def print_volts(taxels: Iterable[int], volts) -> None:
-    """Print the output of each taxel behind a circuit, and its derivatives in volts and counts."""
+def print_volts(taxels: Sequence[int], volts) -> None:
+    """Print the output of each taxel behind a circuit, and its derivatives in volts and counts; of many, a summary."""
+    from .many_taxels import MOST_ROWS
+
     say("\nAs the circuit shows it; noise: 1 sigma of the electronics")
+    if len(taxels) > MOST_ROWS:
+        outputs = {"voltage [V]": volts.voltage, "total error [V]": volts.error, "noise [V]": volts.noise}
+        print_summary(taxels, outputs | {"counts": volts.counts})
+        say(f"Saturated: {int(volts.saturated.sum())} of {len(taxels)} taxels")
+    else:
+        _print_outputs(taxels, volts)
+    say(f"One count: {volts.step:.4g} V")
+    for note in volts.notes:
+        say(note)
+    if volts.derivatives is not None and len(taxels) > MOST_ROWS:
+        _print_derivative_summary(taxels, volts.derivatives)
+    elif volts.derivatives is not None:
+        _print_shown_derivatives(volts.derivatives)
+
+
+def _print_outputs(taxels: Iterable[int], volts) -> None:
+    """Print a row for the output of each taxel."""
     rows = zip(
         map(str, taxels),
         (f"{voltage:.6f}" for voltage in volts.voltage),
@@ -128,11 +154,20 @@ def print_volts(taxels: Iterable[int], volts) -> None:
         strict=True,
     )
     print_table(("taxel", "voltage [V]", "total error [V]", "noise [V]", "counts"), rows)
-    say(f"One count: {volts.step:.4g} V")
-    for note in volts.notes:
-        say(note)
-    if volts.derivatives is not None:
-        _print_shown_derivatives(volts.derivatives)
+
+
+def _print_derivative_summary(taxels: Sequence[int], derivatives) -> None:
+    """Print least, mean and largest derivatives in volts and counts, with noise and distance from saturation."""
+    from .many_taxels import derivative_quantities
+
+    in_volts = derivatives.in_volts
+    quantities = derivative_quantities(in_volts)
+    for number, (name, unit) in enumerate(zip(in_volts.parameters, in_volts.units, strict=True)):
+        quantities[f"{name} [{unit.replace('V', 'counts', 1)}]"] = derivatives.counts[:, number]
+        quantities[f"{name}, change that equals the noise"] = derivatives.noise_equivalent[:, number]
+        quantities[f"{name}, change to saturation"] = derivatives.to_saturation[:, number]
+    say("\nDerivatives behind the circuit")
+    print_summary(taxels, quantities)
 
 
 def _print_shown_derivatives(shown) -> None:

@@ -356,10 +356,7 @@ def readings_text(readings: Readings, width: int | None = None) -> str:
         readings_answer(readings),
         "",
         text_table(list(columns), zip(*columns.values(), strict=True), width),
-        light_error_line(readings),
-        *readings.notes,
-        budget_line(readings.error_budget),
-        stage_line(readings.seconds),
+        *origin_lines(readings),
     ]
     if readings.derivatives is not None:
         lines += ["", derivatives_text(readings.derivatives, width)]
@@ -423,6 +420,27 @@ def readings_columns(readings: Readings) -> dict[str, list[str]]:
     if readings.photocurrent is not None:
         columns["photocurrent [A]"] = [f"{current:.6e}" for current in readings.photocurrent]
     return columns
+
+
+def origin_lines(readings: Readings) -> list[str]:
+    """How readings were obtained: light, notes, error budget and time.
+
+    Parameters
+    ----------
+    readings : Readings
+        Readings of a scene.
+
+    Returns
+    -------
+    list[str]
+        Lines below the table of readings.
+    """
+    return [
+        light_error_line(readings),
+        *readings.notes,
+        budget_line(readings.error_budget),
+        stage_line(readings.seconds),
+    ]
 
 
 def light_error_line(readings: Readings) -> str:

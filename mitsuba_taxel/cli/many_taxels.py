@@ -1,0 +1,147 @@
+"""Summaries of results of many taxels: least, mean and most instead of a row for each taxel, and a small map."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
+    from mitsuba_taxel.sensing.reading.readings import Crosstalk, Readings
+
+MOST_ROWS = 64
+"""Largest number of taxels with a row each in a terminal."""
+MOST_ACROSS = 36
+"""Largest number of columns, and of rows, of a map."""
+HEADINGS = ("quantity", "least (taxel)", "mean", "most (taxel)")
+WITH_JSON = "the same command with --json"
+
+
+def full_table(count: int, source: str) -> str:
+    """A line that says where the rows of all taxels are."""
+    return f"A row for each of the {count} taxels: {source}."
+
+
+def summary_rows(taxels: Sequence[int], quantities: Mapping[str, np.ndarray]) -> list[list[str]]:
+    """Rows of a table with `HEADINGS`: the least, mean and largest value of each quantity.
+
+    Parameters
+    ----------
+    taxels : (T,) sequence of int
+        Numbers of the taxels.
+    quantities : Mapping[str, (T,) ndarray]
+        Values by name and unit; NaN where unknown.
+
+    Returns
+    -------
+    list[list[str]]
+        A row for each quantity; unknown values are left out and counted beside the name.
+    """
+    rows = []
+    for name, values in quantities.items():
+        known = np.flatnonzero(~np.isnan(values))
+        if not len(known):
+            rows.append([name, "unknown", "unknown", "unknown"])
+            continue
+        ends = (known[values[known].argmin()], known[values[known].argmax()])
+        least, most = (f"{values[index]:.4g} ({taxels[index]})" for index in ends)
+        unknown = len(values) - len(known)
+        rows.append([f"{name}, {unknown} unknown" if unknown else name, least, f"{values[known].mean():.4g}", most])
+    return rows
+
+
+def reading_quantities(readings: Readings) -> dict[str, np.ndarray]:
+    """Power, errors and photocurrent of the taxels, as :func:`summary_rows` takes them."""
+    power, total = readings.power, readings.total_error
+    quantities = {"power [W]": power}
+    if readings.points:
+        quantities["light error [W]"] = readings.standard_error
+    if readings.deviation is not None:
+        quantities["mechanics error [W]"] = readings.mechanics_error
+    if readings.geometry_error.any():
+        quantities["geometry error [W]"] = readings.geometry_error
+    quantities["total error [W]"] = total
+    quantities["total error [%]"] = np.divide(100 * total, power, out=np.full_like(power, np.nan), where=power > 0)
+    if readings.photocurrent is not None:
+        quantities["photocurrent [A]"] = readings.photocurrent
+    return quantities
+
+
+def derivative_quantities(derivatives: Derivatives) -> dict[str, np.ndarray]:
+    """Derivatives with respect to each parameter, and their standard errors, as :func:`summary_rows` takes them."""
+    quantities = {}
+    for number, (name, unit) in enumerate(zip(derivatives.parameters, derivatives.units, strict=True)):
+        quantities[f"{name} [{unit}]"] = derivatives.values[:, number]
+        quantities[f"{name}, standard error [{unit}]"] = derivatives.standard_errors[:, number]
+    return quantities
+
+
+def crosstalk_quantities(crosstalk: Crosstalk) -> dict[str, np.ndarray]:
+    """Power on each phototransistor by its own and by the other LEDs, as :func:`summary_rows` takes it."""
+    own = np.diag(crosstalk.power)
+    others = crosstalk.power - np.diag(own)
+    return {
+        "own LED [W]": own,
+        "all other LEDs [W]": others.sum(axis=0),
+        "strongest other LED [W]": others.max(axis=0),
+        "largest error of an LED's power [W]": crosstalk.total_error.max(axis=0),
+    }
+
+
+def taxel_positions(scene) -> np.ndarray:
+    """Centres (T, 2) of a scene's phototransistors in mm, along x and y of the first of their boards."""
+    from mitsuba_taxel.sensing.scene.taxels import taxels_of
+
+    faces = [pair.sensor.faces for pair in taxels_of(scene)]
+    centres = np.concatenate([np.array(grid.centres).T for grid in faces])
+    axes = np.stack([np.array(axis).ravel() for axis in (faces[0].frame.s, faces[0].frame.t)], axis=1)
+    return centres @ axes
+
+
+def map_lines(values: np.ndarray, positions: np.ndarray, unit: str) -> list[str]:
+    """A map of digits from 0, the least value, to 9, the largest, and its legend.
+
+    Parameters
+    ----------
+    values : (T,) ndarray
+        Values of the taxels.
+    positions : (T, 2) ndarray
+        Their positions along x and y.
+    unit : str
+        Unit of the values.
+
+    Returns
+    -------
+    list[str]
+        The legend, then rows from the largest y to the least; taxels in the same cell of the map are averaged.
+    """
+    from scipy.spatial import KDTree
+
+    # Cells are as large as the distance of neighbours. Where two taxels would then share a cell, the diagonal of cells
+    # is that distance.
+    distances, _ = KDTree(positions).query(positions, k=2)
+    distance = float(np.median(np.asarray(distances)[:, 1]))
+    offsets = positions - positions.min(axis=0)
+    smallest = float(offsets.max()) / (MOST_ACROSS - 1)
+    for side in (distance, distance / np.sqrt(2)):
+        columns, rows = np.rint(offsets / (max(side, smallest) or 1.0)).astype(int).T
+        counts = np.zeros((rows.max() + 1, columns.max() + 1), dtype=int)
+        np.add.at(counts, (rows, columns), 1)
+        if counts.max() == 1:
+            break
+
+    # Values of cells as digits, in equal steps between the ends.
+    sums = np.zeros(counts.shape)
+    np.add.at(sums, (rows, columns), values)
+    means = sums / np.maximum(counts, 1)
+    low, high = means[counts > 0].min(), means[counts > 0].max()
+    digits = np.clip(10 * (means - low) / ((high - low) or 1.0), 0, 9).astype(int)
+    averaged = "" if counts.max() == 1 else f"; a digit is the mean of up to {counts.max()} taxels"
+    legend = f"Map from 0 = {low:.4g} {unit} to 9 = {high:.4g} {unit}, x to the right, y upwards{averaged}:"
+    lines = [
+        " ".join(str(digit) if count else " " for digit, count in zip(*row, strict=True)).rstrip()
+        for row in zip(digits[::-1], counts[::-1], strict=True)
+    ]
+    return [legend, *lines]
