@@ -60,15 +60,15 @@ sides, as pyramids do, and starts as the paper's parallelepiped; its radii of cu
 mm, as light is not followed into spikes. A *leaning parallelepiped* has tops that may lie up to {most_lean:g} mm off
 the axes of the cells along x, that of the force; all cells lean alike.
 
-Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by that
-mesh. *Held by* names active bounds, and *left* is the part of the objective's gradient
-that no active bound or constraint balances: the relative change of the objective over the width of the bounds.
-Gradients scatter from mesh to mesh. *left* is therefore the mean over the best design, the same design on the finer mesh, and
-the designs within {near:.0%} of it (in widths of the bounds), and ± is its standard error. A design is called a local
-*optimum* if *left* and its error are together at most {balanced:.0%}. Otherwise a descent from it on the finer
-mesh shows what is still to gain. It ends when its steps gain no more (*within*, rounded up), or when it may read no more designs. One
-descent of at most {evaluations} designs was made for
-each shape, so a better design elsewhere within the bounds is not excluded; {effort}.
+Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by
+that mesh. *Held by* names active bounds, and *left* is the part of the objective's gradient that no active bound or
+constraint balances: the relative change of the objective over the width of the bounds. Gradients scatter from mesh to
+mesh. *left* is therefore the mean over the best design, the same design on the finer mesh, and the designs within
+{near:.0%} of it (in widths of the bounds), and ± is its standard error. A design is called a local *optimum* if
+*left* and its error are together at most {balanced:.0%}. Otherwise a descent from it on the finer mesh shows what is
+still to gain. It ends when its steps gain no more (*within*, rounded up), or when it may read no more designs. One
+descent of at most {evaluations} designs was made for each shape, so a better design elsewhere within the bounds is
+not excluded; {effort}.
 
 ![Before and after](optimum/optima.png)
 """
