@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    import pandas
+
     from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
     from mitsuba_taxel.sensing.reading.readings import Crosstalk, Readings
 
@@ -24,7 +26,9 @@ def full_table(count: int, source: str) -> str:
     return f"A row for each of the {count} taxels: {source}."
 
 
-def summary_rows(taxels: Sequence[int], quantities: Mapping[str, np.ndarray]) -> list[list[str]]:
+def summary_rows(
+    taxels: Sequence[int], quantities: Mapping[str, np.ndarray], missing: str = "unknown"
+) -> list[list[str]]:
     """Rows of a table with `HEADINGS`: the least, mean and largest value of each quantity.
 
     Parameters
@@ -32,23 +36,26 @@ def summary_rows(taxels: Sequence[int], quantities: Mapping[str, np.ndarray]) ->
     taxels : (T,) sequence of int
         Numbers of the taxels.
     quantities : Mapping[str, (T,) ndarray]
-        Values by name and unit; NaN where unknown.
+        Values by name and unit; NaN where there is none.
+    missing : str
+        What NaN means.
 
     Returns
     -------
     list[list[str]]
-        A row for each quantity; unknown values are left out and counted beside the name.
+        A row for each quantity; NaN values are left out and counted beside the name.
     """
     rows = []
     for name, values in quantities.items():
         known = np.flatnonzero(~np.isnan(values))
         if not len(known):
-            rows.append([name, "unknown", "unknown", "unknown"])
+            rows.append([name, missing, missing, missing])
             continue
         ends = (known[values[known].argmin()], known[values[known].argmax()])
         least, most = (f"{values[index]:.4g} ({taxels[index]})" for index in ends)
-        unknown = len(values) - len(known)
-        rows.append([f"{name}, {unknown} unknown" if unknown else name, least, f"{values[known].mean():.4g}", most])
+        left_out = len(values) - len(known)
+        label = f"{name}, {left_out} {missing}" if left_out else name
+        rows.append([label, least, f"{values[known].mean():.4g}", most])
     return rows
 
 
@@ -88,6 +95,68 @@ def crosstalk_quantities(crosstalk: Crosstalk) -> dict[str, np.ndarray]:
         "strongest other LED [W]": others.max(axis=0),
         "largest error of an LED's power [W]": crosstalk.total_error.max(axis=0),
     }
+
+
+def slope_rows(slopes: pandas.DataFrame, figures: Sequence[str]) -> list[list[str]]:
+    """Rows of a table with `HEADINGS` for figures of many taxels and their errors.
+
+    Parameters
+    ----------
+    slopes : pandas.DataFrame
+        Result of `slope_summary`, whose rows belong to taxels.
+    figures : sequence of str
+        Names of figures; names that are not in the table are ignored.
+
+    Returns
+    -------
+    list[list[str]]
+        Two rows for each line of load and figure.
+    """
+    numbers = ("figure", "taxel", "loading", "value", "error", "unit", "at_N", "from_N", "to_N", "remark")
+    keys = [name for name in slopes.columns if name not in numbers]
+    rows = []
+    for values, line in slopes.groupby(keys, sort=False, dropna=False):
+        where = ", ".join(map(str, values))
+        for figure in figures:
+            chosen = line[line.figure == figure]
+            if len(chosen):
+                name, unit = f"{figure.replace('_', ' ')}, {where}", f"[{chosen.unit.iloc[0]}]"
+                columns = {f"{name} {unit}": chosen.value, f"{name}, error {unit}": chosen.error}
+                taxels = chosen.taxel.tolist()
+                rows += summary_rows(taxels, {key: column.to_numpy(float) for key, column in columns.items()})
+    return rows
+
+
+def volts_rows(volts: pandas.DataFrame) -> list[list[str]]:
+    """Rows of a table with `HEADINGS` for circuit figures of many taxels.
+
+    Parameters
+    ----------
+    volts : pandas.DataFrame
+        Result of `volts_table`.
+
+    Returns
+    -------
+    list[list[str]]
+        A row for each line of load and column with a unit; NaN is a force that is not reached.
+    """
+    from mitsuba_taxel.characterise.wording import CIRCUIT_UNITS
+
+    units = {**{f"{suffix}_error": unit for suffix, unit in CIRCUIT_UNITS.items()}, **CIRCUIT_UNITS}
+    columns = {name: next((end for end in units if str(name).endswith(end)), None) for name in volts.columns}
+    keys = [name for name, end in columns.items() if end is None and name != "taxel"]
+    rows = []
+    for values, line in volts.groupby(keys, sort=False, dropna=False):
+        where = ", ".join(map(str, values))
+        quantities = {
+            f"{name.removesuffix(end).replace('_', ' ')}{', error' * end.endswith('_error')}, {where} [{units[end]}]": (
+                line[name].to_numpy(float)
+            )
+            for name, end in columns.items()
+            if end is not None
+        }
+        rows += summary_rows(line.taxel.tolist(), quantities, missing="not reached")
+    return rows
 
 
 def taxel_positions(scene) -> np.ndarray:

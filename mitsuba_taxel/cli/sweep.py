@@ -132,7 +132,7 @@ def command(
         print_json({**about, **(described.get("") or {"scenes": described})})
     else:
         for name, child in studies.items():
-            _show(name, child)
+            _show(name, child, folder / name)
         say(f"Results: {folder}")
     _end(study.attrs["failures"].splitlines(), folder)
     notes = [(name, note) for name, child in studies.items() for note in child.attrs["notes"].splitlines()]
@@ -155,34 +155,62 @@ def _as_json(study) -> dict[str, object]:
     return {"sensitivity": records(summary_table(study)), "error_budget": budget, "seconds": stage_totals(study)}
 
 
-def _show(name: str, study) -> None:
-    from mitsuba_taxel.characterise import slope_summary, volts_notes, volts_table
-    from mitsuba_taxel.characterise.roles import forces_by_parameter
-    from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows, remarks_explained, slope_answers, table_rows
-    from mitsuba_taxel.electronics.volts import circuit_of_study
+def _show(name: str, study, folder: Path) -> None:
     from mitsuba_taxel.sensing.reading.wording import budget_line, light_of_study, stage_line
     from mitsuba_taxel.studies import stage_totals, study_error_budget
 
-    from .tables import print_figures, say
+    from .tables import say
 
     if name:
         say(f"\n{name}:")
-    channel, slopes = slope_summary(study)
-    for line in slope_answers(slopes, forces_by_parameter(study)):
-        say(f"{line}\n")
-    print_figures(", ".join(filter(None, ("Slopes", channel))), *table_rows(slopes, SHOWN))
-    for line in remarks_explained(slopes[slopes.figure.isin(SHOWN)]):
-        say(line)
-    if len(slopes) and (circuit := circuit_of_study(study)):
-        volts = volts_table(study, circuit)
-        print_figures(AS_SHOWN, *figure_rows(volts))
-        for line in volts_notes(volts, circuit):
-            say(line)
+    print_slopes(study, folder)
     say(f"{int(study.power.notnull().sum())} readings, each {light_of_study(study)}.")
     for note in study.attrs["notes"].splitlines():
         say(note)
     say(budget_line(study_error_budget(study)))
     say(stage_line(stage_totals(study)))
+
+
+def print_slopes(study, folder: Path) -> None:
+    """Print the slopes of a study and the figures of its circuit: a row for each taxel, or a summary of many taxels.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Results of one scene.
+    folder : Path
+        Folder of its tables.
+    """
+    from mitsuba_taxel.characterise import slope_summary, volts_notes, volts_table
+    from mitsuba_taxel.characterise.roles import forces_by_parameter
+    from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows, remarks_explained, slope_answers, table_rows
+    from mitsuba_taxel.electronics.volts import circuit_of_study
+
+    from .many_taxels import HEADINGS, MOST_ROWS, full_table, slope_rows, volts_rows
+    from .tables import print_figures, print_table, say
+
+    channel, slopes = slope_summary(study)
+    for line in slope_answers(slopes, forces_by_parameter(study)):
+        say(f"{line}\n")
+    many = study.sizes["taxel"] > MOST_ROWS
+    if many and "taxel" in slopes and len(slopes):
+        say("Slopes")
+        print_table(HEADINGS, slope_rows(slopes, SHOWN))
+    else:
+        print_figures(", ".join(filter(None, ("Slopes", channel))), *table_rows(slopes, SHOWN))
+        for line in remarks_explained(slopes[slopes.figure.isin(SHOWN)]):
+            say(line)
+    if len(slopes) and (circuit := circuit_of_study(study)):
+        volts = volts_table(study, circuit)
+        if many:
+            say(f"\n{AS_SHOWN}")
+            print_table(HEADINGS, volts_rows(volts))
+        else:
+            print_figures(AS_SHOWN, *figure_rows(volts))
+        for line in volts_notes(volts, circuit):
+            say(line)
+    if many and len(slopes):
+        say(full_table(study.sizes["taxel"], f"summary.csv and readings.csv in {folder}"))
 
 
 def _end(failures: list[str], folder: Path) -> None:

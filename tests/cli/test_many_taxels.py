@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from taxel_cli import many_taxels, render, tables
+import xarray as xr
+from taxel_cli import many_taxels, render, sweep, tables
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.electronics import Circuit, shown
@@ -106,6 +107,33 @@ def test_derivatives_are_summarised_in_watts_volts_and_counts(capsys):
     least, most = (f"{counts[index]:.4g} ({index + 1})" for index in (counts.argmin(), counts.argmax()))
     assert f"fz [counts/N] {least} {counts.mean():.4g} {most}" in lines
     assert [line for line in lines if line.startswith("fz [V/N]")] and "Saturated: 0 of 100 taxels" in lines
+
+
+@pytest.mark.parametrize("count", [100, 64])
+def test_slopes_and_volts_of_a_sweep_are_summarised_beyond_64_taxels(capsys, tmp_path, count):
+    """Power falls from 1 mW by 10 to 19 % over 10 N, by the column."""
+    force = np.array([0.0, -10.0])
+    power = (1e-3 * (1 - np.abs(force)[:, None] / 10 * (0.1 + 0.01 * COLUMN)))[:, :count]
+    circuit = Circuit(supply=3.3, load_resistance=100, transfer=8)
+    study = xr.Dataset(
+        {
+            "replicate_power": (("fz", "replicate", "taxel"), np.repeat(power[:, None], 4, axis=1), {"units": "W"}),
+            "power": (("fz", "taxel"), power),
+        },
+        {"fz": force, "taxel": np.arange(1, count + 1)},
+        {"curve": "fz", "notes": "", "circuit": json.dumps(circuit.as_table())},
+    )
+    sweep.print_slopes(study, tmp_path)
+    lines = [" ".join(line.split()) for line in shown_lines(capsys)]
+    if count == 64:
+        assert len([line for line in lines if line.startswith("64 ")]) == 2
+        return
+    assert "mean slope, fz [W/N] 1e-05 (1) 1.45e-05 1.9e-05 (10)" in lines
+    (rest,) = [line for line in lines if line.startswith("rest, fz [V]")]
+    assert "saturation, fz [N] not reached not reached not reached" in lines
+    assert rest == "rest, fz [V] 0.8 (1) 0.8 0.8 (1)"
+    assert lines[-1] == f"A row for each of the 100 taxels: summary.csv and readings.csv in {tmp_path}."
+    assert len(lines) < 40
 
 
 def test_the_program_prints_summaries_with_a_map_of_the_board(taxel, tmp_path):
