@@ -13,6 +13,7 @@ from mitsuba_taxel.base.units import LOADS
 from mitsuba_taxel.characterise.roles import is_load, roles_of_study, with_forces_named
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.plots.figures import (
+    MOST_LINES,
     MOST_PANELS,
     as_label,
     compared,
@@ -34,6 +35,8 @@ STEP = "step"
 TOUCH = ("indenter_x", "indenter_y", "patch_x", "patch_y")
 """Roles of parameters that are positions of a contact."""
 TAXELS = "taxel, row by\nrow from (-x, +y)"
+MOST_TAXELS = 64
+"""Largest number of taxels that are all drawn in one panel."""
 QUANTITIES = {"W": "optical power", "V": "voltage"}
 
 
@@ -199,17 +202,32 @@ def plot_curves(study: xr.Dataset, narrow: bool = False) -> Figure:
 
 
 def _plot_taxels(study: xr.Dataset, curve: Curve, narrow: bool) -> Figure:
-    names, count = study.taxel.values.tolist(), study.sizes["taxel"]
+    count, chosen = study.sizes["taxel"], _shown_taxels([curve])
+    names = study.taxel.values[chosen].tolist()
     axes = panel_axes(2 if count > 1 else 1, 1, narrow=narrow)
     panels = axes[:, 0]
-    _draw_lines(panels[0], curve, names)
+    _draw_lines(panels[0], curve.weighted(np.eye(count)[:, chosen]), names)
     _label(panels[:1], study, _quantity(study))
     if count > 1:
-        _draw_lines(panels[1], curve.weighted(np.eye(count) - 1 / count)._replace(error=0 * curve.error), names)
+        difference = curve.weighted((np.eye(count) - 1 / count)[:, chosen])
+        _draw_lines(panels[1], difference._replace(error=0 * difference.error), names)
         _label(panels[1:], study, "difference from the taxels' mean")
     _finish(axes, study)
-    legend_beside(panels[0].figure, panels[:1], TAXELS)
+    legend_beside(panels[0].figure, panels[:1], _legend_title(count, chosen))
     return panels[0].figure
+
+
+def _shown_taxels(curves: list[Curve]) -> np.ndarray:
+    """Indices of the taxels to draw, ascending: all, or of more than `MOST_TAXELS` those that change most."""
+    means = [np.ma.masked_invalid(curve.samples.mean(axis=1)) for curve in curves]
+    change = np.max([np.ma.ptp(mean, axis=0).filled(0.0) for mean in means], axis=0)
+    if len(change) <= MOST_TAXELS:
+        return np.arange(len(change))
+    return np.sort(np.argsort(-change, kind="stable")[:MOST_LINES])
+
+
+def _legend_title(count: int, chosen: np.ndarray) -> str:
+    return TAXELS if len(chosen) == count else f"{TAXELS}:\n{len(chosen)} of {count},\nwhich change most"
 
 
 def _plot_compared(study: xr.Dataset, curves: list[Curve], narrow: bool) -> Figure:
@@ -276,12 +294,14 @@ def plot_taxels(study: xr.Dataset, narrow: bool = False) -> Figure:
     study = with_forces_named(study)
     curves = curves_of(study)
     blocks = _blocks(min(len(curves), MOST_PANELS), 1, narrow)
+    chosen = _shown_taxels(curves)
+    weights = np.eye(study.sizes["taxel"])[:, chosen]
     for (ax,), curve in zip(blocks, curves, strict=False):
-        _draw_lines(ax, curve.relative(), study.taxel.values.tolist())
+        _draw_lines(ax, curve.weighted(weights).relative(), study.taxel.values[chosen].tolist())
         ax.set_title(", ".join(f"{name} = {as_label(value)}" for name, value in curve.where.items()), fontsize="medium")
     label_with_prefix(blocks[:, 0], _since(study, curves[0]), "%")
     _finish(blocks, study, len(curves) - len(blocks))
-    legend_beside(blocks[0, 0].figure, blocks[:, 0], TAXELS)
+    legend_beside(blocks[0, 0].figure, blocks[:, 0], _legend_title(study.sizes["taxel"], chosen))
     return blocks[0, 0].figure
 
 

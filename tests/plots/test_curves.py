@@ -8,7 +8,7 @@ import xarray as xr
 from matplotlib.collections import PolyCollection
 from PIL import Image
 
-from mitsuba_taxel.plots.curves import plot_curves
+from mitsuba_taxel.plots.curves import plot_curves, plot_taxels
 
 
 @pytest.mark.parametrize(
@@ -64,3 +64,26 @@ def test_curves_go_through_readings_with_their_slopes(tmp_path, monkeypatch):
     assert len(drawn) == 4  # and how both differ from their mean
     for (x, y), factor in zip(drawn, (1, 2, -0.5, 0.5), strict=True):
         np.testing.assert_allclose(y, factor * np.polyval([0.1, 1, 0, 5], x))
+
+
+@pytest.mark.parametrize("count", [64, 100])
+@pytest.mark.parametrize("plot", [plot_curves, plot_taxels])
+def test_of_more_than_64_taxels_those_that_change_most_are_drawn(plot, count):
+    """Every seventh changes by a tenth or more, and more the higher its number."""
+    taxel = np.arange(1, count + 1)
+    change = np.where(taxel % 7 == 0, 0.1 + 1e-3 * taxel, 0.01)
+    power = 1 - np.array([0.0, 0.5, 1.0])[:, None, None] * change
+    power = np.repeat(power, 4, axis=1)
+    dims, coords, attrs = ["fz", "replicate", "taxel"], {"fz": [0.0, -1, -2]}, {"curve": "fz", "scene": "scene.xml"}
+    study = xr.Dataset(
+        {"replicate_power": (dims, power), "total_error": (["fz", "taxel"], 0.001 * power[:, 0])},
+        coords={**coords, "taxel": taxel},
+        attrs=attrs,
+    )
+    (legend,) = plot(study).legends
+    drawn = [int(text.get_text()) for text in legend.get_texts()]
+    if count == 64:
+        assert drawn == taxel.tolist() and "most" not in legend.get_title().get_text()
+    else:
+        assert drawn == [42, 49, 56, 63, 70, 77, 84, 91, 98]
+        assert legend.get_title().get_text().endswith("9 of 100,\nwhich change most")
