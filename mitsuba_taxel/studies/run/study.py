@@ -370,6 +370,7 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
     checked = checked_places(batch.axes[curve])
     offered = not batch.derivatives and not settings.points and not batch.bare
     fitted = fitted_forces(batch.axes, batch.derivatives, batch.forces) if batch.from_paths else ()
+    base_load = _base_load(batch, fitted, settings)
 
     # One job for each combination; the indices along the other dimensions identify its curve.
     curves: dict[tuple[int, ...], list[Job]] = {}
@@ -388,7 +389,7 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
             derivatives=batch.varied_forces if offered else batch.derivatives,
             where_smooth=offered,
             from_paths=batch.from_paths,
-            base=_base(batch, values, fitted, settings),
+            base=None if base_load is None else {**parameters, **base_load},
             fitted=fitted,
             bare=batch.bare,
             sides={name: side for along, i in zip(sides, index, strict=True) for name, side in along[i].items()},
@@ -399,8 +400,8 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
     return list(curves.values())
 
 
-def _base(batch: Batch, values: Mapping[str, str], fitted: Sequence[str], settings: Settings) -> dict[str, str] | None:
-    """Parameters of the scene of a curve relative to which the others are read by random paths: that of largest load.
+def _base_load(batch: Batch, fitted: Sequence[str], settings: Settings) -> dict[str, str] | None:
+    """The largest load of the curves, relative to whose scenes the others are read by random paths.
 
     None if no curve is fitted to the readings.
     """
@@ -408,7 +409,7 @@ def _base(batch: Batch, values: Mapping[str, str], fitted: Sequence[str], settin
     if along not in fitted or not settings.points or batch.maps:
         return None
     words = next(axis for axis in batch.axes if axis.dim == along).values[along]
-    return batch.parameters({**values, along: max(words, key=lambda word: abs(float(word)))})
+    return {along: max(words, key=lambda word: abs(float(word)))}
 
 
 def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Settings, dict[str, float]]:
