@@ -138,7 +138,7 @@ def _refuse_unseen_emitters(scene: mi.Scene, plugin: str) -> None:
                 emitter,
             )
         if plugin == "ptracer" and flags & mi.EmitterFlags.Infinite:
-            raise InputError(f"integrator ptracer gives wrong readings of the light of a {kind}: use path.", emitter)
+            raise InputError(f"integrator ptracer gives wrong readings of {kind} emitters: use path.", emitter)
 
 
 def _refuse_samplers(scene: mi.Scene) -> None:
