@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from one_cell import one_cell
 
-from mitsuba_taxel import Scene
+from mitsuba_taxel import Pad, PadSensor, Scene, Wall
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.sensing.reading.mechanics_error import mechanics_deviations
 from mitsuba_taxel.sensing.reading.paired import can_be_paired, paired
@@ -62,6 +62,15 @@ def test_mirrors_have_no_paths_between_given_points(printed, roof, is_paired):
     scene = Scene(printed, {"fz": "-0.8", "roof": roof})
     assert can_be_paired(prepare(scene)) == is_paired
     assert (paired(scene, Scene(printed, {"fz": "-0.4", "roof": roof})).paired is not None) == is_paired
+
+
+def test_scenes_of_python_are_not_mistaken_for_their_base():
+    """Scenes without parameters, which differ in what they contain."""
+    pad, walls = Pad("spherical", rows=1, columns=1), {"roof": Wall("lambertian", reflectance=0.9)}
+    base, scene = (PadSensor(pad, force=(0, 0, force), **walls).scene() for force in (-0.8, -0.4))
+    assert base.parameters == scene.parameters
+    first, second = (powers(paired(base, state), 64) for state in (base, scene))
+    assert np.abs(second - first).min() > 0
 
 
 def test_a_base_that_is_refused_leaves_the_scene_as_it_is(printed):

@@ -6,6 +6,8 @@ by `trace_difference`.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mitsuba as mi
 import numpy as np
 
@@ -103,7 +105,7 @@ def paired_with(base: Scene, loaded_base: Prepared, scene: Scene) -> Prepared:
         The scene; its readings are not paired if the triangles of both states differ.
     """
     ready = prepare(scene)
-    if scene.parameters == base.parameters:
+    if isinstance(scene.source, Path) and (scene.source, scene.parameters) == (base.source, base.parameters):
         return ready._replace(paired=PairedReading(loaded_base, ready, None))
     (pad,), (base_pad,) = deformed_pads(ready.scene), deformed_pads(loaded_base.scene)
     moved = ready.scene
