@@ -8,7 +8,7 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing.scene.description import Scene
 
-WITHOUT_PAD = "the scene has no pad, and a study stores no derivatives by differences of random paths, which are noisy"
+WITHOUT_PAD = "the scene has no pad, and a study stores derivatives of pads alone"
 
 
 @in_turn
