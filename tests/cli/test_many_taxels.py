@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,12 +11,12 @@ from taxel_cli import many_taxels, render, sweep, tables
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.electronics import Circuit, shown
+from mitsuba_taxel.sensing import find_scene
 from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
 from mitsuba_taxel.sensing.reading.readings import Readings
 
 pytestmark = pytest.mark.quick
 
-SCENE = Path(__file__).parents[2] / "scenes" / "plate.xml"
 COLUMN, ROW = (index.ravel() for index in np.meshgrid(np.arange(10), np.arange(10)))
 GRID = np.stack([2.5 * COLUMN, -2.5 * ROW], axis=1) - 7
 """Positions of 10 x 10 taxels, row by row from (-x, +y)."""
@@ -140,7 +139,8 @@ def test_the_program_prints_summaries_with_a_map_of_the_board(taxel, tmp_path):
     """A plate above a part of 5 x 13 taxels: dark ones are 0 in the map, where JSON lists them row by row."""
     array = "".join(f'<integer name="{name}" value="{count}"/>' for name, count in (("rows", 5), ("columns", 13)))
     part = '<shape type="photo_reflector">'
-    scene = SCENE.read_text().replace(part, f'{part}{array}<float name="pitch" value="4"/>')
+    scene = find_scene("plate.xml").read_text()
+    scene = scene.replace(part, f'{part}{array}<float name="pitch" value="4"/>')
     (tmp_path / "board.xml").write_text(scene)
     (tmp_path / "circuit.toml").write_text("supply = 3.3\nload_resistance = 22e3\ntransfer = 8\n")
     command = ["render", "board.xml", "-D", "width=30", "-D", "depth=9", "-D", "offset_x=15", "-D", "offset_y=6"]

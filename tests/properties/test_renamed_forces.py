@@ -93,9 +93,9 @@ def test_the_parameter_that_must_be_varied_is_called_as_in_the_scene(studies):
 
 
 @pytest.mark.parametrize(("name", "shown"), [("fz", "fz"), ("f", "fz = f"), ("press", "fz = -press")])
-def test_the_line_of_a_slope_names_the_parameter_of_the_scene(studies, name, shown, capsys):
+def test_the_line_of_a_slope_names_the_parameter_of_the_scene(studies, name, shown, capsys, tmp_path):
     """With its sign: the slope is that over the force."""
-    _show("", studies[name])
+    _show("", studies[name], tmp_path)
     assert capsys.readouterr().out.startswith(f"Mean slope over {shown}: ")
     assert forces_by_parameter(xr.DataTree.from_dict({"a": studies[name], "b": studies[name]})) == (
         {} if name == "fz" else {"fz": shown.removeprefix("fz = ")}

@@ -59,12 +59,12 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     """
     require("pad", pad, Pad, "a Pad")
     require("mesh", mesh, VolumeMesh, "a VolumeMesh")
+    if isinstance(parameter, str) and parameter == "fillet" and not pad.fillet:
+        raise refusal("parameter", parameter, "a pad with a fillet above 0 is needed")
     if not (isinstance(parameter, str) and parameter in pad.dimensions):
         is_parameter = isinstance(parameter, str) and parameter in parameters_of(Pad)
         reason = "it does not change continuously" if is_parameter else f"one of {', '.join(pad.dimensions)} is needed"
         raise refusal("parameter", parameter, reason)
-    if parameter == "fillet" and not pad.fillet:
-        raise refusal("parameter", parameter, "a pad with a fillet above 0 is needed")
     upright = upright_nodes(pad, mesh)
     if parameter in AXES:
         return lean_rate(pad, mesh, upright, parameter)
