@@ -4,6 +4,10 @@ Light that a mirror reflects onto a small phototransistor is only sampled by uni
 pilot run learns which area of the unit square, which the emission law maps to directions, contributes light. Rays are
 then sampled there more often, with smaller weights. One ray in five is still sampled from the law alone, so that no
 weight exceeds five.
+
+A small phototransistor is hit by few paths of a pilot run, which leave gaps at the border of that area. Rare rays with
+a large weight would find the light of the gaps, and their scatter over few replicates understates the noise. Further
+pilot runs are therefore guided by what is known: they sample the border often, and close the gaps.
 """
 
 from __future__ import annotations
@@ -20,7 +24,8 @@ from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import has_mirrors
 
 _DEPTH = 10  # levels of the tree: 32 x 32 cells
-_PILOT = 1 << 14  # paths of the pilot run per taxel
+_PILOT = 1 << 14  # paths of each pilot run per taxel
+_PILOTS = 3  # pilot runs: the later ones are guided by the earlier ones
 _DEFENSIVE = 0.2  # fraction of rays that are sampled from the law alone
 LARGEST_WEIGHT = 1 / _DEFENSIVE
 """Largest weight of a ray that is sampled from the learned density, relative to a ray sampled from the law."""
@@ -81,27 +86,33 @@ def guided_emission(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair)
 
 
 def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.ndarray:
-    """The density (T, 32, 32) from a pilot run."""
-    # Power of each path of the pilot run.
+    """The density (T, 32, 32) from pilot runs, each guided by those before."""
     sampler = pair.sensor.sampler().fork()
     sampler.set_sample_count(_PILOT)
-    lanes = pair.count * _PILOT
-    sampler.seed(0, lanes)
-    taxel = mi.UInt32(sampler.sequence)
-    guide = guide_for(scene, pair)
-    power = integrator.sample_guided(
-        scene, pair, taxel, taxel, sampler, None, None, guide, plane_mirrors(scene, pair)
-    ).numpy()
+    lanes, side = pair.count * _PILOT, 1 << (_DEPTH // 2)
+    guide, mirrors = guide_for(scene, pair), plane_mirrors(scene, pair)
+    emission: GuidedEmission | None = None
+    square = np.zeros((pair.count, side, side))
+    for run in range(_PILOTS):
+        # Power of each path.
+        sampler.seed(run, lanes)
+        taxel = mi.UInt32(sampler.sequence)
+        power = integrator.sample_guided(scene, pair, taxel, taxel, sampler, None, emission, guide, mirrors).numpy()
 
-    # The second pair of random numbers of each path again, which the law maps to its direction.
-    sampler.seed(0, lanes)
-    sampler.next_2d()
-    u = np.array(sampler.next_2d())
-    side = 1 << (_DEPTH // 2)
-    column, row = np.minimum((u * side).astype(int), side - 1)
-    cell = (np.arange(lanes) // _PILOT * side + row) * side + column
-    square = np.bincount(cell, power.astype(float) ** 2, pair.count * side**2).reshape(-1, side, side)
-    return _density(square)
+        # The second pair of random numbers of each path again, which the law maps to its direction.
+        sampler.seed(run, lanes)
+        sampler.next_2d()
+        sample, density = sampler.next_2d(), mi.Float(1)
+        if emission is not None:
+            sample, density = emission.sample(taxel, sample)
+        column, row = np.minimum((np.array(sample) * side).astype(int), side - 1)
+        cell = (np.arange(lanes) // _PILOT * side + row) * side + column
+        # Of rays that are sampled with a density, the mean of power^2 density estimates that of rays of the law alone.
+        squares = power.astype(float) ** 2 * np.broadcast_to(density.numpy(), lanes)
+        square += np.bincount(cell, squares, pair.count * side**2).reshape(-1, side, side)
+        learned = _density(square)
+        emission = GuidedEmission(learned)
+    return learned
 
 
 def _density(square: np.ndarray) -> np.ndarray:
