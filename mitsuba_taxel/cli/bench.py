@@ -214,6 +214,23 @@ def rough_command(markdown: Path | None) -> None:
         write_page(rows, markdown, f"taxel bench rough --markdown {markdown}")
 
 
+@command.command("estimators", short_help="Estimators of random paths against plain paths.")
+@click.option("--only", metavar="PATTERN", help="Only scenes whose name contains this; * and ? are wildcards.")
+@csv_option
+@markdown_option
+@debug_option
+def estimators_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
+    """Compare connections over mirrors, and differences by paths through material points, with plain random paths.
+
+    Scenes are drawn at random; each is read in a process of its own.
+    """
+    from mitsuba_taxel.evidence.coverage.estimators import EstimatorRow, estimators, summary
+    from mitsuba_taxel.evidence.rows.row import cells, headings
+
+    rows = estimators(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
+    _shown(rows, headings(EstimatorRow), partial(map, cells), summary=summary)
+
+
 @command.command("horizon", short_help="Derivatives by the width of the horizon.")
 @markdown_option
 @debug_option

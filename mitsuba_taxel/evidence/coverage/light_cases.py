@@ -161,16 +161,33 @@ def light_cases(seed: int = 52) -> list[LightCase]:
     cases = []
     for number in range(1, CASES + 1):
         cell = CELL_SHAPES[(number - 1) % len(CELL_SHAPES)]
-        cases.append(_drawn(random, f"{number:03d} {cell}", cell, with_slopes=number % (CASES // SLOPES) == 0))
+        cases.append(drawn_case(random, f"{number:03d} {cell}", cell, with_slopes=number % (CASES // SLOPES) == 0))
     for cell in other_cells():
         random = generator(seed, cell)
         for number in range(1, OTHER_CASES + 1):
-            cases.append(_drawn(random, f"{cell} {number}:", cell, with_slopes=number == OTHER_CASES))
+            cases.append(drawn_case(random, f"{cell} {number}:", cell, with_slopes=number == OTHER_CASES))
     return cases
 
 
-def _drawn(random: np.random.Generator, label: str, cell: str, with_slopes: bool) -> LightCase:
-    """A configuration with cells of a shape, drawn again until its components fit."""
+def drawn_case(random: np.random.Generator, label: str, cell: str, with_slopes: bool = False) -> LightCase:
+    """A configuration with cells of a shape, drawn again until its components fit.
+
+    Parameters
+    ----------
+    random : np.random.Generator
+        Random numbers, of which the configuration takes as many as it needs.
+    label : str
+        First word of its name.
+    cell : str
+        Name of the shape.
+    with_slopes : bool
+        Whether derivatives are compared as well.
+
+    Returns
+    -------
+    LightCase
+        A pad of one cell above one package.
+    """
     for _ in range(TRIES):
         case = _draw(random, label, cell, with_slopes)
         if case is not None:

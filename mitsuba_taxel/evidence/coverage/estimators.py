@@ -1,0 +1,304 @@
+"""The table of estimators of random paths, each compared with paths that do not use it, for scenes drawn at random.
+
+Two estimators have less noise than others: connections over plane mirrors, and differences of readings by paths through
+material points. Both sides of a comparison have the same expectation, triangle by triangle.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
+from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.evidence.coverage.light_cases import LightCase, drawn_case
+from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
+from mitsuba_taxel.evidence.rows.kind_examples import generator
+from mitsuba_taxel.evidence.rows.row import cells, headings
+from mitsuba_taxel.evidence.rows.row_files import ResumedTable, not_measured
+from mitsuba_taxel.kernels.paths.plane_mirrors import without_images
+from mitsuba_taxel.pads.cells.cell_shape import FLAT_ROOF, CellShape
+from mitsuba_taxel.pads.parametric.pad import Pad
+from mitsuba_taxel.parameters import parameters_of
+from mitsuba_taxel.sensing.reading.paired import can_be_paired, paired_with
+from mitsuba_taxel.sensing.reading.runs import Prepared, Run, prepare
+from mitsuba_taxel.specification.deformable_pad import FINISHES
+
+SEED = 58
+IMAGES, DIFFERENCES = 5, 4
+"""Numbers of scenes for each shape with a flat roof, and for each shape."""
+POINTS, IMAGE_POINTS, DIFFERENCE_POINTS = 1 << 12, 1 << 18, 1 << 15
+"""Points per replicate of the estimators, and of the paths that they are compared with. Without images, rare paths have
+much of the light: their scatter tells the error only with many points."""
+ALLOWED = 4.0
+"""Largest deviation in combined errors: some 1 in 16 000 scenes is further off by chance."""
+FILLET = 0.1
+"""Radius of rounded edges, mm."""
+FINISH_VALUES: dict[str, dict[str, Any]] = {
+    "layer_steps": {"layer_height": 0.1},
+    "grooves": {"groove_pitch": 0.2, "groove_depth": 0.05},
+    "random": {"rms_height": 0.01, "correlation_length": 0.2},
+}
+"""Parameters of the finishes, by their names in a scene."""
+
+_PAGE = """\
+# Estimators of random paths
+
+For people who change how light is traced.
+
+Written by `{command}`; do not edit by hand.
+
+Each row is a pad of one cell, whose optics are drawn at random as in [light of random configurations](light.md).
+*images* are readings with a mirror on the flat roof of an unloaded pad, with and without [connections over the
+mirror](theory/light.md). *differences* are changes of a reading between two loads, by [paths through material
+points](theory/derivatives.md#paths-through-material-points), and by readings that share their random numbers, on the
+same triangles; walls are diffuse, with a finish or without, and rims are sharp or rounded.
+
+**{summary}**
+
+{table}
+
+- **value**: the reading, or its change, by paths that do not use the estimator.
+- **deviation**: of the estimator from it, relative. **combined errors**: the same over the standard error of both.
+- **gain**: variance of those paths over that of the estimator, with equal numbers of paths. It is a lower bound, as the
+  other paths are more, and their variance falls faster than their number rises. Where the LED has a narrow beam, paths
+  through material points leave it, and have more noise than others.
+- **CPU s**: time of both, with the mechanics.
+
+{missing}
+"""
+
+
+@dataclass(frozen=True)
+class EstimatorRow:
+    """Result of a scene; missing values are NaN.
+
+    Attributes
+    ----------
+    value : float
+        Reading or change of a reading by paths that do not use the estimator, W.
+    off : float
+        Deviation of the estimator, W.
+    error : float
+        Standard error of the deviation, W.
+    gain : float
+        Ratio of the variances with equal numbers of paths.
+    seconds : float
+        CPU time.
+    """
+
+    COLUMNS: ClassVar = {
+        "case": ("scene", ""),
+        "value": ("value [W]", ".4g"),
+        "relative": ("deviation", ".2%"),
+        "deviates": ("combined errors", ".2f"),
+        "gain": ("gain", ".3g"),
+        "seconds": ("CPU s", ".0f"),
+        "remark": ("remark", ""),
+    }
+    case: str
+    remark: str = ""
+    value: float = math.nan
+    off: float = math.nan
+    error: float = math.nan
+    gain: float = math.nan
+    seconds: float = math.nan
+
+    @property
+    def relative(self) -> float:
+        """Deviation relative to the value."""
+        return self.off / abs(self.value) if self.value else math.nan
+
+    @property
+    def deviates(self) -> float:
+        """Magnitude of the deviation in combined errors."""
+        return abs(self.off) / self.error if self.error else 0.0
+
+
+@dataclass(frozen=True)
+class EstimatorCase:
+    """One row of the table.
+
+    Attributes
+    ----------
+    light : LightCase
+        The scene; that under the larger load for differences.
+    load : tuple[float, float, float] or None
+        Smaller load in N; None for images.
+    """
+
+    light: LightCase
+    load: tuple[float, float, float] | None
+
+    @property
+    def name(self) -> str:
+        """Words for the row."""
+        return self.light.name
+
+    def failed(self, end: str) -> EstimatorRow:
+        """The row of a process that returned none."""
+        return EstimatorRow(self.name, end)
+
+    def measured(self) -> EstimatorRow:
+        """The row, measured in this process."""
+        start = time.process_time()
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                row = self._images(Path(folder)) if self.load is None else self._differences(Path(folder))
+        except (ComputationError, InputError) as error:
+            row = EstimatorRow(self.name, str(error))
+        return replace(row, seconds=time.process_time() - start)
+
+    def _images(self, folder: Path) -> EstimatorRow:
+        ready = prepare(self.light.scene(folder))
+        with_images = _powers(ready, POINTS, 1)
+        with without_images(ready.scene):
+            without = _powers(ready, IMAGE_POINTS, 2)
+        return self._compared(with_images, without, IMAGE_POINTS)
+
+    def _differences(self, folder: Path) -> EstimatorRow:
+        larger = self.light.scene(folder)
+        pad = {**self.light.source["pad"], "force": list(self.load or ())}
+        smaller = replace(self.light, source={**self.light.source, "pad": pad}).scene(folder)
+        base = prepare(larger)
+        if not can_be_paired(base) or (paired := paired_with(larger, base, smaller)).paired is None:
+            return EstimatorRow(self.name, "no paths through material points: the states have different triangles")
+        of_points = _powers(paired, POINTS, 1) - _powers(base, POINTS, 1)
+        shared = _powers(prepare(smaller), DIFFERENCE_POINTS, 2) - _powers(base, DIFFERENCE_POINTS, 2)
+        return self._compared(of_points, shared, DIFFERENCE_POINTS)
+
+    def _compared(self, estimated: np.ndarray, plain: np.ndarray, plain_points: int) -> EstimatorRow:
+        error, plain_error = float(standard_error(estimated)), float(standard_error(plain))
+        gain = plain_points / POINTS * (plain_error / error) ** 2 if error else math.nan
+        off = float(estimated.mean() - plain.mean())
+        return EstimatorRow(self.name, "", float(plain.mean()), off, math.hypot(error, plain_error), gain)
+
+
+def _powers(ready: Prepared, points: int, seed: int) -> np.ndarray:
+    """(R,) readings of the replicates in W."""
+    run = Run(ready, seed)
+    run.extend_to(points)
+    return run.powers[:, 0]
+
+
+def estimator_cases() -> list[EstimatorCase]:
+    """Draw the scenes of the table; each shape of cells has random numbers of its own."""
+    cases = []
+    for cell, shape in CellShape.kinds().items():
+        random = generator(SEED, cell)
+        images = IMAGES if shape.light_sizes is FLAT_ROOF else 0
+        cases += [_with_mirror(random, f"images {number} {cell}", cell) for number in range(1, images + 1)]
+        cases += [_with_loads(random, f"differences {number} {cell}", cell) for number in range(1, DIFFERENCES + 1)]
+    return cases
+
+
+def _with_mirror(random: np.random.Generator, label: str, cell: str) -> EstimatorCase:
+    """An unloaded pad whose roof is a mirror or partly one, and whose sides scatter."""
+    case = drawn_case(random, label, cell)
+    pad = {name: value for name, value in case.source["pad"].items() if name not in ("force", "mesh_size")}
+    roof = {"type": "wall", "scattering": "mirror", "reflectance": round(random.uniform(0.3, 1.0), 2)}
+    if random.random() < 0.5:
+        roof |= {"scattering": "mixed", "specular": 0.5, "lambertian": 0.3, "isotropic": 0.2}
+    return EstimatorCase(_with_walls(case, pad, roof, _diffuse(random), label), None)
+
+
+def _with_loads(random: np.random.Generator, label: str, cell: str) -> EstimatorCase:
+    """A pad under two loads, with a finish or a fillet or both, where its shape can have them."""
+    case = drawn_case(random, label, cell)
+    pad = {name: value for name, value in case.source["pad"].items() if name != "mesh_size"}
+    force = [*random.uniform(-0.1, 0.1, 2).round(2).tolist(), -round(random.uniform(0.3, 0.9), 2)]
+    fraction = round(random.uniform(0.2, 0.8), 2)
+    finish = str(random.choice(["smooth", *FINISHES]))
+    pad |= {"force": force, "finish": finish, **FINISH_VALUES.get(finish, {})}
+    words = f"{label}, {force[2]:g} N and {fraction:g} of it, {finish}"
+    if random.random() < 0.5 and _can_be_rounded(pad):
+        pad["fillet"] = FILLET
+        words += f", fillet {FILLET:g} mm"
+    smaller = (fraction * force[0], fraction * force[1], fraction * force[2])
+    return EstimatorCase(_with_walls(case, pad, _diffuse(random), _diffuse(random), words), smaller)
+
+
+def _can_be_rounded(pad: dict[str, Any]) -> bool:
+    dimensions = {name: value for name, value in pad.items() if name in parameters_of(Pad)}
+    try:
+        Pad(**dimensions, fillet=FILLET)
+    except InputError:
+        return False
+    return True
+
+
+def _diffuse(random: np.random.Generator) -> dict[str, Any]:
+    """A wall that only scatters."""
+    scattering = str(random.choice(["lambertian", "isotropic"]))
+    return {"type": "wall", "scattering": scattering, "reflectance": round(random.uniform(0.3, 0.95), 2)}
+
+
+def _with_walls(case: LightCase, pad: dict[str, Any], roof: dict, side: dict, words: str) -> LightCase:
+    """The case with another pad and other walls, named by these words, the walls and its optics."""
+    walls = ", ".join(f"{name} {wall['scattering']} {wall['reflectance']:g}" for name, wall in
+                      (("roof", roof), ("sides", side)))  # fmt: skip
+    source = {**case.source, "pad": {**pad, "bsdf": {"type": "region", "roof": roof, "side": side}}}
+    return replace(case, name=f"{words}, {walls}{case.name[case.name.index('; LED') :]}", source=source)
+
+
+def estimators(
+    only: str | None = None,
+    csv_file: Path | None = None,
+    markdown: Path | None = None,
+    starting: Callable[[int, int, str], None] | None = None,
+) -> Iterator[EstimatorRow]:
+    """Yield rows of the table as they are measured, each in its own process.
+
+    Parameters
+    ----------
+    only, csv_file, markdown, starting
+        See `ResumedTable.rows`.
+
+    Returns
+    -------
+    Iterator[EstimatorRow]
+        In the order of the table.
+    """
+    cases = estimator_cases()
+    table = ResumedTable("estimators", cases, EstimatorRow, lambda case: measure_isolated(case), write_page)
+    return table.rows(only, csv_file, markdown, starting)
+
+
+def summary(rows: Sequence[EstimatorRow]) -> str:
+    """A sentence with the numbers of scenes that agree, and the root mean square deviation."""
+    compared = [row for row in rows if not row.remark]
+    off = np.array([row.deviates for row in compared if row.error > 0])
+    sentence = f"{int((off <= ALLOWED).sum())} of {len(off)} scenes agree within {ALLOWED:g} combined errors"
+    if len(off):
+        sentence += f", {int((off <= 2).sum())} within 2; the root mean square is {math.sqrt(np.mean(off**2)):.2f}"
+    if len(off) < len(compared):
+        sentence += f". {len(compared) - len(off)} have no light"
+    if len(compared) < len(rows):
+        sentence += f". {len(rows) - len(compared)} were not compared, see the remarks"
+    return f"{sentence}. {len(rows)} of {len(estimator_cases())} scenes were run."
+
+
+def write_page(rows: Sequence[EstimatorRow], file: Path, command: str) -> None:
+    """Write the rows as a page that explains its columns.
+
+    Parameters
+    ----------
+    rows : sequence of EstimatorRow
+        The measured rows.
+    file : Path
+        Page, which is replaced.
+    command : str
+        Command that the page names as its origin.
+    """
+    table = markdown_table(headings(EstimatorRow), map(cells, rows), ("scene", "remark"))
+    missing = not_measured(estimator_cases(), rows)
+    write_text(file, _PAGE.format(command=command, summary=summary(rows), table=table, missing=missing))
