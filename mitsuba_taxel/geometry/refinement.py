@@ -76,14 +76,14 @@ def bisected(mesh: VolumeMesh, ends: np.ndarray) -> VolumeMesh:
     Parameters
     ----------
     mesh : VolumeMesh
-        Before.
+        Mesh before the cut.
     ends : (E, 2) ndarray of int
         Corners at the ends of the edges, ascending in each row and from row to row; at most one edge of an element.
 
     Returns
     -------
     VolumeMesh
-        Of quadratic elements on the same curved walls.
+        Mesh of quadratic elements on the same curved walls.
     """
     corners = np.unique(mesh.tets[:, :4])
     number = np.full(len(mesh.points), -1)

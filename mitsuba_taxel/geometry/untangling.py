@@ -28,7 +28,7 @@ def untangled(mesh: VolumeMesh, least: float, sweeps: int = 8) -> VolumeMesh:
     Parameters
     ----------
     mesh : VolumeMesh
-        Of quadratic tetrahedra, possibly with inverted ones.
+        Mesh of quadratic tetrahedra, possibly with inverted ones.
     least : float
         Required determinant of the elements' maps, relative to that of the straight element.
     sweeps : int
@@ -37,7 +37,7 @@ def untangled(mesh: VolumeMesh, least: float, sweeps: int = 8) -> VolumeMesh:
     Returns
     -------
     VolumeMesh
-        With the same elements and surface; some may still be distorted.
+        Mesh with the same elements and surface; some elements may still be distorted.
     """
     points, tets = mesh.points.copy(), mesh.tets
     inner = np.ones(len(points), dtype=bool)

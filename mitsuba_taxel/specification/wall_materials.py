@@ -80,7 +80,7 @@ class WallMaterial:
         Returns
         -------
         float
-            From 0 to 1.
+            Reflectance from 0 to 1.
 
         Raises
         ------

@@ -41,7 +41,7 @@ class RoughRow:
     Attributes
     ----------
     case : str
-        Of `CASES`.
+        Name of the case in `CASES`.
     points : int
         Per replicate.
     reading : float

@@ -97,7 +97,7 @@ def walls() -> Iterator[MouldWalls]:
 def moulds(store: PaperStudies, workers: int | None) -> dict[MouldWalls, dict[str, xr.Dataset]]:
     """Readings of all taxels, by walls and force (fz, fx, fy).
 
-    Of a store that computes nothing, the walls that are complete.
+    A store that computes nothing has only the walls whose studies are complete.
 
     Raises
     ------

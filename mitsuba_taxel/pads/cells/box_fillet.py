@@ -19,7 +19,7 @@ class BoxFillet(Fillet):
     half, height : float
         Half the width of the cell, and its height, mm.
     radius : float
-        Of the ball, mm.
+        Radius of the ball, mm.
     """
 
     half: float
@@ -73,7 +73,7 @@ def box_fillet(half: float, height: float, radius: float) -> BoxFillet:
     half, height : float
         Half the width of the cell, and its height, mm.
     radius : float
-        Of the fillets, mm.
+        Radius of the fillets, mm.
 
     Returns
     -------

@@ -26,7 +26,7 @@ class RimFillet(Fillet):
     Attributes
     ----------
     roof, side : Meridian
-        From the crown to the sharp rim, and from there to the board.
+        Meridian from the crown to the sharp rim, and from there to the board.
     arc : Arc
         The meridian of the fillet, from the side to the roof.
     """
@@ -193,16 +193,16 @@ def rim_fillet(name: str, roof: Meridian, side: Meridian, radius: float) -> RimF
     Parameters
     ----------
     name : str
-        Of the shape of the cells.
+        Name of the shape of the cells.
     roof, side : Meridian
         The meridian from the crown to the rim, and from the rim to the board.
     radius : float
-        Of the fillet, mm.
+        Radius of the fillet, mm.
 
     Returns
     -------
     RimFillet
-        In mm.
+        The fillet, in mm.
 
     Raises
     ------

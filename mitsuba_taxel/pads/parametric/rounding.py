@@ -37,9 +37,9 @@ def with_round_rims(mesh: VolumeMesh, pad: DrawnPad, at_sharp_edges: float, mark
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the symmetric part of the upright pad with sharp rims.
+        Mesh of the symmetric part of the upright pad with sharp rims.
     pad : DrawnPad
-        With its fillet, mm.
+        Pad with its fillet, mm.
     at_sharp_edges : float
         Position of the cut at edges that remain sharp, relative to the length of an element's edge.
     marked : bool
@@ -48,7 +48,7 @@ def with_round_rims(mesh: VolumeMesh, pad: DrawnPad, at_sharp_edges: float, mark
     Returns
     -------
     VolumeMesh
-        With nodes on the exact walls.
+        Mesh with nodes on the exact walls.
     """
     rim, sharp_pad = _rim(pad), pad.with_fillet(0.0)
     mesh = _cut_between_rims(mesh, pad)

@@ -230,9 +230,9 @@ def traced(
     ready : Prepared
         The scene.
     points : int
-        Per taxel and replicate.
+        Points per taxel and replicate.
     seed : int
-        Of the random numbers.
+        Seed of the random numbers.
     first : int
         Number of the first point.
     image : bool
@@ -241,9 +241,9 @@ def traced(
     Returns
     -------
     powers : (R, T) ndarray
-        In W.
+        Powers in W.
     map : ndarray or None
-        Irradiance on the first sensor.
+        Irradiance map of the first sensor.
     points : int
         Points used.
     """

@@ -52,7 +52,7 @@ def with_curve_slopes(study: xr.Dataset, forces: Sequence[str]) -> xr.Dataset:
     Returns
     -------
     xr.Dataset
-        With values of these derivatives, their errors and methods, and of ``smooth_power``.
+        Study with values of these derivatives, their errors and methods, and of ``smooth_power``.
     """
     if "derivative" not in study or not forces:
         return study

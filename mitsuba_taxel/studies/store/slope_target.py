@@ -86,10 +86,10 @@ def missed_slopes(study: xr.Dataset, target: float, forces: Collection[str] = FO
 
     # Mean and largest slopes of curves; of each, the worst curve is described.
     worst_of: dict[str, CurveErrors] = {}
-    for found in curve_errors(study) if is_curve.any() else ():
-        before = worst_of.get(found.figure)
-        if before is None or _worst(found) > _worst(before):
-            worst_of[found.figure] = found
+    for errors in curve_errors(study) if is_curve.any() else ():
+        known = worst_of.get(errors.figure)
+        if known is None or _worst(errors) > _worst(known):
+            worst_of[errors.figure] = errors
     for figure, errors in worst_of.items():
         total = np.linalg.norm(errors.relative, axis=0)
         if np.all(total <= target):
