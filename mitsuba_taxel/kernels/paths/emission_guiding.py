@@ -7,7 +7,8 @@ weight exceeds five.
 
 A small phototransistor is hit by few paths of a pilot run, which leave gaps at the border of that area. Rare rays with
 a large weight would find the light of the gaps, and their scatter over few replicates understates the noise. Further
-pilot runs are therefore guided by what is known: they sample the border often, and close the gaps.
+pilot runs are therefore guided by what is known: they sample the border often, and close the gaps. There are more of
+them where few paths have light: the density is learned from some 1000 such paths per taxel.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from mitsuba_taxel.kernels.walls import has_mirrors
 
 _DEPTH = 10  # levels of the tree: 32 x 32 cells
 _PILOT = 1 << 14  # paths of each pilot run per taxel
-_PILOTS = 3  # pilot runs: the later ones are guided by the earlier ones
+_PATHS_WITH_LIGHT = 1000  # that a taxel's density is learned from, counted by their effective number (Kish)
+_FEWEST, _MOST = 3, 16  # pilot runs: the later ones are guided by the earlier ones
 _DEFENSIVE = 0.2  # fraction of rays that are sampled from the law alone
 LARGEST_WEIGHT = 1 / _DEFENSIVE
 """Largest weight of a ray that is sampled from the learned density, relative to a ray sampled from the law."""
@@ -92,8 +94,8 @@ def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.nd
     lanes, side = pair.count * _PILOT, 1 << (_DEPTH // 2)
     guide, mirrors = guide_for(scene, pair), plane_mirrors(scene, pair)
     emission: GuidedEmission | None = None
-    square = np.zeros((pair.count, side, side))
-    for run in range(_PILOTS):
+    square, fourth = np.zeros((pair.count, side, side)), np.zeros(pair.count)
+    for run in range(_MOST):
         # Power of each path.
         sampler.seed(run, lanes)
         taxel = mi.UInt32(sampler.sequence)
@@ -110,8 +112,13 @@ def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.nd
         # Of rays that are sampled with a density, the mean of power^2 density estimates that of rays of the law alone.
         squares = power.astype(float) ** 2 * np.broadcast_to(density.numpy(), lanes)
         square += np.bincount(cell, squares, pair.count * side**2).reshape(-1, side, side)
+        fourth += np.sum(squares.reshape(pair.count, -1) ** 2, axis=1)
         learned = _density(square)
         emission = GuidedEmission(learned)
+        lit = fourth > 0
+        paths = square[lit].sum(axis=(1, 2)) ** 2 / fourth[lit]  # effective number
+        if run + 1 >= _FEWEST and np.all(paths >= _PATHS_WITH_LIGHT):
+            break
     return learned
 
 
