@@ -85,38 +85,38 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
 
 
 @command.command("coverage", short_help="Stated against true errors of readings and figures.")
-@click.option("--only", metavar="PATTERN", help="Only settings whose name contains this; * and ? are wildcards.")
+@click.option("--only", metavar="PATTERN", help="Only cases whose name contains this; * and ? are wildcards.")
+@click.option(
+    "--part", type=click.Choice(["readings", "figures", "probabilities"]), help="Only this table; all by default."
+)
 @csv_option
 @markdown_option
 @debug_option
-def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
+def coverage_command(only: str | None, part: str | None, csv: Path | None, markdown: Path | None) -> None:
     """Compare the stated errors of readings by the finite elements with the true ones.
 
-    Settings of pads and loads are read one by one, each in its own process, the fastest first; files contain those read
-    so far. Then errors of figures that need no pad are counted on synthetic data: of recordings, tolerances, fits,
-    calibrations, exported models, noise as a force and differences of variants; and how often the probabilities of a
-    comparison come true.
+    Settings of pads and loads are read one by one, each in its own process, the fastest first. Then errors of figures
+    that need no pad are counted on synthetic data: of recordings, tolerances, fits, calibrations, exported models,
+    noise as a force and differences of variants; and how often the probabilities of a comparison come true.
+
+    Files contain the rows measured so far. Figures and probabilities have files of their own beside that of the
+    readings; those selected are counted anew, and the others stay as they are.
     """
-    from mitsuba_taxel.evidence.coverage.coverage import coverage, summary, write_page
-    from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow
+    from mitsuba_taxel.evidence.coverage import coverage as tables
+    from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow, summary
     from mitsuba_taxel.evidence.intervals import intervals, probabilities
     from mitsuba_taxel.evidence.rows.row import cells, headings
-    from mitsuba_taxel.evidence.rows.row_files import command_of, read_rows
 
-    rows = coverage(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
-    read = _shown(rows, headings(CoverageRow), partial(map, cells), summary=summary)
-    if not intervals.interval_cases(only):
-        return
-    figures = intervals.intervals(only, _say)
-    counted = _shown(figures, headings(intervals.IntervalRow), partial(map, cells), summary=intervals.summary)
-    compared: list[probabilities.ProbabilityRow] = []
-    if probabilities.chosen_cases(only):
-        true, columns = probabilities.probability_rows(only, _say), headings(probabilities.ProbabilityRow)
-        compared = _shown(true, columns, partial(map, cells), summary=probabilities.summary)
-    if markdown:
-        before = read_rows(csv, CoverageRow) if csv and csv.exists() else {}
-        rows_of_page = list((before | {row.case: row for row in read}).values())
-        write_page(rows_of_page, markdown, command_of("coverage", csv, markdown), counted, compared)
+    parts = tables.parts_with_cases(only, part)
+    if "readings" in parts:
+        rows = tables.coverage(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
+        _shown(rows, headings(CoverageRow), partial(map, cells), summary=summary)
+    if "figures" in parts:
+        figures = tables.figures_without_pad(only, csv, markdown, _say)
+        _shown(figures, headings(intervals.IntervalRow), partial(map, cells), summary=intervals.summary)
+    if "probabilities" in parts:
+        true = tables.probabilities(only, csv, markdown, _say)
+        _shown(true, headings(probabilities.ProbabilityRow), partial(map, cells), summary=probabilities.summary)
 
 
 @command.command("light", short_help="Readings with and without random numbers, of random optics.")

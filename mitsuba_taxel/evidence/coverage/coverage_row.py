@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -67,3 +68,20 @@ class CoverageRow:
     def ratio(self) -> float:
         """True over stated error."""
         return self.true / self.stated if self.stated else math.inf
+
+
+def summary(rows: Sequence[CoverageRow]) -> str:
+    """Sentences with the number of readings within twice their stated error, and the mean errors."""
+    read = [row for row in rows if row.within == row.within]
+    readings, within = sum(row.readings for row in read), sum(row.within for row in read)
+    unread = f"; {len(rows) - len(read)} settings could not be read" if len(read) < len(rows) else ""
+    percentage = f" ({within / readings:.1%})" if readings else ""
+    true, corrected = (root_mean_square([getattr(row, name) for row in read]) for name in ("true", "corrected"))
+    return (
+        f"{within:.0f} of {readings:.0f} readings{percentage} in {len(read)} settings are within twice{unread}. Root "
+        f"mean square of the worst taxels: true {true:.3%}, corrected {corrected:.3%}."
+    )
+
+
+def root_mean_square(values: Sequence[float]) -> float:
+    return math.sqrt(sum(value**2 for value in values) / len(values)) if values else math.nan

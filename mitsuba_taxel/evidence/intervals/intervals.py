@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,6 +16,7 @@ from mitsuba_taxel.evidence.intervals.fits import fit_cases
 from mitsuba_taxel.evidence.intervals.models import model_cases
 from mitsuba_taxel.evidence.intervals.records import record_cases
 from mitsuba_taxel.evidence.intervals.tolerances import tolerance_cases
+from mitsuba_taxel.evidence.rows.row_files import matching
 
 TWICE = 0.9545
 """Fraction of normal errors within twice their standard deviation."""
@@ -112,23 +112,7 @@ class IntervalCase:
 def interval_cases(only: str | None = None) -> list[IntervalCase]:
     """The cases whose name contains a pattern with the wildcards * and ?, in the order of the table."""
     cases = [IntervalCase(*case, count) for family, count in FAMILIES for case in family().items()]
-    return [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
-
-
-def intervals(only: str | None = None, starting: Callable[[str], None] | None = None) -> Iterator[IntervalRow]:
-    """Yield rows of the table as they are measured.
-
-    Parameters
-    ----------
-    only : str, optional
-        Pattern for a part of the cases' names, with the wildcards * and ?.
-    starting : Callable[[str], None], optional
-        Called with the name of each case.
-    """
-    for case in interval_cases(only):
-        if starting:
-            starting(case.name)
-        yield from case.measured()
+    return matching(cases, only)
 
 
 def summary(rows: Sequence[IntervalRow]) -> str:

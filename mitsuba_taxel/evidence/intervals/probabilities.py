@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from typing import ClassVar
 
 import numpy as np
 
 from mitsuba_taxel.evidence.intervals.comparisons import Truth, probability_cases
 from mitsuba_taxel.evidence.intervals.intervals import FIRST_SEED
+from mitsuba_taxel.evidence.rows.row_files import matching
 
 EDGES = (0.02, 0.2, 0.4, 0.6, 0.8, 0.98)
 """Edges of the ranges of probabilities; the outermost ranges are those of almost certain events."""
@@ -106,27 +106,14 @@ class ProbabilityCase:
         return rows
 
 
-def probability_rows(
-    only: str | None = None, starting: Callable[[str], None] | None = None
-) -> Iterator[ProbabilityRow]:
-    """Yield rows of the table as they are measured; with several cases, rows of all of them together come last.
+def chosen_cases(only: str | None = None) -> list[ProbabilityCase]:
+    """The cases whose name contains a pattern with the wildcards * and ?, in the order of the table."""
+    return matching([ProbabilityCase(name, outcomes) for name, outcomes in probability_cases().items()], only)
 
-    Parameters
-    ----------
-    only : str, optional
-        Pattern for a part of the cases' names, with the wildcards * and ?.
-    starting : Callable[[str], None], optional
-        Called with the name of each case.
-    """
-    measured: list[ProbabilityRow] = []
-    for case in (cases := chosen_cases(only)):
-        if starting:
-            starting(f"{case.name}, probabilities")
-        rows = case.measured()
-        measured += rows
-        yield from rows
-    if len(cases) > 1:
-        yield from pooled(measured)
+
+def with_all_kinds(rows: Sequence[ProbabilityRow]) -> list[ProbabilityRow]:
+    """The rows, and after those of several cases the rows of all of them together."""
+    return [*rows, *(pooled(rows) if len({row.case for row in rows}) > 1 else [])]
 
 
 def pooled(rows: Sequence[ProbabilityRow]) -> list[ProbabilityRow]:
@@ -146,12 +133,6 @@ def pooled(rows: Sequence[ProbabilityRow]) -> list[ProbabilityRow]:
         seconds = sum(row.seconds for row in group)
         together.append(ProbabilityRow("all kinds", figure, label, float(count.sum()), mean, true, noise, seconds))
     return together
-
-
-def chosen_cases(only: str | None = None) -> list[ProbabilityCase]:
-    """The cases whose name contains a pattern with the wildcards * and ?."""
-    cases = [ProbabilityCase(name, outcomes) for name, outcomes in probability_cases().items()]
-    return [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
 
 
 def summary(rows: Sequence[ProbabilityRow]) -> str:

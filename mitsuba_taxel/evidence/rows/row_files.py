@@ -47,10 +47,14 @@ def chosen(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
     InputError
         if no case matches.
     """
-    matching = [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
-    if not matching:
+    if not (cases := matching(cases, only)):
         raise InputError(f"only = {only!r} is not allowed: a part of the name of a case is needed.")
-    return matching
+    return cases
+
+
+def matching(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
+    """The cases whose name contains a pattern with the wildcards * and ?, or all if it is None; possibly none."""
+    return [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
 
 
 class ResumedTable(Generic[Row]):
@@ -165,7 +169,7 @@ def command_of(name: str, csv_file: Path | None, markdown: Path | None) -> str:
 
 
 def read_rows(file: Path, kind: type[Row]) -> dict[str, Row]:
-    """Read a file of :func:`write_rows`.
+    """Read a file of :func:`write_rows` with one row for each case.
 
     Parameters
     ----------
@@ -184,11 +188,34 @@ def read_rows(file: Path, kind: type[Row]) -> dict[str, Row]:
     InputError
         if the file cannot be read, or does not contain such rows.
     """
+    return {row.case: row for row in read_all_rows(file, kind)}
+
+
+def read_all_rows(file: Path, kind: type[Row]) -> list[Row]:
+    """Read a file of :func:`write_rows`.
+
+    Parameters
+    ----------
+    file : Path
+        CSV file.
+    kind : type
+        Dataclass of its rows.
+
+    Returns
+    -------
+    list[Row]
+        Rows in the order of the file.
+
+    Raises
+    ------
+    InputError
+        if the file cannot be read, or does not contain such rows.
+    """
     types: dict[str, type] = {field.name: str if field.type == "str" else float for field in fields(kind)}
     try:
         with file.open(newline="", encoding="utf-8") as stream:
             reader = csv.DictReader(stream)
-            return {row["case"]: kind(**{name: types[name](text) for name, text in row.items()}) for row in reader}
+            return [kind(**{name: types[name](text) for name, text in row.items()}) for row in reader]
     except (KeyError, OSError, TypeError, ValueError) as error:
         raise InputError(f"{file} is not allowed: a file of rows that this command wrote is needed.") from error
 

@@ -13,8 +13,8 @@ from taxel_cli.bench import command
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.evidence.coverage import coverage as table
 from mitsuba_taxel.evidence.coverage import coverage_cases
-from mitsuba_taxel.evidence.coverage.coverage import coverage, summary
-from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow
+from mitsuba_taxel.evidence.coverage.coverage import coverage
+from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow, summary
 from mitsuba_taxel.evidence.rows.row import cells, headings
 from mitsuba_taxel.evidence.rows.row_files import read_rows
 from mitsuba_taxel.mechanics.contact.indenter_shape import IndenterShape

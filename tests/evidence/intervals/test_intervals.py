@@ -6,11 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from scipy import stats
-from taxel_cli.bench import command
 
-from mitsuba_taxel.evidence.intervals import intervals as table
 from mitsuba_taxel.evidence.intervals.intervals import ALLOWED, TWICE, IntervalCase, interval_cases, summary
 
 ALARM = 1e-4
@@ -61,16 +58,6 @@ def test_shares_are_counted():
     assert (first.made, first.unstated, first.within, second.within) == (30, 10, pytest.approx(2 / 3), 1.0)
     assert first.ratio == pytest.approx((10 / 3) ** 0.5)
     assert summary([first, second]).startswith("Of 2 figures, the stated errors of 1 hold")
-
-
-def test_the_command_counts_them_alone(monkeypatch, tmp_path):
-    few = [replace(one, count=2) for one in interval_cases("record: ramp, noise white, 2")]
-    monkeypatch.setattr(table, "interval_cases", lambda only=None: few)
-    done = CliRunner().invoke(
-        command, ["coverage", "--only", "ramp, noise white, 2", "--markdown", str(tmp_path / "a.md")]
-    )
-    assert done.exit_code == 0 and "mean_slope" in done.output, done.output
-    assert "## Figures that need no pad" in (tmp_path / "a.md").read_text()
 
 
 def test_the_page_holds_errors_that_hold():

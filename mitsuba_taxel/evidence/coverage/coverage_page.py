@@ -1,0 +1,168 @@
+"""The page of stated and true errors, and the files of its three tables: readings, figures and probabilities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.convergence import ORDER
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
+from mitsuba_taxel.evidence.coverage.coverage_cases import COARSER, FINE, FINER
+from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow, summary
+from mitsuba_taxel.evidence.extremes.tables import LEFT
+from mitsuba_taxel.evidence.intervals import intervals, probabilities
+from mitsuba_taxel.evidence.intervals.intervals import IntervalRow
+from mitsuba_taxel.evidence.intervals.probabilities import ProbabilityRow
+from mitsuba_taxel.evidence.rows.row import cells, headings
+from mitsuba_taxel.evidence.rows.row_files import command_of, read_all_rows, write_rows
+
+_READINGS = """\
+# Stated and true errors
+
+For users who ask how often the true reading is within the stated error.
+
+Written by `{command}`; do not edit by hand.
+
+Each setting is read on the default mesh, which gives the stated error of the finite elements. The truth is read on
+elements of {fine:g} mm or less (at most 1 / {finer:g} of the default size), and extrapolated from these and from
+elements {coarser:.2f} times as large, with an error that falls with the power {order:g} of their size. Light is
+computed without random numbers, by the same patches on all meshes.
+
+**{summary}**
+
+{table}
+
+- **true**, **stated**: relative error of the worst taxel due to the finite elements.
+- **corrected**: true error after the signed estimate of the second mesh is subtracted from the reading.
+- **light**: error stated for the patches of the light. **truth extrapolated by**: change of the truth by the
+  extrapolation from the finest elements.
+- **within twice**: number of readings whose true error is within twice the stated error.
+- **CPU s**: time of all processors, for all three meshes.
+"""
+_FIGURES = """
+## Figures that need no pad
+
+Each row is a kind of synthetic data whose truth is known:
+
+- recordings of a bench: the force moves in stairs, ramps, triangles, sines, or ramps and holds, with random numbers of
+  levels and rows; the noise is white, correlated from row to row, or below or above the steps of a 12-bit converter;
+- tolerance studies: sums and products of normal parameters, with noise;
+- fits of a curve: by the right model, by a model with errors of light and finite elements, with correlated unknowns,
+  and with a bound near the truth;
+- calibrations: by paths whose errors are common to a path or independent from row to row, tested on new paths;
+- exported models of studies with errors; forces computed from noisy counts;
+- differences of two variants of a sensor by `taxel compare`: their readings have partly common errors, either equal
+  along a path or random.
+
+Errors of figures are counted over random seeds that are used for nothing else; 95.4 % should be within twice the stated
+error (intervals are converted to it).
+
+**{summary}**
+
+{table}
+
+- **coverage**: fraction of errors within twice the stated error. **none stated**: the noise is unknown.
+- **true / stated**: root mean square over the seeds; 1 if stated errors are as large as true errors.
+"""
+_PROBABILITIES = """
+## Probabilities
+
+Three variants of a sensor, with synthetic figures and errors as above, are ranked by one figure with `taxel compare`,
+with a limit on another. The table compares the stated probabilities of being first, and of being within the limit
+(**allowed**), with the observed frequencies.
+
+**{summary}**
+
+{table}
+
+- **1 sigma**: standard error of the observed frequency, if all probabilities are right.
+"""
+
+
+class CoveragePage:
+    """Rows of the page's three tables; each is kept in a file, so that one can be renewed without the others.
+
+    Parameters
+    ----------
+    csv_file : Path or None
+        File of the readings, such as ``coverage.csv``; that of the figures is ``coverage_figures.csv`` beside it, that
+        of the probabilities ``coverage_probabilities.csv``. Rows of existing files are read.
+    markdown : Path or None
+        Page, which is rewritten whenever a row changes.
+
+    Raises
+    ------
+    InputError
+        if a file exists and has other rows.
+    """
+
+    def __init__(self, csv_file: Path | None, markdown: Path | None) -> None:
+        self._csv, self._markdown = csv_file, markdown
+        self._readings = self._kept(CoverageRow, csv_file)
+        self._figures: list[IntervalRow] = self._kept(IntervalRow, self._beside("figures"))
+        self._probabilities: list[ProbabilityRow] = self._kept(ProbabilityRow, self._beside("probabilities"))
+
+    @staticmethod
+    def _kept(kind: type[Any], file: Path | None) -> list[Any]:
+        return read_all_rows(file, kind) if file and file.exists() else []
+
+    def _beside(self, table: str) -> Path | None:
+        return self._csv.with_name(f"{self._csv.stem}_{table}.csv") if self._csv else None
+
+    def keep_readings(self, rows: Sequence[CoverageRow]) -> None:
+        """Replace all readings. Their own table writes their file."""
+        self._readings = list(rows)
+        self._write()
+
+    def keep_figures(self, rows: Sequence[IntervalRow]) -> None:
+        """Replace the rows of one case, and write their file and the page."""
+        names = [case.name for case in intervals.interval_cases()]
+        self._figures = _in_order(self._figures, rows, names)
+        self._store(self._figures, "figures")
+
+    def keep_probabilities(self, rows: Sequence[ProbabilityRow]) -> None:
+        """Replace the rows of one case, and write their file and the page."""
+        names = [case.name for case in probabilities.chosen_cases()]
+        self._probabilities = _in_order(self._probabilities, rows, names)
+        self._store(self._probabilities, "probabilities")
+
+    def _store(self, rows: Sequence[Any], table: str) -> None:
+        if file := self._beside(table):
+            write_rows(rows, file)
+        self._write()
+
+    def _write(self) -> None:
+        """Write the page; a table without rows has no section."""
+        if self._markdown is None:
+            return
+        text = _READINGS.format(
+            command=command_of("coverage", self._csv, self._markdown),
+            fine=FINE,
+            finer=FINER,
+            coarser=COARSER,
+            order=ORDER,
+            summary=summary(self._readings),
+            table=markdown_table(headings(CoverageRow), map(cells, self._readings), LEFT),
+        )
+        if self._figures:
+            text += _FIGURES.format(
+                summary=intervals.summary(self._figures),
+                table=markdown_table(headings(IntervalRow), map(cells, self._figures), headings(IntervalRow)[:2]),
+            )
+        if self._probabilities:
+            rows = probabilities.with_all_kinds(self._probabilities)
+            text += _PROBABILITIES.format(
+                summary=probabilities.summary(rows),
+                table=markdown_table(headings(ProbabilityRow), map(cells, rows), headings(ProbabilityRow)[:3]),
+            )
+        write_text(self._markdown, text)
+
+
+def _in_order(kept: Sequence[Any], rows: Sequence[Any], names: Sequence[str]) -> list[Any]:
+    """Kept rows in the order of the cases, those of the cases of ``rows`` replaced; cases that are no more are left
+    out."""
+    renewed = {row.case for row in rows}
+    all_rows = [row for row in kept if row.case not in renewed and row.case in names] + list(rows)
+    return sorted(all_rows, key=lambda row: names.index(row.case))
