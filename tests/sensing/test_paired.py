@@ -9,8 +9,10 @@ from one_cell import one_cell
 from mitsuba_taxel import Pad, PadSensor, Scene, Wall
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.sensing.reading.mechanics_error import mechanics_deviations
-from mitsuba_taxel.sensing.reading.paired import can_be_paired, paired
+from mitsuba_taxel.sensing.reading.paired import can_be_paired, paired, paired_with
 from mitsuba_taxel.sensing.reading.runs import Run, prepare
+from mitsuba_taxel.specification.annular_led import AnnularLed
+from mitsuba_taxel.specification.photo_reflector import PhotoReflector
 
 FINISH = '<string name="finish" value="layer_steps"/> <float name="layer_height" value="0.2"/>'
 
@@ -71,6 +73,22 @@ def test_scenes_of_python_are_not_mistaken_for_their_base():
     assert base.parameters == scene.parameters
     first, second = (powers(paired(base, state), 64) for state in (base, scene))
     assert np.abs(second - first).min() > 0
+
+
+@pytest.mark.parametrize("law", [{}, {"law": "uniform_solid_angle", "cone_angle": 1.0}])
+def test_differences_with_less_noise_are_chosen(law):
+    """Moved paths leave a narrow beam; the variances of both kinds differ by more than ten times either way."""
+    pad, reflector = Pad("spherical", rows=1, columns=1), PhotoReflector(led=AnnularLed(**law))
+    base, scene = (
+        PadSensor(pad, photo_reflector=reflector, force=(0, 0, force), roof=Wall("lambertian", reflectance=0.9)).scene()
+        for force in (-0.8, -0.4)
+    )
+    loaded = prepare(base)
+    both = [paired_with(base, loaded, scene), prepare(scene)]
+    at_base, *others = (powers(ready, 1024, seed=3) for ready in (loaded, *both))
+    by_points, shared = (standard_error(other - at_base) ** 2 for other in others)
+    assert max(by_points / shared, shared / by_points) > 10
+    assert (paired(base, scene).paired is not None) == (by_points < shared)
 
 
 def test_a_base_that_is_refused_leaves_the_scene_as_it_is(printed):

@@ -71,7 +71,8 @@ same triangles; walls are diffuse, with a finish or without, and rims are sharp 
 - **deviation**: of the estimator from it, relative. **combined errors**: the same over the standard error of both.
 - **gain**: variance of those paths over that of the estimator, with equal numbers of paths. It is a lower bound, as the
   other paths are more, and their variance falls faster than their number rises. Where the LED has a narrow beam, paths
-  through material points leave it, and have more noise than others.
+  through material points leave it, and have more noise than others: studies use others
+  there.
 - **CPU s**: time of both, with the mechanics.
 
 {missing}

@@ -1,7 +1,8 @@
 """Readings of one scene under several loads whose differences have little noise: by paths through material points.
 
 A reading is that of a base state, with the same random numbers for all loads, plus the difference from the base state
-by `trace_difference`.
+by `trace_difference`. Where the LED has a narrow beam, moved paths leave it, and plain readings that share their random
+numbers have less noise: `quieter` chooses.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from mitsuba_taxel.specification.taxel_tracer import TaxelTracer
 
 PAIRED = 25
 """Index of the random numbers of differences among those derived from a seed."""
+PILOT_POINTS = 512
+"""Points per taxel and replicate by which the noise of both kinds of differences is compared."""
 NOT_PAIRED = (
     mi.BSDFFlags.Delta
     | mi.BSDFFlags.Delta1D
@@ -78,13 +81,14 @@ def paired(base: Scene, scene: Scene) -> Prepared:
     Returns
     -------
     Prepared
-        The scene; its readings are not paired if the base scene does not exist, or :func:`can_be_paired` is false.
+        The scene; its readings are not paired if the base scene does not exist, :func:`can_be_paired` is false, or
+        that has more noise.
     """
     try:
         loaded_base = prepare(base)
     except (InputError, ComputationError):
         return prepare(scene)
-    return paired_with(base, loaded_base, scene) if can_be_paired(loaded_base) else prepare(scene)
+    return quieter(paired_with(base, loaded_base, scene)) if can_be_paired(loaded_base) else prepare(scene)
 
 
 def paired_with(base: Scene, loaded_base: Prepared, scene: Scene) -> Prepared:
@@ -122,6 +126,22 @@ def paired_with(base: Scene, loaded_base: Prepared, scene: Scene) -> Prepared:
     return ready._replace(paired=PairedReading(loaded_base, ready, moved))
 
 
+def quieter(ready: Prepared) -> Prepared:
+    """A scene with paired readings, or the same scene without, if its differences from the base state have less noise.
+
+    Parameters
+    ----------
+    ready : Prepared
+        The scene of :func:`paired_with`.
+
+    Returns
+    -------
+    Prepared
+        The scene; the choice depends on the scene only, and not on the seed of the readings.
+    """
+    return ready if ready.paired is None or ready.paired.has_less_noise() else ready._replace(paired=None)
+
+
 class PairedReading:
     """Readings of a scene relative to a base state.
 
@@ -144,6 +164,18 @@ class PairedReading:
         if self._moved is not None:
             powers = powers + _difference(self._base.scene, self._moved, points, derived_seed(seed, PAIRED), first)
         return powers, points
+
+    def has_less_noise(self) -> bool:
+        """Whether the difference from the base state has less noise than that of readings with shared random numbers.
+
+        The variances of a short pilot run are compared, summed over the taxels.
+        """
+        if self._moved is None:
+            return True
+        seed = derived_seed(0, PAIRED)
+        by_points = _difference(self._base.scene, self._moved, PILOT_POINTS, seed, 0)
+        base, other = (traced(ready, PILOT_POINTS, seed, 0, False)[0] for ready in (self._base, self._ready))
+        return bool(by_points.var(axis=0).sum() <= (other - base).var(axis=0).sum())
 
     def deviations(self, seed: int, points: int) -> tuple[np.ndarray, np.ndarray | None]:
         """As of `mechanics_deviations`: readings of the base state, and changes by the errors of the scene's pad."""

@@ -14,7 +14,7 @@ from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.characterise.experiment import Branch
 from mitsuba_taxel.characterise.fitted_curve import FEWEST, fitted_slopes
 from mitsuba_taxel.characterise.slopes import slopes
-from mitsuba_taxel.sensing.reading.paired import can_be_paired, paired_with
+from mitsuba_taxel.sensing.reading.paired import can_be_paired, paired_with, quieter
 from mitsuba_taxel.sensing.reading.runs import FIRST_POINTS, MOST_POINTS, Prepared, Run, derived_seed, prepare
 from mitsuba_taxel.sensing.scene.description import Scene
 
@@ -95,7 +95,9 @@ class CurvePilot:
         base = self._at(max(forces, key=abs))
         if self._base is None:
             self._base = prepare(base)
-        return paired_with(base, self._base, self._at(force)) if can_be_paired(self._base) else prepare(self._at(force))
+        if not can_be_paired(self._base):
+            return prepare(self._at(force))
+        return quieter(paired_with(base, self._base, self._at(force)))
 
     def points_for(self, forces: Sequence[float], target: float, least: int = FIRST_PILOT) -> int:
         """Points with which the light takes at most its part of a target error of the slopes.
