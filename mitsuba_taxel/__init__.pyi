@@ -43,6 +43,9 @@ from .mechanics import (
     NeoHookean as NeoHookean,
 )
 from .mechanics import (
+    Ogden as Ogden,
+)
+from .mechanics import (
     PatchForce as PatchForce,
 )
 from .mechanics import (

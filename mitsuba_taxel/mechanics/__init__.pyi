@@ -70,6 +70,9 @@ from .materials.laws import (
     NeoHookean as NeoHookean,
 )
 from .materials.laws import (
+    Ogden as Ogden,
+)
+from .materials.laws import (
     Yeoh as Yeoh,
 )
 from .materials.silicones import (

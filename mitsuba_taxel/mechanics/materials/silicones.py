@@ -2,10 +2,10 @@
 
 The tensile curves of L. Marechal et al., Towards a Common Framework and Database of Materials for Soft Robotics, Soft
 Robotics, 2020, doi:10.1089/soro.2019.0115 (their data: github.com/LucMarechal/Soft-Robotics-Materials-Database, Open
-Database License) were taken by ASTM D412 at 450 mm/min, strain from the crosshead. The constants here are our linear
-least-squares fit of an incompressible Yeoh law with two terms to the nominal stress up to 50 % of nominal strain; a
-third term came out negative, with which the energy falls at large strain. No source gives Poisson's ratio: it is the
-default, 0.49, which ``silicone(name).changed(poisson_ratio=0.5)`` changes.
+Database License) were taken by ASTM D412 at 450 mm/min, strain from the crosshead. The constants of all 19 silicones
+are our linear least-squares fit of an incompressible Yeoh law with two terms to the nominal stress up to 50 % of
+nominal strain. No source gives Poisson's ratio: it is the default, 0.49, which
+``silicone(name).changed(poisson_ratio=0.5)`` changes.
 """
 
 from __future__ import annotations
@@ -51,15 +51,25 @@ def _fitted(c10: float, c20: float, misfit: float) -> Silicone:
 
 
 SILICONES: dict[str, Silicone] = {
+    "body_double_silk": _fitted(0.050533, 0.013035, 0.005),
     "dragon_skin_10_medium": _fitted(0.02020, 0.00454, 0.016),
     "dragon_skin_20": _fitted(0.05364, 0.01580, 0.008),
     "dragon_skin_30": _fitted(0.08599, 0.01367, 0.008),
+    "dragon_skin_fx_pro": _fitted(0.013291, 0.0019088, 0.026),
+    "dragon_skin_fx_pro_slacker": _fitted(0.0014842, -0.00010333, 0.079),
+    "ecoflex_00_10": _fitted(0.0033925, 0.00043106, 0.070),
     "ecoflex_00_30": _fitted(0.00697, 0.00086, 0.022),
+    "ecoflex_00_35_fast": _fitted(0.012441, 0.0015212, 0.023),
     "ecoflex_00_50": _fitted(0.00958, 0.00120, 0.038),
     "mold_star_16_fast": _fitted(0.04040, 0.00399, 0.011),
     "mold_star_20t": _fitted(0.05352, 0.00468, 0.037),
+    "platsil_gel_10": _fitted(0.025034, 0.006105, 0.012),
+    "psycho_paint": _fitted(0.058202, 0.0045135, 0.036),
+    "rebound_25": _fitted(0.047261, 0.0059836, 0.009),
     "rtv_615": _fitted(0.16395, 0.01618, 0.006),
+    "soloplast_150318": _fitted(0.031843, 0.0037504, 0.064),
     "sorta_clear_40": _fitted(0.13857, 0.00624, 0.005),
+    "wagnersil_20_nf": _fitted(0.052873, 0.010951, 0.011),
     "multiphysics_pad": Silicone(
         NeoHookean(),
         "Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile Sensor, section 2.2.2: "

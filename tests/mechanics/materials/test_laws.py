@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics import NeoHookean
 from mitsuba_taxel.mechanics.materials.invariants import IsochoricInvariants
-from mitsuba_taxel.mechanics.materials.laws import Material, MooneyRivlin, Yeoh
+from mitsuba_taxel.mechanics.materials.laws import Material, MooneyRivlin, Ogden, Yeoh
 from mitsuba_taxel.mechanics.materials.laws.arruda_boyce import ArrudaBoyce
 from mitsuba_taxel.mechanics.materials.moduli import PAIRS
 
@@ -53,6 +53,8 @@ LAWS = [
     Yeoh(0.5, -0.02, 0.01),
     Yeoh(0.08, 0.014, 0.0, 0.5),
     ArrudaBoyce(0.4, 2.5),
+    Ogden(0.4, 1.3, 0.1, 5.0, 0.02, -2.0),
+    Ogden(0.6, 2.7, -0.02, -3.0, poisson_ratio=0.5),
     Gent(0.7, 30.0),
     Mixed(0.3, 0.2),
 ]
@@ -185,6 +187,7 @@ def test_moduli_at_small_strain_follow_from_the_constants(law):
                 for i, c in enumerate((1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750), 1)
             )
         ),
+        Ogden: lambda: law.mu_1 + law.mu_2 + law.mu_3,
         Gent: lambda: law.mu,
         Mixed: lambda: 2 * (law.a * 8 / 5 + law.b * 2),
     }[type(law)]()
@@ -227,16 +230,23 @@ def test_moduli_out_of_range_are_refused_in_one_line(arguments, name):
     ("law", "arguments", "name"),
     [
         (MooneyRivlin, (-0.1, 0.5), "c10"),
-        (MooneyRivlin, (0.5, -0.1), "c01"),
+        (MooneyRivlin, (0.5, -0.14), "c01"),
         (MooneyRivlin, (0.0, 0.0), "shear_modulus"),
         (MooneyRivlin, (math.nan, 0.1), "c10"),
         (MooneyRivlin, (0.1, math.inf), "c01"),
         (MooneyRivlin, (0.1, 0.1, 0.6), "poisson_ratio"),
         (Yeoh, (0.0, 0.1, 0.1), "c10"),
         (Yeoh, (-0.1, 0.1, 0.1), "c10"),
-        (Yeoh, (0.5, 0.1, -1e-6), "c30"),
-        (Yeoh, (0.5, -1e-6, 0.0), "c20"),
+        (Yeoh, (0.5, 0.1, -0.1), "c30"),
+        (Yeoh, (0.5, -0.07, 0.0), "c20"),
         (Yeoh, (0.5, -0.13, 0.01), "c20"),
+        (Ogden, (0.5, 0.0), "alpha_1"),
+        (Ogden, (0.5, 2.0, 0.1, 0.0), "alpha_2"),
+        (Ogden, (0.5, 51.0), "alpha_1"),
+        (Ogden, (-0.5, 2.0), "mu_1"),
+        (Ogden, (0.0, 2.0), "shear_modulus"),
+        (Ogden, (0.4, 1.3, -0.3, -2.0), "mu_2"),
+        (Ogden, (math.nan, 2.0), "mu_1"),
         (Yeoh, (0.5, "stiff", 0.01), "c20"),
         (Yeoh, (0.5, 0.1, None), "c30"),
         (Yeoh, (0.5, 0.1, 0.0, -0.2), "poisson_ratio"),

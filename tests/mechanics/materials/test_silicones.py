@@ -23,7 +23,21 @@ MEASURED = {
     "mold_star_20t": (0.0550, 0.0793, 0.1245),
     "rtv_615": (0.1695, 0.2440, 0.3848),
     "sorta_clear_40": (0.1419, 0.2010, 0.3071),
+    "body_double_silk": (0.05403, 0.08010, 0.13760),
+    "dragon_skin_fx_pro_slacker": (0.00143, 0.00187, 0.00291),
+    "dragon_skin_fx_pro": (0.01406, 0.02043, 0.03250),
+    "ecoflex_00_10": (0.00351, 0.00534, 0.00804),
+    "ecoflex_00_35_fast": (0.01287, 0.01877, 0.02964),
+    "platsil_gel_10": (0.02662, 0.04002, 0.06738),
+    "psycho_paint": (0.05977, 0.08566, 0.13325),
+    "rebound_25": (0.04915, 0.07126, 0.11381),
+    "soloplast_150318": (0.03283, 0.04774, 0.07582),
+    "wagnersil_20_nf": (0.05628, 0.08076, 0.14005),
 }
+
+
+NOISY = ("dragon_skin_fx_pro_slacker", "ecoflex_00_10")
+"""The softest two: their readings scatter by 8 and 7 % of the stress at 50 %."""
 
 
 def uniaxial(law, stretch):
@@ -37,8 +51,12 @@ def uniaxial(law, stretch):
 def test_fitted_laws_reproduce_the_tensile_curves(name):
     law = silicone(name)
     found = [uniaxial(law, 1 + strain) for strain in (0.2, 0.3, 0.5)]
-    np.testing.assert_allclose(found, MEASURED[name], rtol=0.05)
+    np.testing.assert_allclose(found, MEASURED[name], rtol=0.1 if name in NOISY else 0.05)
     assert SILICONES[name].max_strain == 0.5
+
+
+def test_the_public_database_is_there_as_a_whole():
+    assert len(MEASURED) == 19
 
 
 def test_every_fitted_law_is_compared_with_its_data():

@@ -5,8 +5,9 @@ from mitsuba_taxel.mechanics.materials.laws.arruda_boyce import ArrudaBoyce
 from mitsuba_taxel.mechanics.materials.laws.material import Material
 from mitsuba_taxel.mechanics.materials.laws.mooney_rivlin import MooneyRivlin
 from mitsuba_taxel.mechanics.materials.laws.neo_hookean import NeoHookean
+from mitsuba_taxel.mechanics.materials.laws.ogden import Ogden
 from mitsuba_taxel.mechanics.materials.laws.yeoh import Yeoh
 
-__all__ = ["ArrudaBoyce", "Material", "MooneyRivlin", "NeoHookean", "Yeoh"]
+__all__ = ["ArrudaBoyce", "Material", "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh"]
 
 import_all(__name__, __path__)

@@ -40,7 +40,6 @@ from mitsuba_taxel.parameters import REQUIRED, Checked, Number, Parameter, check
 POISSON_RATIO: Any = number(0.49, "", "Poisson's ratio; 0.5 is incompressible.", minimum=0, maximum=0.5)
 COMMON = (0.0005, 20)
 """Constants of silicones in MPa: others are asked about."""
-FALLS = ", below it the energy falls without bound in {} tension"
 
 
 class Material(Kind, Checked, Displayed, family="material"):

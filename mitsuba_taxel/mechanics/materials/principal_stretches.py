@@ -1,0 +1,57 @@
+"""Principal stretches of deformation gradients, and moduli of energies that are sums over them."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+PLANES = ((0, 1), (0, 2), (1, 2))
+"""Pairs of principal directions."""
+
+
+class PrincipalStretches:
+    """Principal stretches and directions of deformation gradients F = sum of l_a n_a N_a.
+
+    Parameters
+    ----------
+    gradient : ndarray
+        F (..., 3, 3), det F above 0.
+
+    Attributes
+    ----------
+    squared : (..., 3) ndarray
+        Squared stretches l_a^2.
+    axes : (..., 3, 3) ndarray
+        Undeformed principal directions N_a, in rows.
+    """
+
+    def __init__(self, gradient: np.ndarray) -> None:
+        self._gradient = gradient
+        self.squared, axes = np.linalg.eigh(np.swapaxes(gradient, -1, -2) @ gradient)
+        self.axes = np.swapaxes(axes, -1, -2)
+
+    @cached_property
+    def isochoric_logarithms(self) -> np.ndarray:
+        """(..., 3) logarithms of the isochoric stretches J^(-1/3) l_a, whose sum is 0."""
+        logarithms = 0.5 * np.log(self.squared)
+        return logarithms - logarithms.mean(axis=-1, keepdims=True)
+
+    @cached_property
+    def dyads(self) -> np.ndarray:
+        """(..., 3, 3, 3) tensors l_a n_a N_a, by the direction a first."""
+        return self._moved[..., :, :, None] * self.axes[..., :, None, :]
+
+    def shears(self) -> list[np.ndarray]:
+        """Tensors l_a n_a N_b + l_b n_b N_a, (..., 3, 3), for each pair of `PLANES`."""
+        moved, axes = self._moved[..., :, :, None], self.axes[..., :, None, :]
+        return [moved[..., a, :, :] * axes[..., b, :, :] + moved[..., b, :, :] * axes[..., a, :, :] for a, b in PLANES]
+
+    def material_tensor(self, values: np.ndarray) -> np.ndarray:
+        """(..., 3, 3) sum of v_a N_a N_a of values (..., 3)."""
+        return np.swapaxes(self.axes, -1, -2) @ (values[..., None] * self.axes)
+
+    @cached_property
+    def _moved(self) -> np.ndarray:
+        """(..., 3, 3) vectors F N_a = l_a n_a, by the direction a first."""
+        return self.axes @ np.swapaxes(self._gradient, -1, -2)
