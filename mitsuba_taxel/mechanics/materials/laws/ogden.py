@@ -69,9 +69,10 @@ class Ogden(Material, name="ogden", rank=5):
     def moduli(
         self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray, pressure: np.ndarray
     ) -> Moduli:
-        # With the second Piola-Kirchhoff stresses S_a = t_a / l_a^2, the derivative is delta_ik S_jl, and dyads of l_a n_a
-        # N_a and of l_a n_a N_b + l_b n_b N_a (G. A. Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.6). The
-        # quotients (t_a - t_b) / (l_a^2 - l_b^2) are those of hyperbolic sines, so that equal stretches need no limit.
+        # With the second Piola-Kirchhoff stresses S_a = t_a / l_a^2, the derivative is delta_ik S_jl, and dyads of
+        # l_a n_a N_a and of l_a n_a N_b + l_b n_b N_a (G. A. Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.6).
+        # The quotients (t_a - t_b) / (l_a^2 - l_b^2) are those of hyperbolic sines, which need no limit at equal
+        # stretches.
         stretches = PrincipalStretches(gradient)
         logarithms, squared = stretches.isochoric_logarithms, stretches.squared
         kirchhoff, slope = self._stress_and_slope(logarithms)
