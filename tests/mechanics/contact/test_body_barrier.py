@@ -7,6 +7,7 @@ import pytest
 import trimesh
 
 from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement
+from mitsuba_taxel.mechanics.contact.barriers import contacts
 from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.barriers.body_barrier import BodyBarrier
 from mitsuba_taxel.mechanics.equilibrium import feet
@@ -31,11 +32,14 @@ def walls(block, low, high):
     return RigidBodies(np.concatenate(boxes).tobytes())
 
 
-@pytest.mark.parametrize(("strain", "poisson"), [(0.1, 0.3), (0.2, 0.3), (0.1, 0.4)])
-def test_a_block_between_walls_is_strained_along_one_axis(block, strain, poisson, monkeypatch):
+@pytest.mark.parametrize(
+    ("strain", "poisson", "longest"), [(0.1, 0.3, 0.1), (0.2, 0.3, 0.1), (0.1, 0.4, 0.1), (0.1, 0.3, 0.012)]
+)
+def test_a_block_between_walls_is_strained_along_one_axis(block, strain, poisson, longest, monkeypatch):
     """Nominal stresses of the law at diag(1, 1, 1 - strain), by differences of its energy, give all forces, if it is
-    that of the feet too."""
+    that of the feet too; also where each load step of 0.02 of the height takes several steps of Newton's method."""
     monkeypatch.setattr(feet, "RADIUS", 0.0)
+    monkeypatch.setattr(contacts, "LONGEST_STEP", longest)
     size, law = (2.0, 2.0, 1.0), NeoHookean(4.16, poisson)
     mesh = block(size, (2, 2, 1))
     load = PlateDisplacement(self_contact=True)
@@ -85,3 +89,15 @@ def test_steps_end_before_a_body(block):
     wider = 5 * GAP * (mesh.points - (1, 1, 0)) * (1, 1, 0)
     share = barrier.free_fraction(at_rest, wider)
     assert 0.9 * 0.95 / 5 < share < 0.9 / 5 and 0 < barrier.gap(share * wider)
+
+
+@pytest.mark.parametrize("far", [0.5, 5.0, 500.0])
+def test_long_steps_are_cut_before_collisions_are_searched(block, far):
+    """Upwards nothing is in the way of a block of 1 mm, sideways walls are at `GAP`, however long the step."""
+    mesh = block((2.0, 2.0, 1.0), (2, 2, 1))
+    bodies = walls(block, (0.0, 0.0, 0.0), (2.0, 2.0, 1.0))
+    both, at_rest = contacts.Contacts(mesh, 4.16, bodies), np.zeros_like(mesh.points)
+    assert both.free_fraction(at_rest, at_rest + (0, 0, 0.09)) == 1
+    assert far * both.free_fraction(at_rest, at_rest + (0, 0, far)) == pytest.approx(contacts.LONGEST_STEP)
+    wider = far * (mesh.points[:, :1] / 2 * (1, 0, 0))  # the left side stays
+    assert 0.9 * 0.95 * GAP < far * both.free_fraction(at_rest, wider) < 0.9 * GAP

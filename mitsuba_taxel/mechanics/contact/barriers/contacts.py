@@ -12,6 +12,9 @@ from mitsuba_taxel.mechanics.contact.barriers.barrier import Barrier
 from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.barriers.body_barrier import BodyBarrier
 
+LONGEST_STEP = 0.1
+"""Largest movement of a node in a step that is searched for collisions, relative to the pad's height. Beyond, boxes
+around moving faces overlap nearly all others, and a search takes hundreds of times as long."""
 SHAPE_STEP = 1e-4
 """Largest movement of a node for a finite difference, relative to the reach of the pad's own barrier."""
 
@@ -35,6 +38,7 @@ class Contacts:
         self._mesh, self._settings = mesh, (modulus, bodies, fraction)
         self._own = Barrier(mesh, modulus, fraction)
         self._bodies = None if bodies is None else BodyBarrier(mesh, modulus, bodies, fraction)
+        self._longest_step = LONGEST_STEP * float(np.ptp(mesh.points[:, 2]))
 
     def forces(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(N, 3) nodal forces in N: of the pad on itself, and of the board and the bodies on it."""
@@ -91,7 +95,7 @@ class Contacts:
         return (ahead - behind) / (2 * step)
 
     def free_fraction(self, before: np.ndarray, after: np.ndarray) -> float:
-        """Fraction of a step that is free of collisions, with a margin.
+        """Fraction of a step that is free of collisions, with a margin, and moves no node further than `LONGEST_STEP`.
 
         Parameters
         ----------
@@ -105,5 +109,11 @@ class Contacts:
         float
             At most 1.
         """
-        own = self._own.free_fraction(before, after)
-        return own if self._bodies is None else min(own, self._bodies.free_fraction(before, after))
+        longest = float(np.linalg.norm(after - before, axis=1).max())
+        searched = 1.0 if longest <= self._longest_step else self._longest_step / longest
+        if searched < 1:
+            after = before + searched * (after - before)
+        free = self._own.free_fraction(before, after)
+        if self._bodies is not None:
+            free = min(free, self._bodies.free_fraction(before, after))
+        return searched * free
