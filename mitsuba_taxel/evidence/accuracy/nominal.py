@@ -32,20 +32,19 @@ For users who ask how long a study takes and how exact it is.
 
 Written by `{command}`; do not edit by hand.
 
-Nine taxels of `pad.xml`, for each shape under normal force to -20 N and under tangential force along x at -8 N to
-where the paper's solver ended. Target errors: readings within {error:g}, slopes within {slope:g} of the steepest one.
-Each
-shape is measured in a process of its own with an empty cache of solutions.
+This page reads the nine taxels of `pad.xml` with cells of each shape, under normal force up to -20 N, and under
+tangential force along x at -8 N up to the force at which the paper's solver stopped. Target errors are {error:g} of a
+reading, and {slope:g} of the steepest slope. Each shape is measured in a separate process with an empty cache of
+solutions.
 
 {table}
 
-- **forces**: steps of the force that its curves needed.
-- **readings within**, **slopes within**: worst total error of nine taxels, one standard deviation; of slopes relative
-  to the steepest taxel at the same force.
-- **CPU s**: of all processors, with the search for mesh, steps and points in the normal one; the tangential study takes
-  over points and mesh, and searches for a finer one only if its slopes miss the target. Kernels that Dr.Jit has
-  compiled before are not compiled again.
-"""
+- **forces**: number of forces that the curves needed.
+- **readings within**, **slopes within**: largest total error of nine taxels, one standard deviation; for slopes
+  relative to the steepest taxel at the same force.
+- **CPU s**: CPU time of all processors. The normal study includes the search for mesh, steps and points. The tangential
+  study reuses points and mesh, and searches for a finer mesh only if its slopes miss the target. Kernels that Dr.Jit
+  has compiled before are not compiled again. """
 
 
 @dataclass(frozen=True)

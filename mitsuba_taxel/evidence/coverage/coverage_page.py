@@ -36,7 +36,7 @@ computed without random numbers, by the same patches on all meshes.
 
 - **true**, **stated**: relative error of the worst taxel due to the finite elements.
 - **corrected**: true error after the signed estimate of the second mesh is subtracted from the reading.
-- **light**: error stated for the patches of the light. **truth extrapolated by**: change of the truth by the
+- **light**: stated error of the patches of the light. **truth extrapolated by**: change of the truth by the
   extrapolation from the finest elements.
 - **within twice**: number of readings whose true error is within twice the stated error.
 - **CPU s**: time of all processors, for all three meshes.
@@ -44,7 +44,7 @@ computed without random numbers, by the same patches on all meshes.
 _FIGURES = """
 ## Figures that need no pad
 
-Each row is a kind of synthetic data whose truth is known:
+Each row is a kind of synthetic data with a known truth:
 
 - recordings of a bench: the force moves in stairs, ramps, triangles, sines, or ramps and holds, with random numbers of
   levels and rows; the noise is white, correlated from row to row, or below or above the steps of a 12-bit converter;
@@ -56,14 +56,15 @@ Each row is a kind of synthetic data whose truth is known:
 - differences of two variants of a sensor by `taxel compare`: their readings have partly common errors, either equal
   along a path or random.
 
-Errors of figures are counted over random seeds that are used for nothing else; 95.4 % should be within twice the stated
-error (intervals are converted to it).
+Errors of figures are counted over random seeds that are used for nothing else. 95.4 % should be within twice the stated
+error (intervals are converted to standard deviations).
 
 **{summary}**
 
 {table}
 
-- **coverage**: fraction of errors within twice the stated error. **none stated**: the noise is unknown.
+- **coverage**: fraction of errors within twice the stated error. **not stated**: number of errors that are not stated,
+  because the noise is unknown.
 - **true / stated**: root mean square over the seeds; 1 if stated errors are as large as true errors.
 """
 _PROBABILITIES = """

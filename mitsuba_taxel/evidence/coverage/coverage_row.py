@@ -78,8 +78,8 @@ def summary(rows: Sequence[CoverageRow]) -> str:
     percentage = f" ({within / readings:.1%})" if readings else ""
     true, corrected = (root_mean_square([getattr(row, name) for row in read]) for name in ("true", "corrected"))
     return (
-        f"{within:.0f} of {readings:.0f} readings{percentage} in {len(read)} settings are within twice{unread}. Root "
-        f"mean square of the worst taxels: true {true:.3%}, corrected {corrected:.3%}."
+        f"{within:.0f} of {readings:.0f} readings{percentage} in {len(read)} settings are within twice the stated "
+        f"error{unread}. Root mean square of the worst taxels: true {true:.3%}, corrected {corrected:.3%}."
     )
 
 

@@ -71,7 +71,7 @@ HEADINGS = ("cell", "roof", "cells", "N per cell", "truth [W/W]", "deviation", "
 _PAGE = """\
 # Domes
 
-For users of domes, and of cells with mirrors.
+For users of domes and of cells with mirrors who ask whether their readings are right.
 
 Written by `{command}`; do not edit by hand.
 
@@ -89,9 +89,10 @@ tangential forces, both simulations test stability on elements of {judge:g} mm.
 
 {table}
 
-- **deviation**: of the mean of all taxels from the truth, relative. **its noise**: one standard error, of both.
-- **stated for the shape**: relative error stated for the geometry and, under load, the mechanics.
-- rough mirror: root-mean-square slope of 2 degrees.
+- **deviation**: relative deviation of the mean of all taxels from the truth. **its noise**: standard error of the
+  deviation.
+- **stated for the shape**: stated relative error of the geometry and, under load, the mechanics.
+- **rough mirror**: root-mean-square slope of 2 degrees.
 
 ## Mirrors of other pads
 One hemispheric cell on elements of the default size, and of {larger:g} mm, compared with elements of {smallest:g} mm.

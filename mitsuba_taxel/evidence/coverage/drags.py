@@ -41,23 +41,26 @@ ALLOWED, LARGEST = 2.0, 0.03
 _PAGE = """\
 # Dragged and pressed
 
-For users of indenters with friction.
+For users of indenters with friction who ask whether dragged bodies are solved correctly.
 
 Written by `{command}`; do not edit by hand.
 
-Each row compares two ways to the same state of a pad of one cell, on elements of the default size. A body is pressed
-into the middle and dragged to a position, with a friction of {friction:g}; and the same body is pressed in at that
-position, without friction. Elements are small along the path in the first case, and below the body in the second; the
-load steps differ as well. Forces and the mean displacement of the roof should agree within their stated errors. They
-agree better than that, as elements of equal size around the body have similar errors.
+Each row compares two solutions for the same state of a pad of one cell, on elements of the default size. In the first,
+a body is pressed into the middle and dragged to a position, with a coefficient of friction of {friction:g}. In the
+second, the same body is pressed in at that position, without friction. Elements are small along the path in the first
+case, and below the body in the second; the load steps differ as well. Forces and the mean displacement of the roof
+should agree within their stated errors. They agree better than that, because elements of equal size around the body
+have similar errors.
 
 **{summary}**
 
 {table}
 
-- **force**: on the body that is pressed in. **deviation**: of the force on the dragged body, as a vector, relative.
-- **stated**: root of the sum of squares of the two stated errors, relative.
-- **roof**: the same for the mean displacement of the roof.
+- **force**: force on the body that is pressed in. **deviation**: magnitude of the difference of the two force vectors,
+  relative to this force.
+- **stated**: root of the sum of squares of the two stated errors, relative to the force.
+- **roof deviation**, **roof stated**: the same for the mean displacement of the roof.
+- **combined errors**: the larger of the two deviations over its stated error.
 - **CPU s**: time of all processors for both states with their errors.
 
 {missing}

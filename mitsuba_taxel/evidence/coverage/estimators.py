@@ -57,23 +57,23 @@ For people who change how light is traced.
 
 Written by `{command}`; do not edit by hand.
 
-Each row is a pad of one cell, whose optics are drawn at random as in [light of random configurations](light.md).
-*images* are readings with a mirror on the flat roof of an unloaded pad, with and without [connections over the
-mirror](theory/light.md). *differences* are changes of a reading between two loads, by [paths through material
-points](theory/derivatives.md#paths-through-material-points), and by readings that share their random numbers, on the
-same triangles; walls are diffuse, with a finish or without, and rims are sharp or rounded.
+Each row is a pad of one cell, whose optics are drawn at random as in [light of random configurations](light.md). Rows
+*images* compare readings with and without [connections over the mirror](theory/light.md), where the flat roof of an
+unloaded pad is a mirror. Rows *differences* compare two estimates of the change of a reading between two loads, on the
+same triangles: [paths through material points](theory/derivatives.md#paths-through-material-points), and readings that
+share their random numbers. There walls are diffuse, with a finish or without, and rims are sharp or rounded.
 
 **{summary}**
 
 {table}
 
-- **value**: the reading, or its change, by paths that do not use the estimator.
-- **deviation**: of the estimator from it, relative. **combined errors**: the same over the standard error of both.
-- **gain**: variance of those paths over that of the estimator, with equal numbers of paths. It is a lower bound, as the
-  other paths are more, and their variance falls faster than their number rises. Where the LED has a narrow beam, paths
-  through material points leave it, and have more noise than others: studies use others
-  there.
-- **CPU s**: time of both, with the mechanics.
+- **value**: the reading, or its change, by plain paths, which do not use the estimator.
+- **deviation**: relative deviation of the estimator from this value. **combined errors**: deviation over the standard
+  error of both.
+- **gain**: variance of plain paths over that of the estimator, with equal numbers of paths. It is a lower bound,
+  because more plain paths are traced, and their variance falls faster than their number rises. Where the LED has a
+  narrow beam, paths through material points leave it, and have more noise than plain paths, which studies then use.
+- **CPU s**: CPU time of both, with the mechanics.
 
 {missing}
 """

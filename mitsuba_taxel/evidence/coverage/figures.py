@@ -39,12 +39,11 @@ Written by `{command}`; do not edit by hand.
 
 Pads of one or two cells with shapes, dimensions, walls, LED, material and loads drawn at random from the seed {seed}:
 of ten scenes, about seven have a normal force, one has a tangential force, one has a rough mirror as roof (which needs
-random paths), and one is of viscoelastic silicone that is loaded and unloaded. Each is
-swept over {loads} loads at the default
-settings and to target errors of 0.2 % and 0.1 %. Figures of merit and their stated errors are those of
-`taxel characterise` for the first taxel. The ranges of the draw were changed once, after first results, so
-that a scene takes a minute rather than ten (sides reflect in a fifth of the
-scenes). They have been fixed since: a test compares the names of all scenes.
+random paths), and one is of viscoelastic silicone that is loaded and unloaded. Each is swept over {loads} loads at the
+default settings and to target errors of 0.2 % and 0.1 %. Figures of merit and their stated errors are those of `taxel
+characterise` for the first taxel. The ranges of the draw were changed once, after the first results, so that a scene
+takes a minute rather than ten (sides reflect in a fifth of the scenes). They have been fixed since then: a test
+compares the names of all scenes.
 
 The truth is not a sweep to 0.03 %, which would take many minutes each. It is extrapolated, reading by reading, from
 elements of {fine:g} mm or less (1.41 times smaller than those of the sweep to 0.1 %, if these are smaller), and 1.41
@@ -53,23 +52,22 @@ have elements of {fine_rim:g} mm or less: such a roof bends into the cell along 
 other's horizons, and if elements are larger than some 0.5 mm, this strip is as wide as an element. The rule was made
 after two such scenes had missed on elements of {fine:g} mm; one row, no. 23, is from before it.
 
-The largest and zero slopes of the truth are those of the polynomial through all its readings where the sweeps have
-derivatives, and as in the sweeps where they have none. Its light is computed with the same patches as that
-of the sweeps, or by {points} random paths for each randomisation, of another seed.
-So the error of the patches is not part of the comparison.
+Where the sweeps have derivatives, the largest slope and the slope at zero of the truth are those of the polynomial
+through all its readings; elsewhere they are computed as in the sweeps. The light of the truth is computed with the same
+patches as that of the sweeps, or by {points} random paths for each randomisation, of another seed. So the error of the
+patches is not part of the comparison.
 
-**The truth has an error** too: half of the change that the extrapolation makes to a figure, as the order of convergence
-may be 1 or 2; at least 0.2 % of a slope, as two meshes may agree by chance; and the noise of random paths.
-Deviations below are those of the sweep from the truth, divided by both errors together. If the error of the truth
-exceeds
-the stated one, and the deviation is within twice both, the comparison says little about the stated error: the figure is
-**not judged**, and is in no other count.
+**The truth has an error** too: half of the change of a figure by the extrapolation, because the order of convergence
+may be 1 or 2; at least 0.2 % of a slope, because two meshes may agree by chance; and the noise of random paths.
+Deviations below are those of the sweep from the truth, divided by both errors combined. If the error of the truth
+exceeds the stated error, and the deviation is within twice the combined error, the comparison says little about the
+stated error: the figure is **not judged**, and all other counts exclude it.
 
-Of {every} scenes {measured} have been measured so far; the command goes on with the others. No. 41 is of an earlier
-draw: its default elements and those of twice their size differ by a third of the error only. Nos. 42 to 45 are four of
-the others under {factor} times their loads. The errors of nonlinearities were chosen by scenes 01 to 14 and 41; the
-others were measured afterwards, for the first time. Where the default settings meet a target, that sweep is the same
-one, and its figures are counted again; the four slopes of a scene are nearly the same number.
+Of {every} scenes {measured} have been measured so far; the command continues with the others. No. 41 is from an earlier
+draw: there, elements of the default and of twice that size differ by only a third of the error. Nos. 42 to 45 are four
+of the other scenes under {factor} times their loads. The model of the errors of nonlinearities was chosen with scenes
+01 to 14 and 41; the others were measured afterwards, for the first time. Where the default settings meet a target, the
+same sweep is used for it, and its figures are counted again. The four slopes of a scene are nearly the same number.
 
 **{summary}**
 
@@ -77,23 +75,24 @@ one, and its figures are counted again; the four slopes of a scene are nearly th
 
 ## How the error changes along a path
 
-Elements that are too coarse change all readings of a path by nearly the same share of their change. What is left, the
-true over the stated error of a reading at the largest load less that at the first, is the **course**. Figures take it
-as random, with a standard deviation of {course:g} of the stated error, or of {by_strain:g} times the largest strain
-where that is more; from the first load to the last, that is {difference:.2f} times as much
-([theory](theory/errors.md#figures-derived-from-readings)). {courses}
+Elements that are too coarse change all readings of a path by nearly the same fraction of their change. The remainder is
+the **course**: the ratio of true to stated error of a reading at the largest load, minus that ratio at the first load.
+Figures of merit treat it as random, with a standard deviation of {course:g} of the stated error, or of {by_strain:g}
+times the largest strain if that is more. From the first load to the last, the standard deviation is {difference:.2f}
+times as large ([theory](theory/errors.md#figures-derived-from-readings)). {courses}
 
 ## Scenes
 
-Errors of the figures of each scene over both errors, and the error of the truth over that stated by default:
+Deviations of the figures of each scene over both errors combined, and the error of the truth over the stated error at
+the default settings:
 
 {table}
 
-- **figures**: of scenes that have it. **stated / true**: both errors together over the deviation. **worst**: largest
-  deviation over these. **truth / stated**: above 1, a figure is not judged.
-- **course**: see above; **strain**: the largest.
-- **truth [mm]**: its finest elements. **CPU s**: of all processors.
-"""
+- **figures**: number of scenes that have the figure. **stated / true**: both errors combined over the deviation.
+  **worst**: largest deviation over both errors combined. **truth / stated**: error of the truth over the stated error;
+  above 1, a figure may not be judged.
+- **course**: see above. **strain**: largest strain.
+- **truth [mm]**: size of the finest elements of the truth. **CPU s**: CPU time of all processors. """
 
 
 def figures(
@@ -188,14 +187,14 @@ def courses(rows: Sequence[Any]) -> str:
     """Sentences that compare the change of the true error along the path with the assumed change."""
     known = [row for row in rows if not math.isnan(row.course)]
     if not known:
-        return "No scene of these rows has one."
+        return "It is not known for any scene of these rows."
     sizes = [abs(row.course) for row in known]
     ratios = [size / taken_course(row.strain) for size, row in zip(sizes, known, strict=True)]
     within = [sum(ratio <= count for ratio in ratios) for count in (1, 2)]
     return (
-        f"It is known of {len(known)} scenes without random numbers, of strains up to "
-        f"{max(row.strain for row in known):.2f}: {median(sizes):.3f} in the median and {max(sizes):.2f} at most. "
-        f"Of these, {within[0]} are within once and {within[1]} within twice what is taken."
+        f"The course is known for {len(known)} scenes without random numbers, with strains up to "
+        f"{max(row.strain for row in known):.2f}: its median is {median(sizes):.3f} and its maximum {max(sizes):.2f}. "
+        f"Of these, {within[0]} are within one and {within[1]} within two of these standard deviations."
     )
 
 

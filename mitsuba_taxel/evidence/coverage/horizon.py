@@ -96,18 +96,17 @@ For people who change how derivatives are computed.
 
 Written by `{command}`; do not edit by hand.
 
-Derivatives of the reading of a cell with an isotropic roof at {designs} designs or loads, from one to another on one
-mesh, with the step at the [horizon](theory/derivatives.md#the-light-of-a-cell) spread over several widths (cosine).
-{width:g} is the width between walls, and {wider:g} times as much is used as seen from a phototransistor. Readings do
-not depend on the width.
+This page compares derivatives of the reading of a cell with an isotropic roof at {designs} designs or loads along a
+line, on one mesh. The step at the [horizon](theory/derivatives.md#the-light-of-a-cell) is spread over several widths
+(cosine). The program uses a width of {width:g} between walls, and {wider:g} times this width between walls and a
+phototransistor. Readings do not depend on the width.
 
 {table}
 
 - **bias**: relative deviation of the mean derivative from the slope between the ends of the line, from readings with
   {points} x {points} points on the phototransistor.
 - **scatter**: standard deviation of the derivatives from a cubic along the line, relative to the same slope.
-- **stated**: the part of the stated error due to the width, from the change with twice the width.
-"""
+- **stated**: part of the stated error due to the width, from the change with twice the width. """
 
 
 def horizon(starting: Callable[[str], None] | None = None) -> Iterator[HorizonRow]:

@@ -28,36 +28,36 @@ For users who ask whether light without random numbers is right for their optics
 
 Written by `{command}`; do not edit by hand.
 
-The cases are pads of one cell, unloaded or loaded, in every registered shape. All else is drawn at random from a seed:
-the law of the LED (cones of 0.05 to 90 degrees, powers of the cosine up to a million, tables), the response of the
-phototransistor, walls, sizes and dies. Each case is read twice: at the default settings, and by random paths alone. The
-second way does not use the patches and the quadrature of the first, so it is an independent check.
+The cases are pads of one cell, unloaded or loaded, in every registered shape. All other properties are drawn at random
+from a seed: the law of the LED (cones of 0.05 to 90 degrees, powers of the cosine up to a million, tables), the
+response of the phototransistor, walls, sizes and dies. Each case is read twice: at the default settings, and by random
+paths alone. The second way does not use the patches and the quadrature of the first, so it is an independent check.
 
 **{summary}**
 
 {table}
 
-- **random paths**: whether the default reading uses them; if not, it has no noise.
-- **deviation**: of the default reading from that by random paths, relative. **stated**: error that the default reading
-  states. **noise**: error of random paths, by noise and by triangles. **combined errors**: the deviation over the root
-  of the sum of their squares.
-- **slope**: the same for the derivative by {derived} that deviates most in combined errors, relative to the reading,
-  per mm.
-- **CPU s**, **MB**: time of all processors at the default and to {tight:.1%}, with compilation, and peak memory.
-- **measured**: time in UTC. Each row was measured with the code of its time, which `git log` names; a row that is
-  deleted from the CSV file is measured again.
+- **random paths**: "yes" if the default reading uses them; otherwise it has no noise.
+- **deviation**: relative difference of the default reading from the reading by random paths. **stated**: stated error
+  of the default reading. **noise**: error of the random paths, by noise and by triangles. **combined errors**: the
+  deviation over the root of the sum of the squares of both errors.
+- **slope**: the same for the derivative with respect to {derived}, whichever deviates more in combined errors; relative
+  to the reading, per mm.
+- **CPU s**, **MB**: CPU time of all processors at the default and to {tight:.1%}, with compilation, and peak memory.
+- **measured**: date and time in UTC. Each row was measured with the code of that time (see `git log`). To measure a row
+  again, delete it from the CSV file.
 
 {missing}
 
-## What no row shows
+## Mirrors, which no row has
 No wall of these configurations is a mirror. Mirrors need random paths. Below a plane mirror, as the roof of an unloaded
-box, walls that scatter are connected with the image of the phototransistor. With a mirror as roof (reflectance 0.9) and
+box, scattering walls are connected with the image of the phototransistor. With a mirror as roof (reflectance 0.9) and
 Lambertian sides (0.9), `taxel render FILE.xml --points 1024` of a box at rest states 0.34 %, and `--target-error 0.1%`
-takes 4 CPU s. A load bends the mirror: then such light meets the phototransistor only by chance, and the error of the
+takes 4 CPU s. A load bends the mirror: then such light hits the phototransistor only by chance, and the error of the
 same box is 2 % with 1024 points. It falls as the root of the number of paths: 0.1 % takes some 600 000 points per taxel
-and randomisation, minutes instead of seconds. Under a phototransistor with a narrow response such paths are rare, and
-their scatter can understate the error: of 32 768 points of a scene of [estimators of random paths](estimators.md)
-(`images 5 cylindrical`) without connections over the mirror, some seeds miss 5 % of the light and state 0.2 %.
+and randomisation, minutes instead of seconds. For a phototransistor with a narrow response such paths are rare, and
+their scatter can understate the error. An example is a scene of [estimators of random paths](estimators.md) (`images 5
+cylindrical`) with 32 768 points, without connections over the mirror: some seeds miss 5 % of the light and state 0.2 %.
 """
 
 

@@ -81,19 +81,19 @@ class RoughRow:
 _PAGE = """\
 # Slopes with rough walls
 
-For users whose cells have a finish or rough mirrors.
+For users whose cells have a finish or rough mirrors, and who ask what a slope costs there.
 
 Written by `{command}`; do not edit by hand.
 
-Studies of one cell on elements of the default size, over five loads from 0 to -0.83 N. The LED has 1 W; walls other
-than the roof absorb; Lambertian roofs reflect 90 %.
+Each row is a study of one cell on elements of the default size, over five loads from 0 to -0.83 N. The LED emits 1 W,
+walls other than the roof absorb, and Lambertian roofs reflect 90 %.
 
 {table}
 
 - **points**: paths of each of 32 randomisations. **reading**: error of the worst reading by the light.
 - **slope**: the mean slope. **light**, **shape**: its error by the light, and by finite elements and facets.
 - **largest slope**: error of the largest slope by light and by the [curve](theory/derivatives.md) between the loads.
-- **CPU s**: of the study, with the mechanics and all errors.
+- **CPU s**: CPU time of the study, with the mechanics and all errors.
 - **shared numbers**: error of the mean slope by the light, if the readings at both ends are traced with as many paths
   that share their random numbers. With a finish the study uses [paths through material
   points](theory/derivatives.md#paths-through-material-points) instead.

@@ -27,22 +27,22 @@ HEADINGS = ("cell", "force [N]", "by", "value", "unit", "stated", "deviation", "
 _PAGE = """\
 # Derivatives
 
-For users of derivatives.
+For users of derivatives who ask how well their stated errors hold.
 
 Written by `{command}`; do not edit by hand.
 
-Derivatives of the reading of one cell at the default settings, compared with those on elements of {fine:g} mm. These
-are half as large as the default for cells with flat roofs; the error that they still have is about a third of the
-deviation given here. Loaded domes have elements of 0.625 mm (spherical) and 0.75 mm (hemispheric): their rows
-show how much slopes scatter between meshes of nearly the same size, rather than an error. Roofs scatter isotropically.
-Both meshes use the same patches for the light: their error is not part of the comparison;
+This page compares derivatives of the reading of one cell at the default settings with those on elements of {fine:g} mm.
+These are half as large as the default for cells with flat roofs; their own error is about a third of the deviation
+given here. Loaded domes have elements of 0.625 mm (spherical) and 0.75 mm (hemispheric): their rows show how much
+slopes scatter between meshes of nearly the same size, rather than an error. Roofs scatter isotropically. Both meshes
+use the same patches for the light, so the error of the patches is not part of the comparison;
 `tests/sensing/test_derivatives.py` bounds it with smaller patches.
 
 {table}
 
-- **stated**: one standard deviation, relative. **deviation**: relative to the value on small elements.
-- **CPU s for all**: time of all processors for six derivatives, after the pad is solved.
-"""
+- **stated**: stated error (one standard deviation), relative. **deviation**: difference from the value on small
+  elements, relative to it.
+- **CPU s for all**: CPU time of all processors for six derivatives, after the pad is solved. """
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,8 @@ _PAGE = """\
 
 For users who load pads to the limit, or use extreme shapes, materials and circuits.
 
-Written by `{command}`; do not edit by hand. A process that crashed or went beyond {seconds:g} s or {memory:g} GB
-is reported. `WRONG` marks a failure, with which the command exits with 1.
-"""
+Written by `{command}`; do not edit by hand. A process that crashed or exceeded {seconds:g} s or {memory:g} GB is
+reported. `WRONG` marks a failure, with which the command exits with 1. """
 
 _MECHANICS = """
 ## Mechanics
@@ -40,22 +39,22 @@ bonded on top. For comparison: the paper's solver stopped at tangential forces o
 
 {table}
 
-- **verdict**: `converged`; `ends at` a load with the reason: the pad touches something there, or no stable state was
-  found beyond it; `refused` with the message. `WRONG` is a case that should have been refused, a wrong refusal, an
-  accepted step with an inverted element, a NaN, forces out of balance, or a stated error less than half of the change
-  on the finer mesh.
-- **Newton**, **steps**, **cutbacks**: iterations over all accepted steps; accepted steps; number of steps halved, for
-  lack of an acceptable state or for accuracy between steps, or given up.
-- **min J**, **min J at nodes**: smallest volume ratio at quadrature points and at the ten nodes of the elements, at any
-  step (the last one may lie beyond the load); and at the nodes in the last state, recomputed. The last state is that
-  at the whole load, or just before the end.
-- **residual**, **imbalance**: largest out-of-balance force at the steps, relative to the load; and the imbalance of
-  reaction and load in the last state, interpolated between steps, from reassembled forces.
+- **verdict**: `converged`; `ends at` a load, with the reason (the pad touches something there, or no stable state was
+  found beyond it); or `refused`, with the message. `WRONG` is a case that should have been refused, a wrong refusal, an
+  accepted step with an inverted element, a NaN, forces out of balance, or a stated error below half of the change on
+  the finer mesh.
+- **Newton**, **steps**, **cutbacks**: number of iterations over all accepted steps; of accepted steps; and of steps
+  that were halved (for lack of an acceptable state, or for accuracy between steps) or given up.
+- **min J**: smallest volume ratio at quadrature points and at the ten nodes of the elements, at any step (the last step
+  may lie beyond the load). **min J at nodes**: smallest volume ratio at the nodes in the last state, recomputed. The
+  last state is that at the whole load, or just before the end of the path.
+- **residual**: largest out-of-balance force at the steps, relative to the load. **imbalance**: difference of reaction
+  and load in the last state, which is interpolated between steps, from reassembled forces.
 - **stability**: `stable` if the factored tangent had the expected number of negative pivots at every step, in each
   block of the symmetric pad; `not checked` under friction.
-- **mean roof**: length of the roofs' mean displacement. **stated error**: that of the state, root mean square
-  over the roofs, relative to it; not computed with self_contact. **finer mesh**: change of the mean displacement on
-  elements smaller by 1.5.
+- **mean roof**: magnitude of the roofs' mean displacement. **stated error**: stated error of the displacement (root
+  mean square over the roofs), relative to **mean roof**; not computed with self_contact. **finer mesh**: relative
+  change of the mean displacement on elements 1.5 times smaller.
 - **CPU s**, **MB**: time of all processors for the state with its error, and peak memory of the process.
 """
 
@@ -67,10 +66,10 @@ law. Some must be refused.
 
 {table}
 
-- **verdict**: `right` within {deviations:g} errors of both; `refused` with the message. `WRONG` is another reading, one
-  that should have been refused, or a wrong refusal.
-- **power**, **error**: of the worst taxel, and its relative standard error. **deviations**: from the reference, in
-  combined errors.
+- **verdict**: `right` within {deviations:g} combined errors; `refused`, with the message. `WRONG` is a wrong reading, a
+  reading that should have been refused, or a wrong refusal.
+- **power**, **error**: reading of the worst taxel, and its relative standard error. **deviations**: deviation from the
+  reference, in combined errors.
 - **CPU s**, **MB**: time of all processors for both, and peak memory of the process.
 """
 
@@ -82,8 +81,8 @@ current law at the emitter, in 60 decimal digits.
 
 {table}
 
-- **verdict**: `right` within {difference:g} of the reference. `WRONG` is another voltage, other counts, or a noise
-  that is no number or less than that of the converter.
+- **verdict**: `right` within {difference:g} of the reference. `WRONG` is a wrong voltage, wrong counts, or a noise that
+  is NaN or below that of the converter.
 - **noise**: one standard deviation.
 - **CPU s**, **MB**: time of all processors, and peak memory of the process.
 """

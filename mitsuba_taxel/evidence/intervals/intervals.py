@@ -58,10 +58,10 @@ class IntervalRow:
     """
 
     COLUMNS: ClassVar = {
-        "case": ("made up", ""),
+        "case": ("synthetic data", ""),
         "figure": ("figure", ""),
         "made": ("stated errors", ".0f"),
-        "unstated": ("none stated", ".0f"),
+        "unstated": ("not stated", ".0f"),
         "within": ("coverage", ".1%"),
         "ratio": ("true / stated, rms", ".2f"),
         "seconds": ("CPU s", ".0f"),
@@ -120,6 +120,6 @@ def summary(rows: Sequence[IntervalRow]) -> str:
     good = sum(row.within >= TWICE - ALLOWED for row in rows)
     within = np.average([row.within for row in rows], weights=[row.made for row in rows]) if rows else math.nan
     return (
-        f"Of {len(rows)} figures, the stated errors of {good} hold 95 % within twice, or at most 3 points less; of all "
-        f"errors {within:.1%} do."
+        f"For {good} of {len(rows)} figures, at least {TWICE - ALLOWED:.1%} of the true errors are within twice the "
+        f"stated error; of all errors, {within:.1%} are."
     )

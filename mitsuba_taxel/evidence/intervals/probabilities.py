@@ -40,13 +40,13 @@ class ProbabilityRow:
     """
 
     COLUMNS: ClassVar = {
-        "case": ("made up", ""),
+        "case": ("synthetic data", ""),
         "figure": ("probability", ""),
         "stated": ("stated", ""),
         "made": ("number", ".0f"),
         "mean": ("mean of stated", ".1%"),
-        "true": ("came true", ".1%"),
-        "noise": ("1 sigma of that", ".1%"),
+        "true": ("observed frequency", ".1%"),
+        "noise": ("1 sigma", ".1%"),
         "seconds": ("CPU s", ".0f"),
     }
     case: str
@@ -139,6 +139,6 @@ def summary(rows: Sequence[ProbabilityRow]) -> str:
     """A sentence with the number of ranges whose probabilities hold."""
     good = sum(row.holds for row in rows)
     return (
-        f"Of {len(rows)} ranges of probabilities, {good} come true as often as stated, within {SIGMAS:g} standard "
-        f"errors of the count and {100 * SLACK:g} points."
+        f"In {good} of {len(rows)} ranges of probabilities, the observed frequency agrees with the stated probability "
+        f"within {SIGMAS:g} standard errors of the count and {100 * SLACK:g} points."
     )

@@ -57,7 +57,7 @@ def test_shares_are_counted():
     first, second = case.measured()
     assert (first.made, first.unstated, first.within, second.within) == (30, 10, pytest.approx(2 / 3), 1.0)
     assert first.ratio == pytest.approx((10 / 3) ** 0.5)
-    assert summary([first, second]).startswith("Of 2 figures, the stated errors of 1 hold")
+    assert summary([first, second]).startswith("For 1 of 2 figures, at least 92.5%")
 
 
 def test_the_page_holds_errors_that_hold():

@@ -40,4 +40,4 @@ def test_ranges_are_counted():
     assert [row.stated for row in together] == ["2 to 20 %", "80 to 98 %"] and together[1].made == 200
     assert (together[1].mean, together[1].true) == pytest.approx((0.825, 0.8625))
     assert together[0].noise == pytest.approx(np.sqrt(0.1 * 0.9 / 100))
-    assert summary([low, high]).startswith("Of 2 ranges of probabilities, 2 come true")
+    assert summary([low, high]).startswith("In 2 of 2 ranges of probabilities, the observed")

@@ -52,21 +52,22 @@ def variations(studies: Found, pictures: Path) -> str:
             ]
         )
     return f"""\
-## Which unstated choices move Table 1
+## Effects of unstated choices on Table 1
 ![Sensitivities under each choice](paper/choices.png)
 
-Steepest slopes in µW/N of the corner and the centre taxel up to 20 N of normal force (N), and up to 8 N along x or y
-at -8 N (T): of the curves through readings and their derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors,
-which need random paths, between these forces: there, noise may be more than the slope. On the elements of Table 1's
-normal forces. *Order*: pairs of shapes, of 6 + 6, that come in the paper's order. *Factor* is
-what all must be multiplied by to come nearest to the paper's numbers (a source of so many watts), *misfit* the typical
-factor that each is then still off by. *Peak*: height in mm at which the part reads most under a mirror plate.
+Slopes are in µW/N, on the elements of Table 1's normal forces. They are the steepest slopes of the corner and the
+centre taxel up to 20 N of normal force (N), and up to 8 N along x or y at -8 N (T), of the curves through readings and
+their derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors, which need random paths, they are differences
+between these forces, and their noise may exceed the slope. *Order*: number of pairs of shapes, out of 6 + 6, that are
+in the paper's order. *Factor*: common factor that brings the slopes closest to the paper's numbers (the power of the
+source in W). *Misfit*: typical factor by which each slope then still differs. *Peak*: height in mm of a mirror plate at
+which the reading is largest.
 
 {markdown_table(head, rows)}
 
 {_computed(tables)}
 
-A sensor whose packages are turned by 90 degrees has x and y exchanged; Table 1 takes the steeper of the two.
+If packages are turned by 90 degrees, x and y are exchanged; Table 1 contains the steeper of the two.
 
 {_influence(tables)}
 
@@ -112,7 +113,7 @@ def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) ->
     single = [choice.words for choice in choices() if choice.single and choice.words in tables]
     ranked = sorted(single, key=typical_factor, reverse=True)
     listed = ", ".join(f"{words} ({typical_factor(words):.2f})" for words in ranked)
-    return f"Single choices by the typical factor by which they change a slope: {listed}."
+    return f"Single choices, with the typical factor by which they change a slope: {listed}."
 
 
 def _unexplained(
@@ -120,7 +121,7 @@ def _unexplained(
 ) -> str:
     """Remaining ratios of the choices with the least misfit, number by number."""
     consistent = [words for words in tables if abs(heights[words].at - paper.PEAK_HEIGHT) <= NEAR_THE_DATASHEET]
-    groups = {"Of all choices": tables, "Of those that put the peak within 0.03 mm of the datasheet's": consistent}
+    groups = {"Of all choices": tables, "Of the choices with a peak within 0.03 mm of the datasheet's": consistent}
     lines = []
     for group, names in groups.items():
         if names:
@@ -131,7 +132,7 @@ def _unexplained(
                 for (kind, cell), slope in simulated.items()
             )
             lines.append(
-                f"- {group}, the least misfit has *{best}*: {fits[best].misfit:.2f}, with a factor of "
-                f"{fits[best].scale:.3g}. The paper's numbers are still these multiples of it: {ratios}."
+                f"- {group}, *{best}* has the least misfit, {fits[best].misfit:.2f}, with a factor of "
+                f"{fits[best].scale:.3g}. The paper's numbers are these multiples of the scaled slopes: {ratios}."
             )
-    return "**What is left**\n\n" + "\n".join(lines)
+    return "**Remaining differences**\n\n" + "\n".join(lines)

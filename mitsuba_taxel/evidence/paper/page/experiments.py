@@ -38,9 +38,9 @@ def experiments(studies: Found, pictures: Path) -> str:
     head = ["shape", "normal: measured", "here", "tangential: measured", "here", "e_nl measured [%]", "here [%]"]
     return f"""\
 ## The paper's experiments (Tables 2 to 4)
-Sensitivities relative to the parallelepiped's (of the most sensitive taxel; measured in V/N), and nonlinearity
-(equation 7, from the end-point line up to 10 N). The sensor of the experiments has 6 x 2 cells, so that forces per cell
-differ; ratios and orders can be compared, numbers cannot.
+The table has sensitivities relative to the parallelepiped's (of the most sensitive taxel; measured in V/N), and the
+nonlinearity (equation 7, from the end-point line up to 10 N). The sensor of the experiments has 6 x 2 cells, so forces
+per cell differ: ratios and orders can be compared, values cannot.
 
 {markdown_table(head, rows)}
 

@@ -41,16 +41,16 @@ def nominal(studies: Found, pictures: Path) -> str:
 
 ![Change of power under tangential force](paper/tangential.png)
 
-**Tangential forces at -8 N**: change of power of the corner taxel at (+x, +y) and of the centre. Solid: as far as the
-paper's solver went.
+**Tangential forces at -8 N**: change of power of the corner taxel at (+x, +y) and of the centre. Solid lines end where
+the paper's solver stopped.
 
 ![Sensitivities](paper/table1.png)
 
 {markdown_table(head, rows)}
 
-The maximum slope is that of all nine curves, which are cubics through readings without random numbers and their
-derivatives with respect to the force; its error is that of the derivatives (light, mechanics and geometry).
-Tangential: the steeper of x and y.
+The maximum slope is the largest of all nine curves, which are cubics through readings without random numbers and their
+derivatives with respect to the force. Its error is that of the derivatives (light, mechanics and geometry). The
+tangential slope is the steeper of x and y.
 
 {markdown_table(["shape", *(f"{NAMES[path]} [µW/N]" for path in TANGENTIAL)], direction)}
 
@@ -109,9 +109,9 @@ def roofs(studies: Found, pictures: Path) -> str:
 ## Fig. 10: a force along the secondary diagonal
 ![Roofs and powers](paper/fig10.png)
 
-Change from the state at -8 N when {paper.SHOWN_TANGENTIAL_FORCE:g} N along (1, 1) are added, taxels as they lie on the
-board. The paper sees the largest difference between taxels 3 and 7, a medium one between the sides, and next to none
-on the main diagonal:
+The maps show the change from the state at -8 N if {paper.SHOWN_TANGENTIAL_FORCE:g} N along (1, 1) are added; taxels are
+arranged as on the board. The paper finds the largest difference between taxels 3 and 7, a medium one between the sides,
+and almost none on the main diagonal:
 
 {markdown_table(["shape", "3 - 7 [µW]", "(2 + 6 - 4 - 8) / 2 [µW]", "largest of 1, 5, 9 from their mean [µW]"], rows)}
 """
@@ -130,11 +130,12 @@ def beyond(studies: Found, pictures: Path) -> str:
     )
     return f"""\
 ### How far the load paths go
-Largest tangential force in N that the pad bears at -8 N, in steps of 1 N, and that at which the paper's solver stopped:
+Largest tangential force in N that the pad bears at -8 N, in steps of 1 N, and the force at which the paper's solver
+stopped:
 
 {markdown_table(["shape", "paper", *(NAMES[path] for path in TANGENTIAL)], rows)}
 
-What stops them, at the first step that fails:
+Reasons for the end, at the first step that fails:
 {reasons}
 """
 

@@ -59,15 +59,14 @@ def analog(studies: Found, pictures: Path) -> str:
 ## The paper's own procedure, repeated {repetitions} times
 ![Maximum slopes by counted rays](paper/analog.png)
 
-`analog_tracer` counts {counting.RAYS} rays (the power of two next to 20 x 3000) for the centre taxel at each of the 41
-normal forces, with new rays each time, and the maximum slope over steps of 0.5 N is taken:
+`analog_tracer` counts {counting.RAYS} rays (the power of two nearest to 20 x 3000) for the centre taxel at each of the
+41 normal forces, with new rays each time. The answer is the maximum slope over steps of 0.5 N:
 
 {markdown_table(head, rows)}
 
-*Binomial*: the mean answer if readings are counts of n rays, of which a share p arrives. *Scatter*: the variance of the
-readings over p (1 - p) / n, and its p-value. A ray tracer that repeats its random numbers at every step would have less
-noise.
-"""
+*Binomial*: the mean answer if readings are counts of n rays, of which a fraction p arrives. *Scatter*: the variance of
+the readings over p (1 - p) / n, and its p-value. A ray tracer that repeats its random numbers at every step would have
+less noise. """
 
 
 def hypotheses(studies: Found, pictures: Path) -> str:
@@ -82,7 +81,7 @@ def hypotheses(studies: Found, pictures: Path) -> str:
             test = f"{fit.chi_square:.1f} / {fit.freedom} (p = {fit.p:.2g})"
             rows.append([kind, words, factor, test, f"{fit.misfit:.2f}"])
         best = min(fits, key=lambda words: fits[words].misfit)
-        lines.append(f"- {kind}: nearest is the {best}, with a misfit of {fits[best].misfit:.2f}.")
+        lines.append(f"- {kind}: the best explanation is the {best}, with a misfit of {fits[best].misfit:.2f}.")
     normal, tangential = factors
     ratio = tangential.scale / normal.scale
     error = ratio * math.hypot(tangential.scale_error / tangential.scale, normal.scale_error / normal.scale)
@@ -108,15 +107,15 @@ def hypotheses(studies: Found, pictures: Path) -> str:
     return f"""\
 ## Is Table 1 counting noise?
 With {paper.RAYS} rays a reading p scatters by sqrt(p (1 - p) / n). The largest of many steps of 0.5 N is then mostly
-noise, and proportional to the square root of the reading. Three explanations of Table 1, each with one free common
-factor; that of the last is the source's power in W, or any other scale:
+noise, and proportional to the square root of the reading. The table compares three explanations of Table 1, each with
+one free common factor. The factor of the last is the power of the source in W, or any other scale:
 
 {markdown_table(["force", "explanation", "factor", "chi-square / freedom", "misfit"], rows)}
 
 {chr(10).join(lines)}
 
-Counting noise with one source and equal steps would give both kinds of force the same factor. The tangential one is
-{with_error(ratio, error)} times the normal one, as if its steps had been of {paper.FORCE_STEP / ratio:.2g} N.
+Counting noise with one source and equal steps would give both kinds of force the same factor. The tangential factor is
+{with_error(ratio, error)} times the normal factor, as if its steps had been {paper.FORCE_STEP / ratio:.2g} N.
 
 Relative to the parallelepiped:
 

@@ -27,10 +27,9 @@ Bands are two standard errors.
 ![Power over an edge along x](paper/fig5.png)
 ![Power over an edge along y](paper/fig6.png)
 
-**Figs. 5 and 6.** The plate at {paper.EDGE_HEIGHT:g} mm covers everything beyond its edge. The edge distance is that of
-the plate's edge from the package's own edge, inwards, along x from the LED's side: at 0 the whole package is covered.
-(The paper speaks of "the space among the reflective plane and the photo-reflector edges".)
-"""
+**Figs. 5 and 6.** The plate at {paper.EDGE_HEIGHT:g} mm covers everything beyond its edge. The edge distance is the
+distance of the plate's edge from the edge of the package, counted inwards, along x from the LED's side: at 0 the whole
+package is covered. (The paper speaks of "the space among the reflective plane and the photo-reflector edges".) """
 
 
 def peaks(studies: Found, pictures: Path) -> str:
@@ -48,14 +47,14 @@ def peaks(studies: Found, pictures: Path) -> str:
     head = ["LED", *(f"peak [mm] at {spacing:g} mm" for spacing in shown), "spacing [mm] for a peak at 0.30 mm"]
     low, high = min(plate.PEAK_SPACINGS), max(plate.PEAK_SPACINGS)
     return f"""\
-### Die spacing and emission law go together
+### Die spacing and emission law cannot be told apart
 ![Height of the peak](paper/peak.png)
 
 {markdown_table(head, rows)}
 
-The peak of a cubic in ln z through ln(power) above {plate.NEAR_PEAK:.0%} of the largest; die spacings from {low:g} to
-{high:g} mm, the range that fits into the package. The datasheet's peak is a property of the part; all pairs in the last
-column reproduce it, so it cannot distinguish between them.
+The table has the peak of a cubic in ln z through ln(power) above {plate.NEAR_PEAK:.0%} of the largest power. Die
+spacings are from {low:g} to {high:g} mm, the range that fits into the package. All pairs in the last
+column reproduce the datasheet's peak, so the peak cannot distinguish between them.
 """
 
 
