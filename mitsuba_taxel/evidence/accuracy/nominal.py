@@ -44,7 +44,8 @@ solutions.
   relative to the steepest taxel at the same force.
 - **CPU s**: CPU time of all processors. The normal study includes the search for mesh, steps and points. The tangential
   study reuses points and mesh, and searches for a finer mesh only if its slopes miss the target. Kernels that Dr.Jit
-  has compiled before are not compiled again. """
+  has compiled before are not compiled again.
+"""
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,8 @@ the default settings:
   **worst**: largest deviation over both errors combined. **truth / stated**: error of the truth over the stated error;
   above 1, a figure may not be judged.
 - **course**: see above. **strain**: largest strain.
-- **truth [mm]**: size of the finest elements of the truth. **CPU s**: CPU time of all processors. """
+- **truth [mm]**: size of the finest elements of the truth. **CPU s**: CPU time of all processors.
+"""
 
 
 def figures(

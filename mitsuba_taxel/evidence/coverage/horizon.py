@@ -106,7 +106,8 @@ phototransistor. Readings do not depend on the width.
 - **bias**: relative deviation of the mean derivative from the slope between the ends of the line, from readings with
   {points} x {points} points on the phototransistor.
 - **scatter**: standard deviation of the derivatives from a cubic along the line, relative to the same slope.
-- **stated**: part of the stated error due to the width, from the change with twice the width. """
+- **stated**: part of the stated error due to the width, from the change with twice the width.
+"""
 
 
 def horizon(starting: Callable[[str], None] | None = None) -> Iterator[HorizonRow]:

@@ -42,7 +42,8 @@ use the same patches for the light, so the error of the patches is not part of t
 
 - **stated**: stated error (one standard deviation), relative. **deviation**: difference from the value on small
   elements, relative to it.
-- **CPU s for all**: CPU time of all processors for six derivatives, after the pad is solved. """
+- **CPU s for all**: CPU time of all processors for six derivatives, after the pad is solved.
+"""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,8 @@ _PAGE = """\
 For users who load pads to the limit, or use extreme shapes, materials and circuits.
 
 Written by `{command}`; do not edit by hand. A process that crashed or exceeded {seconds:g} s or {memory:g} GB is
-reported. `WRONG` marks a failure, with which the command exits with 1. """
+reported. `WRONG` marks a failure, with which the command exits with 1.
+"""
 
 _MECHANICS = """
 ## Mechanics

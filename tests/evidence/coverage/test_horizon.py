@@ -35,7 +35,7 @@ def test_rows_and_page(monkeypatch, tmp_path):
     horizon.write_page(rows, tmp_path / "page.md", "the command")
     page = (tmp_path / "page.md").read_text()
     assert page.count("| a line | v |") == len(horizon.WIDER) and "`the command`" in page
-    assert "0.004 is the width between walls" in page
+    assert "a width of 0.004 between walls" in page
 
 
 def test_a_wider_horizon_of_a_scene_is_one_of_its_cells(monkeypatch):

@@ -66,7 +66,8 @@ def analog(studies: Found, pictures: Path) -> str:
 
 *Binomial*: the mean answer if readings are counts of n rays, of which a fraction p arrives. *Scatter*: the variance of
 the readings over p (1 - p) / n, and its p-value. A ray tracer that repeats its random numbers at every step would have
-less noise. """
+less noise.
+"""
 
 
 def hypotheses(studies: Found, pictures: Path) -> str:

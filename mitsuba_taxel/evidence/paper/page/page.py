@@ -31,7 +31,8 @@ the LED, which of two "conical" emission laws it used, or Poisson's ratio. The *
 {spacing:g} mm between the dies, LED at -x, phototransistor's long side along x, dark centre 0.1 mm, LED uniform per
 solid angle up to 88 degrees, neo-Hookean silicone with nu = 0.49, roofs isotropic, all else absorbing. Nothing is
 fitted to the paper's numbers. Errors are one standard deviation: the total error for slopes, that of the light alone
-for readings. Each LED emits 1 W. The source power scales all readings and slopes alike. """
+for readings. Each LED emits 1 W. The source power scales all readings and slopes alike.
+"""
 
 SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Found, Path], str]], ...] = (
     (("fig4", "fig5", "fig6"), page_plate.optics),
