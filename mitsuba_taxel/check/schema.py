@@ -206,8 +206,16 @@ def _parameter(parent: Element, parameter: Parameter) -> None:
             choice = _choice(value, ("reference",))
             for word in parameter.allowed:
                 SubElement(choice, "value", type="string").text = word
+            if isinstance(parameter, Choice) and parameter.suffix:
+                _named_file(choice, parameter.suffix)
         elif parameter.type in _TEXTS:
             _choice(value, (_TEXTS[parameter.type], "reference"))
+
+
+def _named_file(choice: Element, suffix: str) -> None:
+    """Add names of files with a suffix to the allowed values."""
+    data = SubElement(choice, "data", type="string")
+    SubElement(data, "param", name="pattern").text = ".*" + suffix.replace(".", r"\.")
 
 
 def _components(element: Element) -> None:

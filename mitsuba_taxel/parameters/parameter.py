@@ -277,26 +277,30 @@ class Choice(Parameter):
         Meaning of each allowed word; empty if it is obvious.
     family : type[Kind], optional
         Family of kinds, if the words are names of kinds. The parameters of a kind apply if it is chosen.
+    suffix : str
+        Suffix of names of files that are allowed, too; empty if no file is.
     """
 
     allowed: Mapping[str, str]
     family: Any = None
+    suffix: str = ""
 
     type: ClassVar[str] = "string"
 
     def checked(self, value: Any) -> str:
-        if not isinstance(value, str) or value not in self.allowed:
+        is_file = isinstance(value, str) and self.suffix and value.endswith(self.suffix)
+        if not isinstance(value, str) or not (is_file or value in self.allowed):
             raise _refused(self, value)
         return value
 
     @property
     def range(self) -> str:
         words = [f"`{word}`" + (f" ({meaning})" if meaning else "") for word, meaning in self.allowed.items()]
-        return "one of " + ", ".join(words)
+        return "one of " + ", ".join(words) + (f", or the name of a file *{self.suffix}" if self.suffix else "")
 
     @property
     def needed(self) -> str:
-        return f"one of {', '.join(self.allowed)} is needed"
+        return f"one of {', '.join(self.allowed)}{f' or a file *{self.suffix}' if self.suffix else ''} is needed"
 
 
 @dataclass(frozen=True, kw_only=True)

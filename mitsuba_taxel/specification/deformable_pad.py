@@ -16,8 +16,9 @@ from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.history.timed_rows import timed_rows
 from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
+from mitsuba_taxel.mechanics.materials.material_file import SUFFIX, MeasuredMaterial, read_material
 from mitsuba_taxel.mechanics.materials.silicones import HARDNESS, SILICONES, from_shore_a, silicone
-from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic, prony_of
+from mitsuba_taxel.mechanics.materials.viscoelastic import Terms, Viscoelastic, prony_of
 from mitsuba_taxel.mechanics.surface.finish import Finish, Grooves, LayerSteps, RandomRoughness
 from mitsuba_taxel.mechanics.surface.wall_finishes import SeparateFinish
 from mitsuba_taxel.pads import Pad, PadFile
@@ -103,7 +104,11 @@ class DeformablePad(Specification, Kinded):
     fillet: float | None = _of_pad("fillet")
 
     material: str = kind(
-        "neo_hookean", Material, "A material law, or a silicone of known stiffness.", also=dict.fromkeys(SILICONES, "")
+        "neo_hookean",
+        Material,
+        "A material law, a silicone of known stiffness, or a TOML file of your own, as `taxel material` writes it.",
+        also=dict.fromkeys(SILICONES, ""),
+        suffix=SUFFIX,
     )
     shore_a: float | None = parameter_field(HARDNESS, name="shore_a", when=_NEO_HOOKEAN)
     youngs_modulus: float | None = field_of(NeoHookean, "youngs_modulus", when=_NEO_HOOKEAN, without="shore_a")
@@ -119,7 +124,7 @@ class DeformablePad(Specification, Kinded):
         "Viscoelasticity as a Prony series: terms 'weight time', separated by ';', such as 0.2 1; 0.1 10. The weight "
         "is the fraction of the stress that relaxes, the time its relaxation time in s. All constants of the material "
         "are instantaneous values; the long-term modulus is smaller by the factor 1 - sum of the weights.",
-        default_words="none",
+        default_words="none, or that of the material's file",
     )
     history: str = text(
         "",
@@ -238,6 +243,14 @@ class DeformablePad(Specification, Kinded):
         "bsdf", Region, None, "BSDF of the pad, usually a `region`.", default_words="absorbing"
     )
 
+    @classmethod
+    def read(cls, props: Any) -> DeformablePad:
+        """As `Specification.read`; the file of a material is relative to the scene."""
+        from mitsuba_taxel.backend.plugin_objects import find_file
+
+        find_file(props, "material", SUFFIX)
+        return super().read(props)
+
     def _check(self) -> None:
         for name in ("finish", *WALL_FINISHES):
             if self.filename is not None and getattr(self, name) not in ("smooth", None):
@@ -252,7 +265,7 @@ class DeformablePad(Specification, Kinded):
             )
         self.build_finish()
         self.cell_numbers()
-        terms, (times, values) = prony_of(self.prony), self.build_history()
+        terms, (times, values) = self.build_prony(), self.build_history()
         if self.rate is not None and self.time:
             raise InputError(f"time = {self.time:g} and rate = {self.rate:g} exclude each other: leave one out.")
 
@@ -287,11 +300,32 @@ class DeformablePad(Specification, Kinded):
         ratio = {} if self.poisson_ratio is None else {"poisson_ratio": self.poisson_ratio}
         if self.material in SILICONES:
             return silicone(self.material).changed(**ratio)
+        if measured := self._measured:
+            return measured.law.changed(**ratio)
         if self.shore_a is not None:
             return from_shore_a(self.shore_a, **ratio)
         law = Material.named(self.material)
         constants = {name: getattr(self, name) for name in law.own_parameters()} | ratio
         return law(**{name: value for name, value in constants.items() if value is not None})
+
+    def build_prony(self) -> Terms:
+        """Terms of the Prony series, of the scene or of the material's file."""
+        measured = None if self.prony else self._measured
+        return measured.prony if measured else prony_of(self.prony)
+
+    @property
+    def tested_stretch(self) -> float | None:
+        """Largest principal stretch of the tests of the material; None if unknown."""
+        if self.material in SILICONES:
+            strain = SILICONES[self.material].max_strain
+            return None if strain is None else 1 + strain
+        measured = self._measured
+        return measured.largest_stretch if measured else None
+
+    @property
+    def _measured(self) -> MeasuredMaterial | None:
+        """The material's file; None without one."""
+        return read_material(self.material) if self.material.endswith(SUFFIX) else None
 
     def build_load(self, find: Any = Path) -> tuple[Load, tuple[float, ...]]:
         """The load and its value; ``find`` converts the name of a file into its path."""

@@ -82,7 +82,6 @@ class DeformablePad(mi.Mesh):
 
     def __init__(self, props: mi.Properties) -> None:
         from mitsuba_taxel.mechanics.history.timed_rows import rubs
-        from mitsuba_taxel.mechanics.materials.viscoelastic import prony_of
         from mitsuba_taxel.specification.deformable_pad import DeformablePad as Parameters
 
         # Parameters and the objects that they describe.
@@ -93,7 +92,7 @@ class DeformablePad(mi.Mesh):
         self.pad = parameters.build_pad(resolved_path)
         self.material = parameters.build_material()
         self.load, self.value = parameters.build_load(resolved_path)
-        self.prony, self.history = prony_of(parameters.prony), parameters.build_history()
+        self.prony, self.history = parameters.build_prony(), parameters.build_history()
         self.remembers = bool(self.prony) or rubs(self.load)
         self.mesh_size, self.mesh_tolerance, self.judged_on = parameters.mesh_size, parameters.mesh_tolerance, None
         self.read_cells = parameters.cell_numbers()

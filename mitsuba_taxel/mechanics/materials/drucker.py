@@ -7,15 +7,12 @@ principal axes, the matrix d2W / (de_a de_b) must be positive on the plane e_1 +
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
-
-if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics.materials.laws.material import Material
 
 LEAST_STRETCH = 1.5
 """Principal stretch up to which every law must be stable; equibiaxial, it is a compression to 0.44 of the height."""
@@ -27,14 +24,22 @@ _STEPS = 120
 _PLANE = np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])
 
 
+class Law(Protocol):
+    """What is needed of a law: its isochoric stress and tangent, as of `Material`."""
+
+    def stress(self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray) -> np.ndarray: ...
+
+    def tangent(self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray) -> np.ndarray: ...
+
+
 @kept(64)
-def stable_stretch(material: Material) -> float:
+def stable_stretch(material: Law) -> float:
     """Largest principal stretch up to which a law is stable in all modes.
 
     Parameters
     ----------
-    material : Material
-        Law, taken as incompressible.
+    material : Law
+        Material law, taken as incompressible.
 
     Returns
     -------
@@ -52,7 +57,7 @@ def stable_stretch(material: Material) -> float:
     return float(low)
 
 
-def require_stable(material: Material, name: str) -> None:
+def require_stable(material: Law, name: str) -> None:
     """Raise `InputError`, naming a constant, if a law is not stable up to :data:`LEAST_STRETCH`."""
     limit = stable_stretch(material)
     if limit < LEAST_STRETCH:
@@ -62,7 +67,7 @@ def require_stable(material: Material, name: str) -> None:
         )
 
 
-def _least_stiffness(material: Material, stretches: np.ndarray) -> np.ndarray:
+def _least_stiffness(material: Law, stretches: np.ndarray) -> np.ndarray:
     """(n,) least eigenvalue of the stiffness without change of volume, over all modes, at principal stretches (n,)."""
     logarithm = np.log(stretches)[:, None] * np.ones_like(MODES)
     strains = np.stack([logarithm, logarithm * MODES, -logarithm * (1 + MODES)], axis=-1)

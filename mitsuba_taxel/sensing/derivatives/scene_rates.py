@@ -321,7 +321,7 @@ def _pad(state: mi.parser.ParserState) -> DeformablePad | None:
     if len(pads) > 1:
         raise InputError(f"derivatives are not available: the scene holds {len(pads)} deformable pads; allowed is one.")
     pad = DeformablePad.read(pads[0])
-    if pad.prony:
+    if pad.build_prony():
         raise InputError("derivatives are not available: the pad is viscoelastic (prony); vary the steps of the load.")
     if pad.friction:
         raise InputError("derivatives are not available: the indenter has friction; steps of the load are needed.")
