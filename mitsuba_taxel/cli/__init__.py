@@ -62,7 +62,7 @@ class _Commands(click.Group):
 @click.version_option(package_name="mitsuba_taxel", prog_name="taxel")
 @click.option(
     "--plugin", "plugins", multiple=True, type=click.Path(path_type=Path), metavar="FILE.py",
-    help="A Python file of yours that registers Mitsuba plugins: it is run, here and in workers. May be repeated.",
+    help="Python file that registers Mitsuba plugins; it is run, here and in worker processes. May be repeated.",
 )  # fmt: skip
 @debug_option
 def taxel(plugins: tuple[Path, ...]) -> None:

@@ -93,11 +93,12 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
 @markdown_option
 @debug_option
 def coverage_command(only: str | None, part: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Compare the stated errors of readings by the finite elements with the true ones.
+    """Compare the stated errors of readings by the finite elements with the true errors.
 
     Settings of pads and loads are read one by one, each in its own process, the fastest first. Then errors of figures
-    that need no pad are counted on synthetic data: of recordings, tolerances, fits, calibrations, exported models,
-    noise as a force and differences of variants; and how often the probabilities of a comparison come true.
+    that need no pad are counted on synthetic data: recordings, tolerances, fits, calibrations, exported models,
+    noise-equivalent forces and differences of variants. The stated probabilities of a comparison are compared with
+    observed frequencies.
 
     Files contain the rows measured so far. Figures and probabilities have files of their own beside that of the
     readings; those selected are counted anew, and the others stay as they are.
@@ -137,13 +138,13 @@ def light_command(only: str | None, csv: Path | None, markdown: Path | None) -> 
     _shown(rows, headings(LightRow), partial(map, cells), summary=summary)
 
 
-@command.command("drags", short_help="Balls dragged to a place against balls pressed there.")
+@command.command("drags", short_help="Dragged bodies compared with pressed-in bodies.")
 @click.option("--only", metavar="PATTERN", help="Only states whose name contains this; * and ? are wildcards.")
 @csv_option
 @markdown_option
 @debug_option
 def drags_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Compare forces and roofs below balls that are dragged to a position with those of balls pressed in there.
+    """Compare forces and roof displacements under dragged bodies with those under bodies pressed in at the same place.
 
     Each state is solved in its own process; files contain those solved so far, which are not solved again.
     """
@@ -231,7 +232,7 @@ def estimators_command(only: str | None, csv: Path | None, markdown: Path | None
     _shown(rows, headings(EstimatorRow), partial(map, cells), summary=summary)
 
 
-@command.command("horizon", short_help="Derivatives by the width of the horizon.")
+@command.command("horizon", short_help="Derivatives for several widths of the horizon.")
 @markdown_option
 @debug_option
 def horizon_command(markdown: Path | None) -> None:
@@ -246,7 +247,7 @@ def horizon_command(markdown: Path | None) -> None:
 
 
 @command.command("nominal", short_help="The paper's study of four shapes: errors and seconds.")
-@click.option("--only", metavar="PATTERN", help="Part of the names of the shapes wanted; * and ? for anything.")
+@click.option("--only", metavar="PATTERN", help="Only shapes whose name contains this; * and ? are wildcards.")
 @markdown_option
 @debug_option
 def nominal_command(only: str | None, markdown: Path | None) -> None:
@@ -324,8 +325,8 @@ def speed_command(target_error: float) -> None:
         click.echo(line)
 
 
-@command.command("omitted-work", short_help="Savings by omitted work.")
-@click.option("--scene", "scenes", multiple=True, metavar="NAME", help="Which scenes; all by default.")
+@command.command("omitted-work", short_help="Savings from omitted work.")
+@click.option("--scene", "scenes", multiple=True, metavar="NAME", help="Scene, all by default. May be repeated.")
 @markdown_option
 @debug_option
 def omitted_work_command(scenes: tuple[str, ...], markdown: Path | None) -> None:

@@ -19,15 +19,15 @@ csv_option = click.option(
 @click.group("peers", short_help="Other programs on the same cases.")
 @debug_option
 def peers() -> None:
-    """Run other programs, as far as installed, on the same cases.
+    """Run other programs that are installed on the same cases.
 
     Nothing else should run meanwhile: times are wall times.
     """
 
 
 @peers.command("optics", short_help="Errors, times and figures of merit of the light.")
-@click.option("--case", "cases", multiple=True, metavar="NAME", help="Which cases; all by default.")
-@click.option("--peer", "systems", multiple=True, metavar="NAME", help="Which programs; all by default, or none.")
+@click.option("--case", "cases", multiple=True, metavar="NAME", help="Case, all by default. May be repeated.")
+@click.option("--peer", "systems", multiple=True, metavar="NAME", help="Program, or none; all by default.")
 @click.option("--runs", type=click.IntRange(min=16), default=32, show_default=True, help="Independent seeds.")
 @click.option(
     "--seconds", type=click.FloatRange(min=0, min_open=True), default=0.5, show_default=True, help="Length of a run."
@@ -48,8 +48,8 @@ def optics_command(
 @csv_option
 @debug_option
 def mechanics_command(tables: tuple[str, ...], file: Path | None) -> None:
-    """Compare the mechanics with CalculiX (solve), time the paper's load paths (paths), larger pads (cells), and what
-    takes the time (parts); count the factorisations under bodies that press (contact); compare linear solvers
+    """Compare the mechanics with CalculiX (solve); time the paper's load paths (paths), larger pads (cells) and the
+    parts of a solution (parts); count the factorisations under indenters (contact); compare linear solvers
     (solvers)."""
     from mitsuba_taxel.evidence.peers.mechanics import TABLES
 
@@ -60,8 +60,8 @@ def mechanics_command(tables: tuple[str, ...], file: Path | None) -> None:
 
 
 @peers.command("elements", short_help="Node-by-node comparison with CalculiX.")
-@click.option("--mesh-size", "sizes", multiple=True, type=float, metavar="MM", help="May be given again.")
-@click.option("--poisson-ratio", "ratios", multiple=True, type=float, metavar="NU", help="May be given again.")
+@click.option("--mesh-size", "sizes", multiple=True, type=float, metavar="MM", help="May be repeated.")
+@click.option("--poisson-ratio", "ratios", multiple=True, type=float, metavar="NU", help="May be repeated.")
 @csv_option
 @debug_option
 def elements_command(sizes: tuple[float, ...], ratios: tuple[float, ...], file: Path | None) -> None:
@@ -72,8 +72,8 @@ def elements_command(sizes: tuple[float, ...], ratios: tuple[float, ...], file: 
 
 
 @peers.command("ball", short_help="A ball pressed into a cell, beside CalculiX.")
-@click.option("--mesh-size", "sizes", multiple=True, type=float, metavar="MM", help="May be given again.")
-@click.option("--depth", "depths", multiple=True, type=float, metavar="MM", help="May be given again.")
+@click.option("--mesh-size", "sizes", multiple=True, type=float, metavar="MM", help="May be repeated.")
+@click.option("--depth", "depths", multiple=True, type=float, metavar="MM", help="May be repeated.")
 @csv_option
 @debug_option
 def ball_command(sizes: tuple[float, ...], depths: tuple[float, ...], file: Path | None) -> None:

@@ -8,14 +8,14 @@ from .options import debug_option, json_option
 
 
 @click.command(short_help="Solved deformations on disk.")
-@click.option("--clear", is_flag=True, help="Remove all of them, except those that a program is computing.")
+@click.option("--clear", is_flag=True, help="Remove all solutions, except those that a program is computing.")
 @json_option
 @debug_option
 def command(clear: bool, as_json: bool) -> None:
     """Print the folder of solved deformations, and its size.
 
-    The folder is MITSUBA_TAXEL_CACHE, or mitsuba_taxel in the user's cache folder. Beyond 10 GB those that were used
-    longest ago are removed; nothing that was used in the last ten minutes is.
+    The folder is MITSUBA_TAXEL_CACHE, or mitsuba_taxel in the user's cache folder. Beyond 10 GB the least recently used
+    solutions are removed, but none that was used in the last ten minutes.
     """
     from mitsuba_taxel.mechanics import cache
 

@@ -20,9 +20,9 @@ from .options import debug_option, defines_option, json_option
 @debug_option
 @click.pass_context
 def command(ctx: click.Context, scene: str | None, defines: dict[str, str], schema: Path | None, as_json: bool) -> None:
-    """List errors and oddities of SCENE, with their lines.
+    """List errors and likely mistakes of SCENE, with their lines.
 
-    Pads of a scene without errors are deformed, and their solutions kept for `taxel render`, which then refuses
+    If the scene has no errors, its pads are deformed, and the solutions are kept for `taxel render`, which then refuses
     nothing. The exit code is that of `taxel render`: 2 for errors of the scene, 1 where a computation stops, as under a
     load that a pad cannot bear, and 0 if there are only warnings and notes.
 

@@ -22,7 +22,7 @@ def _shares(ctx: click.Context, param: click.Parameter, value: str) -> tuple[flo
 @click.option(
     "--noise", default="0", show_default=True, metavar="SIGMA",
     help="Gaussian noise of the light of every reading: 1 sigma in W, or relative to the reading, such as 0.5%. "
-    "Voltages of a study with a circuit have that of the circuit as well.",
+    "With a circuit, voltages have its noise as well.",
 )  # fmt: skip
 @click.option(
     "--copies", type=click.IntRange(min=1), default=1, show_default=True, help="Noisy copies of each job of the study."
@@ -47,8 +47,8 @@ def command(
 ) -> None:
     """Write force and readings of the study in DIR as train.csv, validation.csv and test.csv, with a datasheet.
 
-    Of a study with a circuit they have voltages and counts as well. All rows of one force go into the same table. The
-    folder for the results must be empty or new.
+    For a study with a circuit, the tables also have voltages and counts. All rows of one force go into the same table.
+    The folder for the results must be empty or new.
     """
     from mitsuba_taxel.studies import open_study
     from mitsuba_taxel.studies.run.training import training_set

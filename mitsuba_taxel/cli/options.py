@@ -82,7 +82,7 @@ debug_option = click.option(
 )
 defines_option = click.option(
     "-D", "defines", multiple=True, metavar="NAME=VALUE", callback=assignments,
-    help="Value of a <default> of the scene; none leaves out what uses it. May be repeated.",
+    help="Value of a <default> of the scene; none leaves out the elements that use it. May be repeated.",
 )  # fmt: skip
 target_error_option = click.option(
     "--target-error",
@@ -115,7 +115,7 @@ time_budget_option = click.option(
     "--time-budget",
     type=_Duration(),
     help="Total time, such as 60s, 500ms or 2min: steps that would not end in time are not started. If scenes of a "
-    "sweep are left, the exit code is 3.",
+    "sweep are missing, the exit code is 3.",
 )
 circuit_option = click.option(
     "--circuit",

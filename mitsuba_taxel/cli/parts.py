@@ -27,8 +27,8 @@ CLEARLY = 0.05
 def command(name: str | None, file: Path | None, height: float | None, as_json: bool) -> None:
     """List the parts of the catalogue, or show one, by its name or from your own file.
 
-    Body, windows and dies, values of the datasheet and their source; what it does not state; and the current under a
-    mirror or white card compared with that of the datasheet.
+    Prints body, windows and dies; values of the datasheet, their source, and missing values; and the current under a
+    mirror or white card, compared with that of the datasheet.
     """
     from mitsuba_taxel.parts import leaving_share, part_names, read_part
 

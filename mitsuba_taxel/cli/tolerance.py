@@ -19,12 +19,12 @@ def command(
     """Propagate the distributions of parameters in the table [tolerance] of STUDY.toml to the readings.
 
     Each sample is computed by the whole chain, and stored in DIR as soon as it is ready; the same command resumes an
-    interrupted run. With exact = N in the table, N samples are, all have the linear answer from derivatives, and these
-    N correct it; a larger N continues a run. Tables and a plot show the spread of the reading at rest, sensitivity and
-    cross-talk, its linear estimate from derivatives, and the share of each tolerance.
+    interrupted run. With exact = N in the table, only N samples are. All samples then get the linear estimate from
+    derivatives, which these N correct; a larger N continues a run. Tables and a plot show the spread of the reading at
+    rest, sensitivity and cross-talk, its linear estimate from derivatives, and the share of each tolerance.
 
-    Tolerances are independent, but for factors in [tolerance.of], which scale several parameters:
-    shrinkage = {law = "normal", mean = 1, sd = 0.003, scales = ["cell_size", "cell_height"]}.
+    Tolerances are independent, except for factors in [tolerance.of], which scale several parameters: shrinkage = {law =
+    "normal", mean = 1, sd = 0.003, scales = ["cell_size", "cell_height"]}.
     """
     from mitsuba_taxel.tolerances import run_tolerance
 

@@ -90,8 +90,8 @@ current:
 
 {markdown_table(["height [mm]", "datasheet", "here", "difference"], rows)}
 
-The largest difference is {100 * (model - sheet)[worst]:+.1f} % of the peak, at {heights[worst]:g} mm. Beyond 4 mm we
-are too {"low" if deficit > 0 else "high"} by {abs(deficit):.0f} % of the value.
+The largest difference is {100 * (model - sheet)[worst]:+.1f} % of the peak, at {heights[worst]:g} mm. Beyond 4 mm the
+computed current is too {"low" if deficit > 0 else "high"} by {abs(deficit):.0f} %.
 
 Predicted, without a measurement: position of the edge of a mirror at {EDGE_HEIGHT:g} mm, from the centre of the
 body, for 10, 50 and 90 % of the current (`taxel parts vcnt2020 --edges {EDGE_HEIGHT:g}`):

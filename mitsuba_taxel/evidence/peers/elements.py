@@ -19,7 +19,7 @@ MESH_SIZES = (1.2, 0.8, 0.65, 0.55)
 POISSON_RATIOS = (0.3, 0.49, 0.4999)
 FORCE = (0.0, 0.0, -20.0)
 THREADS = (1, 2)
-COLUMNS = ("nu", "mesh size", "unknowns", "threads", "seconds", "increments", "iterations", "roof mm", "apart mm")
+COLUMNS = ("nu", "mesh size", "unknowns", "threads", "seconds", "increments", "iterations", "roof mm", "difference mm")
 
 
 def table(mesh_sizes: Sequence[float], poisson_ratios: Sequence[float]) -> Iterator[tuple[object, ...]]:

@@ -66,7 +66,7 @@ def show(study: xr.Dataset | xr.DataTree) -> StudyView:
     """
     leaves = getattr(study, "leaves", [study])
     if not all("curve" in getattr(leaf, "attrs", {}) and "replicate_power" in leaf for leaf in leaves):
-        raise InputError(f"study = {type(study).__name__} is not allowed: what sweep or open_study returned is needed.")
+        raise InputError(f"study = {type(study).__name__} is not allowed: a result of sweep or open_study is needed.")
     return StudyView(study)
 
 
@@ -101,7 +101,7 @@ def _pad_file_html(pad: PadFile) -> str:
     from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
     from mitsuba_taxel.report.notebook.pad_drawing import draw_surface
 
-    rules = f"{len(pad.regions)} rules name its regions." if pad.regions else "Its regions are guessed."
+    rules = f"{len(pad.regions)} rules name its regions." if pad.regions else "Its regions are determined from its shape."
     drawing = _line("A solid: it has a surface once it is meshed.")
     if pad.suffix in SURFACE_FORMATS:
         try:
@@ -118,7 +118,7 @@ def _viscoelastic_html(silicone: Viscoelastic) -> str:
     """The instantaneous law, and the Prony series."""
     long_term = 1 - silicone.shares.sum()
     rows = [(f"{fraction:.6g}", f"{time:.6g}") for fraction, time in silicone.prony]
-    memory = _framed("Memory", _line(f"Left in the long run: {long_term:.6g}."), _table(("share", "time [s]"), rows))
+    memory = _framed("Relaxation", _line(f"Long-term fraction of the stress: {long_term:.6g}."), _table(("share", "time [s]"), rows))
     return _material_html(silicone.law) + memory
 
 

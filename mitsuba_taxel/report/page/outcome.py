@@ -59,11 +59,11 @@ OUTCOMES = (
         "spread.csv",
         "Tolerances",
         "notes.txt",
-        {"tolerance": "Spreads of the figures, and the parameters that they come from."},
+        {"tolerance": "Spreads of the figures, and the parameters that cause them."},
         {
             "spread": SPREADS,
             "parameters": INDICES,
-            "shares": "Linear answer: contributions of the parameters",
+            "shares": "Linear estimate: contributions of the parameters",
             "samples": "Samples",
         },
     ),
@@ -93,7 +93,7 @@ OUTCOMES = (
         "Optimum",
         "optimum.md",
         {
-            "optimum": "Course, figures and variables before and after.",
+            "optimum": "Progress of the search; figures and variables before and after.",
             "section": "Section of the pad before and after.",
             "front": "Trade-off of two objectives.",
         },

@@ -75,7 +75,7 @@ def power(study: xr.Dataset, key: str) -> str:
     values = study.power.values[np.isfinite(study.power.values)]
     words = (
         f"Optical power of {study.sizes['taxel']} taxels against {curve}: between {values.min():.4g} and "
-        f"{values.max():.4g} W. The table below holds the numbers."
+        f"{values.max():.4g} W. The table below has the numbers."
     )
     caption = "Bands: total error, of light and mechanics. Bars: one standard error of the light."
     plots = [plot(partial(plot_curves, study), words, caption)]
@@ -84,7 +84,7 @@ def power(study: xr.Dataset, key: str) -> str:
         words = f"Voltage of {study.sizes['taxel']} taxels behind the circuit against {curve}."
         plots.append(plot(partial(plot_curves, in_volts(study, circuit)), words, f"Behind the circuit. {caption}"))
     if has_taxels_to_compare(study):
-        words = "How each taxel's reading changes, one panel for each combination of parameters, all of the same axes."
+        words = "Change of each taxel's reading, one panel for each combination of parameters, with the same axes."
         plots.append(plot(partial(plot_taxels, study), words, "Each taxel's change. Bars: light."))
     plane = plane_of(study) or plane_of_steps(study)
     if plane:
@@ -145,12 +145,12 @@ def merit(study: xr.Dataset, key: str) -> str:
             omitted = _left_out(len(rows), "taxel characterise lists")
             blocks.append(table(f"{title}{omitted}", headings, rows[:MOST_ROWS]))
     blocks += [paragraph(line, "quiet") for line in (*remarks_explained(figures, pairs), *limits)]
-    words = "Change of readings against force, and its slope below, also relative to rest; the tables hold the numbers."
+    words = "Change of readings against force, and its slope below, also relative to rest; the tables have the numbers."
     caption = "Change since rest, and slope; on the right in percent of the reading at rest. Bars: light."
     blocks.append(plot(partial(plot_sensitivity, simulated.experiments), words, caption))
     if parameters_of(simulated.experiments):
-        words = "Mean slope against each parameter that is varied; the tables hold the numbers."
-        caption = "Mean slope against what is varied; on the right in percent of the reading at rest. Bars: light."
+        words = "Mean slope against each parameter that is varied; the tables have the numbers."
+        caption = "Mean slope against the varied parameter; on the right in percent of the reading at rest. Bars: light."
         blocks.append(plot(partial(plot_against, simulated.experiments), words, caption))
     if len(figures[figures.figure.isin(DEVIATIONS)]):
         words = "Deviation of each taxel's reading from the straight line between its end points, in percent."
@@ -161,7 +161,7 @@ def merit(study: xr.Dataset, key: str) -> str:
 
 
 def _tangential(maps, pairs) -> str:
-    words = "Map of the taxels' changes under each tangential load; arrows show which way it pushes."
+    words = "Map of the taxels' changes under each tangential load; arrows show the direction of the force."
     caption = "Change of each taxel under a tangential load, with one standard error; x to the right, y upwards."
     headings, rows = pair_rows(pairs)
     numbers = [table("Symmetric pairs under a tangential load", headings, rows)] if rows else []

@@ -167,7 +167,7 @@ def _scenes(study: xr.Dataset | xr.DataTree) -> dict[str, xr.Dataset]:
     InputError
         if the argument is no study, or holds no power.
     """
-    require("study", study, (xr.Dataset, xr.DataTree), "what sweep or open_study returned")
+    require("study", study, (xr.Dataset, xr.DataTree), "a result of sweep or open_study")
     if isinstance(study, xr.Dataset):
         scenes = {"": study}
     else:

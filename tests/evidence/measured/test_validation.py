@@ -152,7 +152,7 @@ def test_widths_below_their_errors_are_no_part_of_the_verdict(tmp_path):
     made = made_memory(loop=memory_fit.HysteresisLoop(0.75, 0.8, 0.4, 0.25), errors=errors)
     text = " ".join(page_memory.memory_section(made, tmp_path).split())
     assert "10 to 11 times the predicted ones (2 of 4 widths are not resolved)" in text
-    assert "0.00 ± 0.20 %, which does not resolve the change that was measured: by 0.15 %" in text
+    assert "0.00 ± 0.20 %, which does not resolve the measured change of at most 0.15 %" in text
     none = made._replace(errors=errors._replace(loop=memory_fit.HysteresisLoop(9, 9, 9, 9)))
     section = page_memory.memory_section(none, tmp_path)
     assert "No width of the loop is resolved." in section

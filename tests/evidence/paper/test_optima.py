@@ -73,7 +73,7 @@ def test_the_page(tmp_path):
         "| cell_height (low) | 1.0% | 3.0% or more off |" in text
         and "| cell_height (low) | 1.0% ± 2.0% | yes |" in text
     )
-    assert "Of the paper's four the parallelepiped one is best, with 50 µW/N; of those found" in text
+    assert "The best of the paper's four designs is the parallelepiped, with 50 µW/N. The best design found" in text
     assert (
         "touch nothing up to 20 N, the range of the sensor, but the spherical one to 12 N (it touches the board)."
         in text

@@ -205,4 +205,4 @@ def test_command_writes_its_table(tmp_path):
         rows = list(csv.DictReader(stream))
     assert [row["threads"] for row in rows] == ["1", "2"]
     for row in rows:
-        assert float(row["apart mm"]) < 1e-6 and float(row["roof mm"]) < -0.05 and float(row["seconds"]) > 0
+        assert float(row["difference mm"]) < 1e-6 and float(row["roof mm"]) < -0.05 and float(row["seconds"]) > 0

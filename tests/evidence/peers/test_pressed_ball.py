@@ -71,6 +71,6 @@ def test_force_and_displacement_agree_with_the_peer(tmp_path, monkeypatch):
     with file.open(newline="") as stream:
         (row,) = csv.DictReader(stream)
     assert float(row["force N"]) == pytest.approx(1.15, abs=0.01)
-    assert float(row["force apart"].rstrip("%")) < 0.2
-    assert float(row["rms apart"].rstrip("%")) < 0.6
+    assert float(row["force difference"].rstrip("%")) < 0.2
+    assert float(row["rms difference"].rstrip("%")) < 0.6
     assert float(row["same element"].rstrip("%")) < 0.6

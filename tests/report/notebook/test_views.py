@@ -239,7 +239,7 @@ def test_plots_of_the_notebook_go_on():
 
 @pytest.mark.parametrize("thing", [xr.Dataset(), "runs/hemi", None, xr.DataTree()])
 def test_what_is_no_study_is_refused(thing):
-    with pytest.raises(InputError, match="what sweep or open_study returned is needed"):
+    with pytest.raises(InputError, match="a result of sweep or open_study is needed"):
         show(thing)
 
 

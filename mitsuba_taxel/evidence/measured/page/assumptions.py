@@ -22,10 +22,10 @@ def assumptions_section(results: PadComparison, tried: Mapping[str, AssumptionRe
     rows += [[name, *_errors(outcome.fitted), *_shown(outcome.rings)] for name, outcome in tried.items()]
     return f"""\
 ### Other assumptions
-The following is not published. One assumption at a time is changed; the height and the indenter are those found above,
-and the modulus and the start of the record are fitted again. The table has the largest differences as above, and means
-of the map over all taxels at the same distance from taxel {fitted}, in pitches. These means hardly depend on the
-position of the indenter, which is above the middle here.
+The following properties are not published. One assumption at a time is changed; the height and the indenter are those
+found above, and the modulus and the start of the record are fitted again. The table has the largest differences as
+above, and means of the map over all taxels at the same distance from taxel {fitted}, in pitches. These means hardly
+depend on the position of the indenter, which is above the middle here.
 
 {markdown_table(heads, rows)}
 
@@ -48,8 +48,8 @@ def _own(results: PadComparison) -> str:
     if abs(expected - actual) >= abs(computed - actual):
         return f"{times}, but not so in the map while taxel {measured.PRESSED} is pressed."
     return (
-        f"{times}. It does so in the map too, while taxel {measured.PRESSED} is pressed: with this factor, its change "
-        f"of {computed:.0f} becomes {expected:.0f}, and {actual:.0f} was measured. So the deviation is a property of "
-        "the taxel, wherever the pad is pressed, and not an error of the deformation; in the model all taxels are "
+        f"{times}. The same factor holds in the map, while taxel {measured.PRESSED} is pressed: it turns the computed "
+        f"change of {computed:.0f} into {expected:.0f}, and {actual:.0f} was measured. So the deviation is a property "
+        "of the taxel, wherever the pad is pressed, and not an error of the deformation; in the model all taxels are "
         "equal."
     )

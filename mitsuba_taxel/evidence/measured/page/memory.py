@@ -95,12 +95,12 @@ def _hold_words(memory: PronyFit, forces: np.ndarray, scatters: np.ndarray) -> s
     within = np.all(np.abs(memory.hold - forces) <= np.hypot(scatters, memory.errors.hold))
     hold = "agrees" if within else "**does not agree**"
     change, error = 100 * memory.held_change, 100 * memory.errors.held_change
-    alike = "as" if change - error <= measured.HELD_CHANGE else "**not** as"
+    limit = f"{measured.HELD_CHANGE:g} %"
+    alike = f"{'as' if change - error <= measured.HELD_CHANGE else '**not** as'} measured: by {limit} at most"
     if error > measured.HELD_CHANGE:
-        alike = "which does not resolve the change that was"
+        alike = f"which does not resolve the measured change of at most {limit}"
     return (
-        f"The hold {hold} within its scatter. From 0.5 s on its voltage changes by {_with(change, error)} %, {alike} "
-        f"measured: by {measured.HELD_CHANGE:g} % at most."
+        f"The hold {hold} within its scatter. From 0.5 s on its voltage changes by {_with(change, error)} %, {alike}."
     )
 
 
@@ -122,7 +122,7 @@ def _loop_words(memory: PronyFit) -> str:
     verdict = (
         f"**The loop does not agree**: the measured widths are {low:.2g} to {high:.2g} times the predicted "
         f"ones{unresolved}. Friction below the indenter explains {memory.rubbed.force:.2f} of "
-        f"{measured.FORCE_LOOP:g} % and changes the largest force by {100 * (memory.stiffer - 1):+.0f} %."
+        f"the {measured.FORCE_LOOP:g} % and changes the largest force by {100 * (memory.stiffer - 1):+.0f} %."
     )
     linear_note = (
         "In closed form, the loop of the force of a linear solid with the fitted series is "
@@ -138,14 +138,13 @@ def _missing() -> str:
     verdict = "does not exclude it"
     if residue > ALIKE * there:
         verdict = (
-            "excludes it. No sum of terms leaves less, as widths and remainders of small weights add up: no linear "
-            "viscosity explains both records, whatever its constants"
+            "excludes it. No sum of terms leaves less, because widths and remainders of small weights add up: no "
+            "linear viscosity explains both records, whatever its constants"
         )
     return (
-        f"A further term of the series that explains such a loop, best with a relaxation time of {time:.0f} s, would "
-        f"leave at least "
-        f"{100 * residue:.1f} % of the change {measured.TAIL_TIMES[-1]:g} s after the release (in a linear solid), but "
-        f"{100 * there:.2f} % was measured: that {verdict}. {_widths_alone()}"
+        f"A further term of the series could explain such a loop, best with a relaxation time of {time:.0f} s. In a "
+        f"linear solid this term would leave at least {100 * residue:.1f} % of the change {measured.TAIL_TIMES[-1]:g} "
+        f"s after the release, but {100 * there:.2f} % was measured: that {verdict}. {_widths_alone()}"
     )
 
 
@@ -156,15 +155,15 @@ def _widths_alone() -> str:
     lower, higher = abs(force - at_travel), force + at_travel
     less = abs(lower - at_force) < abs(higher - at_force)
     return (
-        "The widths alone show more, if voltage and force are nearly proportional to each other and to the travel. "
-        f"On the way back, the force is lower by {force:g} %. If the voltage at equal travel is lower by its "
-        f"{at_travel:g} %, it is higher at equal force by {lower:.1f} %; if it is higher at equal travel, it is "
-        f"higher at equal force by {higher:.1f} %; "
-        f"measured is {at_force:g} %. So roofs are {'less' if less else 'more'} pressed on the way back at equal "
-        f"travel. Softening or relaxation that is the same everywhere does not change the shape of a pad at a given "
-        f"travel, and is excluded as the only cause. The same is true of play of the robot, which would be "
-        f"{play:.2f} mm, or slip of the pad: they change nothing at equal force. An elastic compliance of the robot "
-        f"causes no loop. Possible causes are softening by the first strain (Mullins' effect), if it is larger below "
-        f"the indenter than at the roofs, or a softening by {min(lower, at_force):.0f} to {max(lower, at_force):.0f} "
-        f"% together with play or slip. These data do not show which; none of these effects is modelled."
+        "The widths alone show more, if voltage and force are nearly proportional to each other and to the travel. On "
+        f"the way back, the force is lower by {force:g} %. If the voltage at equal travel is lower by its "
+        f"{at_travel:g} %, it is higher at equal force by {lower:.1f} %; if it is higher at equal travel, it is higher "
+        f"at equal force by {higher:.1f} %. {at_force:g} % was measured. So roofs are {'less' if less else 'more'} "
+        "pressed on the way back at equal travel. Softening or relaxation that is the same everywhere does not change "
+        "the shape of a pad at a given travel, and is excluded as the only cause. Play of the robot (which would be "
+        f"{play:.2f} mm) and slip of the pad are excluded as well, because they change nothing at equal force. An "
+        "elastic compliance of the robot causes no loop. Possible causes are softening by the first strain (Mullins' "
+        f"effect), if it is larger below the indenter than at the roofs, or a softening by {min(lower, at_force):.0f} "
+        f"to {max(lower, at_force):.0f} % together with play or slip. These data do not show which; none of these "
+        "effects is modelled."
     )

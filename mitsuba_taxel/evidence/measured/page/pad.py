@@ -35,11 +35,11 @@ def pad_section(results: PadComparison, pictures: Path) -> str:
 ## A real pad under its indenter
 ![Force against travel, and change of the voltage against force](validation/pressed.png)
 
-*Marks are measured, lines computed.* A pad of 5 x 5 cells with photo-reflectors NJL5908AR, pressed slowly at
-its taxels {taxels}. The height of the pad, its silicone and the indenter are not published.
+*Marks are measured, lines are computed.* A pad of 5 x 5 cells with photo-reflectors NJL5908AR was pressed slowly at its
+taxels {taxels}. The height of the pad, its silicone and the indenter are not published.
 
-**Fitted to taxel {fitted} alone**, to its force and its reading at {points} travels, by {tried} paths of
-finite elements; the modulus has a closed form, as forces are proportional to it. A record begins when the robot detects
+**Fitted to taxel {fitted} alone**, to its force and its reading at {points} travels, by {tried} paths of finite
+elements; the modulus has a closed form, because forces are proportional to it. A record begins when the robot detects
 the contact. The travel before that is fitted as well:
 
 {markdown_table(["unknown", "value"], _unknowns(results))}
@@ -49,10 +49,11 @@ the contact. The travel before that is fitted as well:
 The indenter is modelled as a ball of that radius without friction, and the silicone as neo-Hookean with nu = 0.49.
 Collars of the rigid grid reach {collar} into the cells and hold the walls between them: the model is glued at their
 tops, {collar} above the dies and {below:g} mm below the roofs. The grid is opaque except for windows of
-{measured.WINDOW:g} mm. Roofs reflect isotropically and all else absorbs, as in the paper; the LED is Lambertian. Left
-out: the silicone around the grid below the tops of the collars, friction, gaps beside the collars, light through the
-silicone, and compliance of the robot. Voltages are compared relative to rest: the circuit is linear up to 3 V of its
-3.3 V, so no gain is needed, and no reading comes near saturation.
+{measured.WINDOW:g} mm. Roofs reflect
+isotropically and all other surfaces absorb, as in the paper; the LED is Lambertian. The model leaves out the silicone
+around the grid below the tops of the collars, friction, gaps beside the collars, light through the silicone, and
+compliance of the robot. Voltages are compared relative to rest: the circuit is linear up to 3 V of its 3.3 V, so no
+gain is needed, and no reading comes near saturation.
 
 {"".join(_pressed(taxel, compared) for taxel, compared in results.taxels.items())}
 {paragraph(_spread(results))}
@@ -99,12 +100,13 @@ def _valley(results: PadComparison) -> str:
         if (height, radius) != best and misfit < ALIKE * results.found.misfit
     ]
     alike = (
-        f"; nearly as well: {', '.join(alternatives)}. The data hardly distinguish height and radius"
+        f" Other pairs of height and radius fit nearly as well: {', '.join(alternatives)}. So the data hardly "
+        "distinguish the two."
         if alternatives
         else ""
     )
     misfit = f"{100 * results.found.misfit:.1f} %"
-    return f"Root mean square of the residuals, relative to the largest values: {misfit}{alike}."
+    return f"Root mean square of the residuals, relative to the largest values: {misfit}.{alike}"
 
 
 def _pressed(taxel: int, compared: TaxelComparison) -> str:
@@ -163,8 +165,8 @@ def _spread(results: PadComparison) -> str:
         f"At {at:.2f} N the changes of taxels {' / '.join(map(str, results.taxels))} are {bench} % measured, {model} % "
         "here. In the model, all parts and their positions in the cells are equal, and the indenter is above the "
         "middle of each predicted taxel, as its true position is not known. In volts they are "
-        f"{volts_there} V measured, {volts_here} V here if all have the rest voltage of taxel {measured.PRESSED}: off "
-        f"by {' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in volts.T)} %, instead of "
+        f"{volts_there} V measured, {volts_here} V here if all have the rest voltage of taxel {measured.PRESSED}. "
+        f"The deviations are {' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in volts.T)} % in volts, and "
         f"{' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in changes.T)} % relative to rest. A part with another "
         f"gain would change the voltage at rest and its change by the same factor. {_light_at_rest(changes, volts)}"
     )
@@ -175,11 +177,14 @@ def _light_at_rest(changes: np.ndarray, volts: np.ndarray) -> str:
     computed."""
     relative_error, volt_error = (float(np.abs(values[1] / values[0] - 1).max()) for values in (changes, volts))
     if volt_error >= relative_error:
-        return "Changes in volts differ no less than those relative to rest, so the light at rest does not explain it."
+        return (
+            "Changes in volts deviate no less than those relative to rest, so light at rest does not explain the "
+            "deviations."
+        )
     return (
-        "As the changes in volts differ less than those relative to rest, the taxels may differ in a part of their "
-        "light at rest that the load does not change; three taxels do not prove it. The model has no such light, as "
-        "only roofs reflect."
+        "As the changes in volts deviate less than those relative to rest, the taxels may differ in a part of their "
+        "light at rest that the load does not change; three taxels do not prove it. The model has no such light, "
+        "because only roofs reflect."
     )
 
 
@@ -202,16 +207,16 @@ def _errors(results: PadComparison) -> str:
     shares = (100 * np.abs(state.change_error / state.change)).values.reshape(bench_pad.SIDE, bench_pad.SIDE)
     middle, nearby = shares[bench_pad.SIDE // 2, bench_pad.SIDE // 2], ring(shares, 1)
     text = (
-        f"Errors of the computation itself while taxel {measured.PRESSED} is held, from a second mesh and the noise of "
-        f"the light: {force:.1f} % of the force, {middle:.1f} % of the change, {nearby:.1f} % of those of its "
-        "neighbours."
+        f"Stated errors of the computation while taxel {measured.PRESSED} is held, from a second mesh and the noise of "
+        f"the light, are {force:.1f} % of the force, {middle:.1f} % of the change, and {nearby:.1f} % of the changes "
+        "of its neighbours."
     )
     finer = results.finer.isel(travel=-1)
     rise = 100 * float(finer.force / state.force - 1)
     change = 100 * float((finer.change / state.change).sel(taxel=measured.PRESSED) - 1)
     return (
-        f"{text} On elements of {FINER:g} mm in place of {bench_pad.MESH_SIZE:g} mm the force in fact differs by "
-        f"{rise:+.1f} % and the change by {change:+.1f} %. The fitted height compensates an error that is "
+        f"{text} On elements of {FINER:g} mm instead of {bench_pad.MESH_SIZE:g} mm the force differs by "
+        f"{rise:+.1f} %, and the change by {change:+.1f} %. The fitted height compensates an error that is "
         f"proportional to the change."
     )
 
@@ -233,13 +238,13 @@ def _map_words(results: PadComparison) -> str:
     site = f"row {worst[0] + 1}, column {worst[1] + 1}"
     count = int((np.abs(difference) > MAP_TARGET).sum())
     verdict = (
-        f"{count} of {difference.size - 1} differ by more than the target of {MAP_TARGET:g} points"
+        f"{count} of {difference.size - 1} taxels differ by more than the target of {MAP_TARGET:g} points"
         if count
-        else (f"all are within the target of {MAP_TARGET:g} points")
+        else (f"All are within the target of {MAP_TARGET:g} points")
     )
     return (
         f"The largest difference is {difference[worst]:+.0f} points, in {site}; among the eight neighbours it is "
-        f"{neighbours.max():.0f}; {verdict}. Without the offset the largest difference would be {centred:.0f}. "
+        f"{neighbours.max():.0f}. {verdict}. Without the offset the largest difference would be {centred:.0f}. "
         f"{_widest(results)}"
     )
 
@@ -253,19 +258,23 @@ def _band_words(results: PadComparison) -> str:
     beyond_list = [
         f"{ratio:.1f} ({100 * limits.chance(ratio):.0f} %)" for ratio in np.sort(times[difference > MAP_TARGET])
     ]
-    beyond = f" The taxels beyond the target deviate by {', '.join(beyond_list)} times the ±." if beyond_list else ""
+    beyond = (
+        f" The taxels beyond the target deviate by {', '.join(beyond_list)} times the ±; in brackets are probabilities "
+        f"of such a deviation or a larger one, from Student's distribution, because {len(limits.own)} taxels determine "
+        "a spread poorly."
+        if beyond_list
+        else ""
+    )
     return (
-        f"Pressed themselves, taxels {' / '.join(map(str, limits.own))} change {shares} times as much as computed: "
-        f"their sensitivities differ by {100 * limits.spread:.0f} % (one standard deviation). A number of the map is "
-        f"a ratio of two taxels. Its standard deviation, the ± of the table, is therefore the square root of two "
-        f"times as large, and contains the rounding of the measured values. By these standard deviations, "
-        f"{limits.expected_beyond(MAP_TARGET):.1f} taxels would deviate by more than {MAP_TARGET:g} points, and all "
-        f"taxels of an otherwise exact model would be within the target with a probability of "
-        f"{100 * limits.chance_of_none_beyond(MAP_TARGET):.1f} % only. Probabilities of such a deviation or a larger "
-        f"one, in brackets, are from Student's distribution, as {len(limits.own)} taxels determine a spread "
-        f"poorly.{beyond} The largest deviation in units of ± is that of the taxel in row {row + 1}, column "
-        f"{column + 1}: {times[row, column]:.1f} "
-        f"({100 * limits.chance(times[row, column]):.0f} %), whose voltage hardly changes."
+        f"When they are pressed themselves, taxels {' / '.join(map(str, limits.own))} change {shares} times as much as "
+        f"computed: their sensitivities differ by {100 * limits.spread:.0f} % (one standard deviation). A number of "
+        "the map is a ratio of two taxels. Its standard deviation, the ± of the table, is therefore larger by the "
+        "square root of two, and includes the rounding of the measured values. With these standard deviations, "
+        f"{limits.expected_beyond(MAP_TARGET):.1f} taxels should deviate by more than {MAP_TARGET:g} points, and all "
+        "taxels of an otherwise exact model would be within the target with a probability of only "
+        f"{100 * limits.chance_of_none_beyond(MAP_TARGET):.1f} %.{beyond} The largest deviation in units of ± is "
+        f"{times[row, column]:.1f} ({100 * limits.chance(times[row, column]):.0f} %), of the taxel in row {row + 1}, "
+        f"column {column + 1}, whose voltage hardly changes."
     )
 
 

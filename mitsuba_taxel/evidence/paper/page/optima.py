@@ -49,26 +49,26 @@ Written by `{command}`; do not edit by hand. Every number and every comparison i
 The paper compares four shapes of cells, each of one size. Here [`taxel optimise`](theory/optimum.md) looks for the
 dimensions of each shape that are best for a purpose: cell_size {cell_size} mm, height of the pad {height} mm, wall
 around {wall} mm, and cell_height {lowest:g} (hemispheric {hemispheric:g}) to 2.4 mm. The mould allows walls from
-{least_wall:g} mm, so with the paper's pitch the cells are at most 2.75 mm wide. The start is the paper's dimensions:
-cells 2.55 mm wide and {heights} mm high, the pad 4.55 mm, walls 1 mm. Silicone, package and light are those of
-`pad.xml`; readings are in W for 1 W per LED.
+{least_wall:g} mm, so with the paper's pitch the cells are at most 2.75 mm wide. Each search starts from the paper's
+dimensions: cells 2.55 mm wide and {heights} mm high, the pad 4.55 mm, walls 1 mm. Silicone, package and light are
+those of `pad.xml`; readings are in W for 1 W per LED.
 
-A *profile* is any roof of revolution given by three points of a spline: with the three dimensions above, its eight
-variables are r of the first two, relative to half of cell_size, from {r1:g} and {r2:g} on, and z of all, from
-{lowest:g} to {profile_height:g} mm. It starts as the paper's cylinder. A *square profile* has the same curve on four
-sides, as pyramids do, and starts as the paper's parallelepiped; its radii of curvature are at least {least_radius:g}
-mm, as light is not followed into spikes. A *leaning parallelepiped* has tops that may lie up to {most_lean:g} mm off
-the axes of the cells along x, that of the force; all cells lean alike.
+A *profile* is any roof of revolution that three points of a spline describe. It has eight variables: the three
+dimensions above, r of the first two points (relative to half of cell_size, at least {r1:g} and {r2:g}), and z of all
+points ({lowest:g} to {profile_height:g} mm). It starts as the paper's cylinder. A *square profile* has the same curve
+on four sides, as pyramids do, and starts as the paper's parallelepiped; its radii of curvature are at least
+{least_radius:g} mm, because light is not followed into spikes. A *leaning parallelepiped* has tops that may lie up to
+{most_lean:g} mm off the axes of the cells along x, the direction of the force; all cells lean alike.
 
-Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by
-that mesh. *Held by* names active bounds, and *left* is the part of the objective's gradient that no active bound or
-constraint balances: the relative change of the objective over the width of the bounds. Gradients scatter from mesh to
-mesh. *left* is therefore the mean over the best design, the same design on the finer mesh, and the designs within
+Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by that
+mesh. The *remaining slope* is the part of the objective's gradient that no active bound or constraint balances: the
+relative change of the objective over the width of the bounds. Gradients scatter from mesh to mesh. The remaining slope
+is therefore the mean over the best design, the same design on the finer mesh, and the designs within
 {near:.0%} of it (in widths of the bounds), and ± is its standard error. A design is called a local *optimum* if
-*left* and its error are together at most {balanced:.0%}. Otherwise a descent from it on the finer mesh shows what is
-still to gain. It ends when its steps gain no more (*within*, rounded up), or when it may read no more designs. One
-descent of at most {evaluations} designs was made for each shape, so a better design elsewhere within the bounds is
-not excluded; {effort}.
+this slope and its error together are at most {balanced:.0%}. Otherwise the column states the gain of another descent
+from it on the finer mesh: *within*, rounded up, if the descent ended because its steps gained no more; *or more off* if
+it reached its limit of designs. One descent of at most {evaluations} designs was made for each shape, so a better
+design elsewhere within the bounds is not excluded. {effort}.
 
 ![Before and after](optimum/optima.png)
 """
@@ -80,9 +80,9 @@ TITLES = {
 ASKED = {
     "normal": "Mean slope of the worse of taxels 3 (corner) and 5 (centre) to -20 N, nonlinearity at most 3 %.",
     "tangential": "Mean slope of the worse of taxels 3 (corner) and 6 (side at +x) from 0 to 4 N along x, at -8 N.",
-    "resolution": "The worst standard deviation of Fx, Fy and Fz if all three are estimated from the four corner "
-    f"taxels, each with a noise of {1e6 * NOISE:g} µW: of mean slopes from 0 to 2 N along x and y at -8 N, and from 0 "
-    "to -8 N along z.",
+    "resolution": "The largest standard deviation of Fx, Fy and Fz if all three are estimated from the four corner "
+    f"taxels, each with a noise of {1e6 * NOISE:g} µW. Slopes are means from 0 to 2 N along x and y at -8 N, and from "
+    "0 to -8 N along z.",
 }
 SCALES = {"normal": (1e6, "µW/N"), "tangential": (1e6, "µW/N"), "resolution": (1e3, "mN")}
 
@@ -109,9 +109,9 @@ def write_optima(optima: Optima, docs: Path, command: str) -> Path:
         r2=POINTS["r2"][1],
         profile_height=PROFILE_HEIGHT,
         evaluations=", ".join(f"{limit} ({purpose})" for purpose, limit in EVALUATIONS.items()),
-        effort="; ".join(
-            f"for the most sensitive {cell} to {purpose} force, {starts} descents, all but one from points of a Sobol' "
-            f"set, of at most {limit} designs each"
+        effort=". ".join(
+            f"For the most sensitive {cell} to {purpose} force, {starts} descents of at most {limit} designs each were "
+            "made, all but one from points of a Sobol' sequence"
             for (purpose, cell), (starts, limit) in EFFORT.items()
         ),
     )
@@ -155,7 +155,7 @@ def _section(purpose: str, shapes: Mapping[str, xr.Dataset]) -> str:
         if optimum.sizes["descent"] > 1
     ]
     notes = "\n".join(lines) + "\n\n" if lines else ""
-    table = markdown_table([*head, "held by", "left", "optimum"], rows)
+    table = markdown_table([*head, "active bounds", "remaining slope", "optimum"], rows)
     about = f"{_best_of(purpose, shapes)} {_reach_of(shapes)}"
     return f"## {TITLES[purpose]}\n{ASKED[purpose]}\n\n{table}\n\n{notes}{about}\n"
 
@@ -184,8 +184,9 @@ def _best_of(purpose: str, shapes: Mapping[str, xr.Dataset]) -> str:
         ratios = shapes[before].figures_before_finer.values[1], shapes[best].figures_best_finer.values[1]
         nonlinear = f", with a nonlinearity of {ratios[1]:.1%} instead of {ratios[0]:.1%}"
     return (
-        f"Of the paper's four the {before} one is best, with {scale * values[0]:.3g} {unit}; of those found the {best} "
-        f"one, with {scale * values[1]:.3g} {unit}: {ratio:.2f} times better{nonlinear}.{_profiles_of(shapes)}"
+        f"The best of the paper's four designs is the {before}, with {scale * values[0]:.3g} {unit}. The best design "
+        f"found is the {best}, with {scale * values[1]:.3g} {unit}: {ratio:.2f} times better{nonlinear}."
+        f"{_profiles_of(shapes)}"
     )
 
 
@@ -196,7 +197,7 @@ def _profiles_of(shapes: Mapping[str, xr.Dataset]) -> str:
     best = {cell: _goal(shapes[cell])[1] for cell in PROFILES if cell in shapes}
     return "".join(
         f" The best {cell} is {value / before:.2f} times as sensitive as the paper's {first} cells, and "
-        f"{value / after:.2f} times as sensitive as the best {second} ones."
+        f"{value / after:.2f} times as sensitive as the best {second} cells."
         for cell, value in best.items()
     )
 
@@ -221,8 +222,8 @@ def _lean(optimum: xr.Dataset) -> list[str]:
     if "top_x" not in values:
         return []
     lean = round(values["top_x"], 6)
-    text = f"tops of cells lie {lean:.3g} mm off their axes along x, by which the outer wall is thinner there"
-    return [text if lean else "it does not lean, as the outer wall would be thinner by as much"]
+    text = f"tops of cells lie {lean:.3g} mm off their axes along x; the outer wall is thinner there by this length"
+    return [text if lean else "it does not lean, because the outer wall would be thinner by the same length"]
 
 
 def _optimal(optimum: xr.Dataset) -> str:

@@ -47,7 +47,7 @@ def peaks(studies: Found, pictures: Path) -> str:
     head = ["LED", *(f"peak [mm] at {spacing:g} mm" for spacing in shown), "spacing [mm] for a peak at 0.30 mm"]
     low, high = min(plate.PEAK_SPACINGS), max(plate.PEAK_SPACINGS)
     return f"""\
-### Die spacing and emission law cannot be told apart
+### Die spacing and emission law cannot be distinguished
 ![Height of the peak](paper/peak.png)
 
 {markdown_table(head, rows)}
