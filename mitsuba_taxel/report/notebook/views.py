@@ -101,7 +101,7 @@ def _pad_file_html(pad: PadFile) -> str:
     from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
     from mitsuba_taxel.report.notebook.pad_drawing import draw_surface
 
-    rules = f"{len(pad.regions)} rules name its regions." if pad.regions else "Its regions are determined from its shape."
+    rules = f"{len(pad.regions)} rules name its regions." if pad.regions else "Its shape determines its regions."
     drawing = _line("A solid: it has a surface once it is meshed.")
     if pad.suffix in SURFACE_FORMATS:
         try:
@@ -118,7 +118,8 @@ def _viscoelastic_html(silicone: Viscoelastic) -> str:
     """The instantaneous law, and the Prony series."""
     long_term = 1 - silicone.shares.sum()
     rows = [(f"{fraction:.6g}", f"{time:.6g}") for fraction, time in silicone.prony]
-    memory = _framed("Relaxation", _line(f"Long-term fraction of the stress: {long_term:.6g}."), _table(("share", "time [s]"), rows))
+    remains = _line(f"Long-term fraction of the stress: {long_term:.6g}.")
+    memory = _framed("Relaxation", remains, _table(("share", "time [s]"), rows))
     return _material_html(silicone.law) + memory
 
 
