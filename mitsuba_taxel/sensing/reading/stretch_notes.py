@@ -29,13 +29,16 @@ def stretch_notes(scene: mi.Scene) -> list[str]:
     list[str]
         A sentence for each limit that is exceeded.
     """
+    loaded = [pad for pad in deformed_pads(scene) if pad.state.displacement.any()]
+    if not loaded:  # and nothing of the mechanics is imported
+        return []
     from mitsuba_taxel.mechanics.materials.drucker import stable_stretch
     from mitsuba_taxel.mechanics.results.largest_strain import largest_strain
 
     notes = []
-    for pad in deformed_pads(scene):
+    for pad in loaded:
         tested, stable = pad.specification.tested_stretch or np.inf, stable_stretch(pad.material)
-        if not pad.state.displacement.any() or not np.isfinite(min(tested, stable)):
+        if not np.isfinite(min(tested, stable)):
             continue
         stretch = 1 + largest_strain(pad.state).value
         reached = f"the silicone is stretched to {stretch:.2f} in its most strained 1%"

@@ -17,7 +17,7 @@ from mitsuba_taxel.evidence.accuracy.settings import PATHS, WITHOUT, settings_ac
 from mitsuba_taxel.evidence.rows.work_precision import ErrorCurve, WorkPoint
 
 GREY = Wall("lambertian", 0.9)
-SECONDS = 0.1
+SECONDS = 0.5
 
 
 def quiet(step):
