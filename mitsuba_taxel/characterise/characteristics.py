@@ -19,6 +19,8 @@ SLOPES = ("max_slope", "mean_slope", "zero_slope", "relative_slope")
 DEVIATIONS = ("nonlinearity", "hysteresis", "repeatability")
 NOT_RESOLVED = "not resolved"
 """Remark on values that are smaller than their standard error."""
+NO_CHANGE = "no change"
+"""Remark on values that are 0 with an error of 0, as the slope of a saturated reading."""
 NOT_ABOVE = "as the mean"
 """Remark on a largest slope below the mean slope: the difference is noise."""
 
@@ -59,7 +61,9 @@ def characteristics(experiments: Iterable[Experiment], off: Changed | None = Non
     for row, error in zip(rows, errors.tolist(), strict=True):
         row["error"] = error
         size = row["value"] if row["figure"] in DEVIATIONS else abs(row["value"])
-        if size <= row["error"]:
+        if size == row["error"] == 0:
+            row["remark"] = NO_CHANGE
+        elif size <= row["error"]:
             row["remark"] = NOT_RESOLVED
 
     # The varied parameters stand between the force and the taxel.

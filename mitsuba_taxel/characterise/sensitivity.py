@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.characterise.characteristics import NOT_ABOVE, NOT_RESOLVED
+from mitsuba_taxel.characterise.characteristics import NO_CHANGE, NOT_ABOVE, NOT_RESOLVED
 from mitsuba_taxel.characterise.experiment import Branch
 from mitsuba_taxel.characterise.load_lines import LoadLine, load_lines, loading_lines, runs, unit_of
 from mitsuba_taxel.characterise.roles import with_forces_named
@@ -86,7 +86,13 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
         names = {name: f"{name}_{suffix}" for name, suffix in suffixes.items()}
         table = result.to_dataframe().reset_index()
         table["remark"] = [
-            NOT_RESOLVED if abs(largest) <= error else NOT_ABOVE if abs(largest) < abs(mean) else ""
+            NO_CHANGE
+            if largest == error == 0
+            else NOT_RESOLVED
+            if abs(largest) <= error
+            else NOT_ABOVE
+            if abs(largest) < abs(mean)
+            else ""
             for largest, error, mean in table[["max_slope", "max_slope_error", "mean_slope"]].to_numpy()
         ]
         table = table.rename(columns=names).assign(force=line.name, **line.constant)

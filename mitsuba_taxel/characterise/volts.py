@@ -82,9 +82,12 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
     saturated = table[table.saturation_N.notna()]
     if len(saturated):
         at_rest = (saturated.saturation_N == 0) | (saturated.rest_counts == 2**circuit.adc_bits - 1)
+        # Columns before that of the taxel are varied; those that distinguish rows are named.
+        varied = [name for name in table.columns[: table.columns.get_loc("taxel")] if table[name].nunique() > 1]
         taxels = [
-            f"taxel {number} {'at rest' if rest else f'from {force:.4g} N on'}"
-            for number, force, rest in zip(saturated.taxel, saturated.saturation_N, at_rest, strict=True)
+            f"taxel {row['taxel']}{_where(row, varied)} "
+            + ("at rest" if rest else f"from {row['saturation_N']:.4g} N on")
+            for row, rest in zip(saturated.to_dict("records"), at_rest, strict=True)
         ]
         remainder = f" and {len(taxels) - MOST_NAMED} more" if len(taxels) > MOST_NAMED else ""
         notes.append(
@@ -97,6 +100,13 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
     if signal < FEW_COUNTS and not len(saturated):
         notes.append(f"Counts of signal, from the least force to the largest: {signal} at most.")
     return [*notes, *resolution_notes(circuit.step, table.noise_V.to_numpy())]
+
+
+def _where(row: dict[Any, Any], varied: list[str]) -> str:
+    """The values of varied parameters in words, such as `` of spacing = 0.8``; empty if there are none."""
+    words = [f"{value:g}" if isinstance(value, float) else value for value in (row[name] for name in varied)]
+    values = ", ".join(f"{name} = {word}" for name, word in zip(varied, words, strict=True))
+    return f" of {values}" if values else ""
 
 
 def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[str, Any]]:

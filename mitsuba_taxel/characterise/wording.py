@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from mitsuba_taxel.base.units import prefixed
-from mitsuba_taxel.characterise.characteristics import DEVIATIONS, NOT_ABOVE, NOT_RESOLVED, SLOPES
+from mitsuba_taxel.characterise.characteristics import DEVIATIONS, NO_CHANGE, NOT_ABOVE, NOT_RESOLVED, SLOPES
 
 if TYPE_CHECKING:
     import pandas
@@ -22,6 +22,7 @@ CIRCUIT_UNITS = {"_V_per_N": "V/N", "_counts_per_N": "counts/N", "_counts": "cou
 """Units by the end of a column's name in the table of circuit figures."""
 REMARKS = {
     NOT_RESOLVED: "smaller than its standard error; the tables on disk contain the number",
+    NO_CHANGE: "the reading is the same at all forces, as that of a saturated output",
     NOT_ABOVE: "no slope is resolved to be larger than the mean slope",
 }
 
@@ -179,7 +180,9 @@ def slope_answers(table: pandas.DataFrame, parameters: Mapping[str, str] | None 
             along = slopes[slopes.force == component]
             force = f"{component} = {parameters[component]}" if component in parameters else component
             factor, unit = _scale(along)
-            if len(along) == 1:
+            if not (along.value.any() or along.error.any()):
+                answers.append(f"No slope in {unit} over {force}: readings do not change.")
+            elif len(along) == 1:
                 slope = f"{with_error(along.value.iloc[0] / factor, along.error.iloc[0] / factor)} {unit}"
                 answers.append(f"Mean slope over {force}: {slope}.")
             else:

@@ -131,7 +131,7 @@ def _shown(circuit: Circuit, derivatives: Any, noise: np.ndarray) -> ShownDeriva
     in_volts = replace(
         derivatives,
         units=tuple(unit.replace("W", "V", 1) for unit in derivatives.units),
-        values=response.rate[:, None] * derivatives.values,
+        values=response.rate[:, None] * derivatives.values + 0.0,  # which removes the minus sign of a zero
         standard_errors=response.rate[:, None] * derivatives.standard_errors,
         power=response.voltage,
         power_errors=response.rate * derivatives.power_errors,

@@ -21,7 +21,9 @@ from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.recorded.measurement import Measurement
 from mitsuba_taxel.characterise.recorded.recorded_runs import runs_of
 from mitsuba_taxel.characterise.roles import with_forces_named
+from mitsuba_taxel.electronics.response import lit, respond
 from mitsuba_taxel.electronics.samples import sampled
+from mitsuba_taxel.electronics.saturation import saturated_words
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.surrogates.polynomial import Polynomial, single
 
@@ -61,6 +63,8 @@ class Calibration(NamedTuple):
         Relative standard deviation added to the light; NaN of a measurement, which has its own.
     tested : str
         A description of the test.
+    saturated : str
+        A note on saturated readings of a study with a circuit; empty if there is none.
     """
 
     polynomial: Polynomial
@@ -71,6 +75,7 @@ class Calibration(NamedTuple):
     unit: str
     noise: float
     tested: str
+    saturated: str = ""
 
 
 class _Rows(NamedTuple):
@@ -109,18 +114,20 @@ def calibrate(
     Raises
     ------
     InputError
-        if scikit-learn is not installed, the study has several scenes, no force is varied, or there are fewer than
-        three paths.
+        if scikit-learn is not installed, the study has several scenes, no force is varied, there are fewer than three
+        paths, or the output is saturated in all readings.
     """
     if find_spec("sklearn") is None:
         raise InputError("calibrations need scikit-learn: install mitsuba_taxel[calibrate].")
     # Rows of readings and forces, with noise for those of a study.
+    saturated = ""
     if isinstance(source, Measurement):
         noise, (names, unit, rows) = math.nan, _measured(source)
     else:
         source = single(source)
         if noise is None:
             noise = NOISE if circuit_of_study(source) is None else 0.0
+        saturated = _saturated(source)
         names, unit, rows = _simulated(source, noise, np.random.default_rng(seed))
     paths = len(np.unique(rows.path))
     if paths < 3:
@@ -132,9 +139,8 @@ def calibrate(
     half_width = size * interval_of_paths(missed, rows.path, coverage)
     tested = f"{paths} paths, of which a part is left out in turn"
     model = _polynomial(_fit(rows), size, unit, missed, tested)
-    return Calibration(
-        model, names, half_width, coverage, _contained_fraction(missed, fold, rows.path, coverage), unit, noise, tested
-    )
+    covered = _contained_fraction(missed, fold, rows.path, coverage)
+    return Calibration(model, names, half_width, coverage, covered, unit, noise, tested, saturated)
 
 
 def _cross_validate(rows: _Rows) -> tuple[np.ndarray, np.ndarray]:
@@ -247,6 +253,21 @@ def _measured(measurement: Measurement) -> tuple[tuple[str, ...], str, _Rows]:
     path = np.concatenate([np.full(run.stop - run.start, number) for number, run in enumerate(runs)])
     readings = np.concatenate([measurement.voltage[run] for run in runs])
     return (name,), "V", _Rows(readings, np.concatenate([force[run] for run in runs])[:, None], path)
+
+
+def _saturated(study: xr.Dataset) -> str:
+    """A note on saturated readings of a study; InputError if all are saturated, which do not contain the force."""
+    circuit = circuit_of_study(study)
+    if circuit is None:
+        return ""
+    power = study.power.transpose(..., "taxel").values
+    at_limit = respond(circuit, lit(power)).saturated[np.isfinite(power)]
+    if at_limit.all():
+        raise InputError(
+            f"the output is saturated (at {circuit.limit:.4g} V or more) in all {at_limit.size} readings: a larger "
+            "full scale, or less amplification, is needed."
+        )
+    return saturated_words(circuit, power)
 
 
 def _simulated(study: xr.Dataset, noise: float, random: np.random.Generator) -> tuple[tuple[str, ...], str, _Rows]:

@@ -60,4 +60,6 @@ def printed_calibration(calibration: Calibration) -> Printed:
         circuit_noise = " of the light and that of the circuit" if calibration.unit == "V" else ""
         noise = f"{calibration.noise:.2g} relative noise{circuit_noise}"
         printed.append(f"Readings in {calibration.unit} with {noise}; the study's own errors are not in it.")
+    if calibration.saturated:
+        printed.append(calibration.saturated)
     return [*printed, LEFT_OUT["calibration"]]

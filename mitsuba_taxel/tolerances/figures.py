@@ -39,7 +39,7 @@ def figures(
     values = {"rest": rest}
     if force[first] != force[last]:
         change = readings[..., last, :] - rest
-        values["sensitivity"] = slope = change / (force[last] - force[first])
+        values["sensitivity"] = slope = change / (force[last] - force[first]) + 0.0  # no zero with a minus sign
         if circuit is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
                 at_rest = lit(power[..., first, :])
@@ -86,4 +86,5 @@ def figure_rates(
     step = 1e-4 * np.abs(power).max() / (largest if largest > 0 else 1.0)
     both = (power + sign * step * np.moveaxis(rates, -1, 0) for sign in (1.0, -1.0))
     ends = [figures(readings, force, loaded, circuit) for readings in both]
-    return {name: (ends[0][name] - ends[1][name]).T / (2 * step) for name in ends[0]}
+    with np.errstate(invalid="ignore"):  # noise as a force is infinite beyond the full scale
+        return {name: (ends[0][name] - ends[1][name]).T / (2 * step) for name in ends[0]}

@@ -10,7 +10,8 @@ import pytest
 import xarray as xr
 
 from mitsuba_taxel import Circuit
-from mitsuba_taxel.characterise import experiments, simulated_experiments, volts_notes, volts_table
+from mitsuba_taxel.characterise import characteristics, experiments, simulated_experiments, volts_notes, volts_table
+from mitsuba_taxel.characterise.wording import remarks_explained, table_rows
 from mitsuba_taxel.electronics import in_volts, power_at, saturating_power, total_noise
 
 pytestmark = pytest.mark.quick
@@ -103,6 +104,23 @@ def test_only_forces_up_to_a_limit(study):
     expected = volts_table(study.sel(fz=slice(0, -5)), CIRCUIT).set_index("taxel")
     pandas.testing.assert_frame_equal(near, expected)
     assert np.isnan(near.saturation_N[1]) and len(volts_table(study, CIRCUIT, up_to=0.1)) == 0
+
+
+def test_saturated_variants_are_named_by_what_distinguishes_them(study):
+    """All were `taxel 3 at rest`."""
+    both = xr.concat([study, study], pandas.Index([0.8, 0.9], name="spacing"))
+    (saturated, *_) = volts_notes(volts_table(both, CIRCUIT), CIRCUIT)
+    assert "taxel 3 of spacing = 0.8 at rest" in saturated and "taxel 3 of spacing = 0.9 at rest" in saturated
+
+
+def test_a_reading_that_does_not_change_is_no_slope_below_its_error(study):
+    """The remark was `not resolved: smaller than its standard error`, of 0 V/N with an error of 0."""
+    table = characteristics(experiments(in_volts(study, replace(CIRCUIT, adc_reference=0.1))))
+    slopes = table[table.figure == "mean_slope"]
+    assert slopes.remark.tolist() == ["no change"] * 3
+    assert "the same at all forces" in remarks_explained(table)[0]
+    headings, rows = table_rows(table, ["mean_slope"])
+    assert [row[-1] for row in rows] == ["no change"] * 3
 
 
 def test_experiments_come_in_watts_and_volts(study):

@@ -12,6 +12,7 @@ from mitsuba_taxel.characterise import Measurement
 from mitsuba_taxel.electronics import respond, with_volts
 from mitsuba_taxel.surrogates import calibrate, write_calibration
 from mitsuba_taxel.surrogates.calibration import interval_of_paths
+from mitsuba_taxel.surrogates.wording import printed_calibration
 
 FORCE, NOISE = np.linspace(0, -10, 11), 0.005
 
@@ -96,6 +97,32 @@ def test_behind_a_circuit_readings_are_volts_with_its_noise():
     assert found.polynomial(shown)[0, 0] == pytest.approx(FORCE[5], abs=circuit.step / slope)
     in_watts = calibrate(watts)
     assert in_watts.unit == "W" and in_watts.noise == 0.005
+
+
+def behind(full_scale, taxels):
+    """A study of 8 paths behind a circuit with this full scale; the taxels read 0.5 and 5 V at rest, less when
+    loaded."""
+    power = np.array([1e-4, 1e-3])[:taxels] * (1 - 0.02 * np.abs(FORCE[:, None])) * np.ones((8, 1, 1))
+    dims = ["x", "fz", "taxel"]
+    watts = xr.Dataset(
+        {"power": (dims, power), "total_error": (dims, 0 * power)},
+        {"x": np.arange(8.0), "fz": FORCE, "taxel": np.arange(taxels) + 1},
+        {"curve": "fz"},
+    )
+    return with_volts(
+        watts, Circuit(supply=6.0, load_resistance=5e3, transfer=1.0, adc_bits=12, adc_reference=full_scale)
+    )
+
+
+def test_saturated_readings_are_named_and_a_saturated_sensor_is_refused():
+    """It had an interval of its forces, and no word."""
+    assert not calibrate(behind(6.0, 2)).saturated
+    partly = calibrate(behind(1.0, 2))  # the second taxel is saturated at all forces, the first at none
+    assert partly.saturated.startswith("the output is saturated (at 1 V or more)")
+    assert "most often of taxel 2" in partly.saturated
+    assert any("most often of taxel 2" in line for line in printed_calibration(partly))
+    with pytest.raises(InputError, match=r"saturated \(at 0.2 V or more\) in all .* readings: a larger full scale"):
+        calibrate(behind(0.2, 1))
 
 
 def test_a_runtime_reads_it(tmp_path):

@@ -95,3 +95,13 @@ def test_without_any_derivative():
 @pytest.mark.parametrize("value", [0.0, 1e-12])
 def test_dark_taxels_do_not_count_as_loaded(value):
     assert loaded_taxel(np.array([[value * 0, 1.0], [1.0, 1.5]]), FORCE) == 1
+
+
+def test_a_saturated_sensor_has_no_warning_and_no_minus_zero(recwarn):
+    """It said `invalid value encountered in subtract`, and had the sensitivity -0."""
+    circuit = Circuit(supply=3.3, load_resistance=22e3, transfer=8.0, adc_bits=12, adc_reference=0.5)
+    power = readings(1e-3, 1.0)
+    found = figures(power, FORCE, 1, circuit)
+    assert np.isinf(found["noise_force"]).all() and not np.signbit(found["sensitivity"]).any()
+    rates = figure_rates(power, np.ones((2, 2, 1)), FORCE, 1, circuit)
+    assert np.isnan(rates["noise_force"]).all() and (rates["sensitivity"] == 0).all() and not len(recwarn)
