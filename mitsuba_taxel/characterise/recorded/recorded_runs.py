@@ -72,7 +72,8 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
     values = [curve.value for curve in curves]
     points = [value[:, None] for value in values] if errors is None else with_errors(values, errors, REPLICATES)
     runs = [
-        curve.branch(samples, moving) for curve, samples, (*_, moving) in zip(curves, points, moving_runs, strict=True)
+        curve.branch(samples, moving, noise)
+        for curve, samples, (*_, moving) in zip(curves, points, moving_runs, strict=True)
     ]
 
     # The reading at rest is that of the first point of least force.
@@ -119,16 +120,20 @@ class _Curve:
         """Slopes of values (points, ...) against the force."""
         return np.gradient(value, self.node, axis=0, edge_order=2 if len(self.node) > 2 else 1)
 
-    def branch(self, samples: np.ndarray, moving: tuple[bool, bool]) -> Branch:
-        """The curve with samples (points, replicates, channels).
+    def branch(self, samples: np.ndarray, moving: tuple[bool, bool], noise: float) -> Branch:
+        """The curve with samples (points, replicates, channels), for this noise of the force in N.
 
-        Where the force moves at an end of the run, the curve is extended from the middle of its last range to its end.
+        Where the force moves at an end of the run, the curve is extended from the middle of its last range to its end,
+        at the mean force of the last rows. Of c rows with steps s, this mean is c s / 2 from the end and has the noise
+        sigma / sqrt(c); the sum of both squares is least for c^3 = 2 (sigma / s)^2.
         """
         ends, samples = self.node.copy(), samples.copy()
         slope = self._slopes(samples)
         for end, rows in ((0, self.points[0]), (-1, self.points[-1])):
             if moving[end]:
-                count = max(len(rows) // 8, 1)
+                step = np.ptp(self.force[rows]) / len(rows)
+                best = (2 * (noise / step) ** 2) ** (1 / 3) if step > 0 else np.inf
+                count = int(np.clip(np.round(min(best, len(rows))), 1, max(len(rows) // 8, 1)))
                 ends[end] = self.force[rows[:count] if end == 0 else rows[-count:]].mean()
         samples += slope * (ends - self.node)[:, None, None]
         return Branch(ends, samples)
