@@ -1,4 +1,4 @@
-"""The `taxel` program: one small module per subcommand, imported when it is called.
+"""The `taxel` program: one small module per subcommand, in a folder for each group, imported when it is called.
 
 It is installed as the package ``taxel_cli``, beside ``mitsuba_taxel`` and not inside it: importing anything from
 ``mitsuba_taxel`` loads mitsuba, but help and error messages must work even if that is slow or fails.
@@ -47,7 +47,10 @@ class _Commands(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        return import_module(f".{cmd_name}", __package__).command if cmd_name in COMMANDS else None
+        if cmd_name not in COMMANDS:
+            return None
+        (file,) = Path(__file__).parent.glob(f"*/{cmd_name}.py")
+        return import_module(f".{file.parent.name}.{cmd_name}", __package__).command
 
     def invoke(self, ctx: click.Context) -> Any:
         try:

@@ -7,7 +7,7 @@ import json
 import pytest
 from click.testing import CliRunner
 from taxel_cli import tables
-from taxel_cli.check import command
+from taxel_cli.authoring.check import command
 
 from mitsuba_taxel.check.schema import schema
 

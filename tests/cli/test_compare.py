@@ -7,7 +7,7 @@ import json
 import pytest
 from pages import assert_on_its_page
 from plate_scenes import PLATE_FILE
-from taxel_cli import compare
+from taxel_cli.results import compare
 
 import mitsuba_taxel
 from mitsuba_taxel.characterise.ranking import comparison

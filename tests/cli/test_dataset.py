@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
-from taxel_cli.dataset import command
+from taxel_cli.results.dataset import command
 
 from mitsuba_taxel import InputError, sweep
 from mitsuba_taxel.studies.run.training import training_set

@@ -185,7 +185,7 @@ def test_a_scheduler_that_dies_is_one_line(program, tmp_path):
 
 def test_all_questions_about_a_scene_load_it_once(monkeypatch, capsys):
     from click.testing import CliRunner
-    from taxel_cli.render import command
+    from taxel_cli.readings.render import command
 
     loads = []
     load = Scene.load

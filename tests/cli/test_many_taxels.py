@@ -7,7 +7,8 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from taxel_cli import many_taxels, render, sweep, tables
+from taxel_cli import many_taxels, tables
+from taxel_cli.readings import render, sweep
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.electronics import Circuit, shown

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from taxel_cli.new import command
+from taxel_cli.authoring.new import command
 
 from mitsuba_taxel import InputError
 

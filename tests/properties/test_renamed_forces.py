@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from edited_pad import TWO_CELLS, edited
-from taxel_cli.sweep import _show
+from taxel_cli.readings.sweep import _show
 
 from mitsuba_taxel.characterise import experiments, sensitivity, sensitivity_table
 from mitsuba_taxel.characterise.roles import force_parameters, forces_by_parameter, with_forces_named

@@ -352,7 +352,7 @@ def test_the_title_says_what_is_not_the_default():
 
 
 def test_the_command_prints_a_row_for_each_method(clockwork, tmp_path):
-    from taxel_cli.bench import command
+    from taxel_cli.evidence.bench import command
 
     clockwork(TRACER, PATH)
     out = tmp_path / "out"
@@ -381,7 +381,7 @@ def test_the_command_prints_a_row_for_each_method(clockwork, tmp_path):
     ],
 )
 def test_bad_requests(tmp_path, monkeypatch, words, culprit):
-    from taxel_cli.bench import command
+    from taxel_cli.evidence.bench import command
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").touch()

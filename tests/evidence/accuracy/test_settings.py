@@ -84,7 +84,7 @@ def curves_of_two():
 
 @pytest.mark.usefixtures("painted_figures")
 def test_all_settings_are_written_and_printed(monkeypatch, tmp_path):
-    from taxel_cli.bench import command
+    from taxel_cli.evidence.bench import command
 
     monkeypatch.setattr(accuracy_settings, "settings", partial(fake, curves_of_two()))
     done = CliRunner().invoke(command, ["accuracy", "-o", str(tmp_path / "out"), "--seconds", "0.1"])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from taxel_cli.bench import command
+from taxel_cli.evidence.bench import command
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.evidence.coverage import coverage as table

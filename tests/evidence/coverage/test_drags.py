@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from click.testing import CliRunner
-from taxel_cli.bench import command
+from taxel_cli.evidence.bench import command
 
 from mitsuba_taxel.evidence.coverage import drags
 from mitsuba_taxel.evidence.coverage.drags import DragCase, DragRow

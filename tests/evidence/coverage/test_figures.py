@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
-from taxel_cli.bench import command
+from taxel_cli.evidence.bench import command
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.evidence.coverage import figure_cases, figures

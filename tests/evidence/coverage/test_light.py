@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from taxel_cli.bench import command
+from taxel_cli.evidence.bench import command
 
 from mitsuba_taxel.evidence.coverage import light, light_cases
 from mitsuba_taxel.evidence.coverage.light_row import LightRow

@@ -272,7 +272,7 @@ def test_tables_round_trip(tmp_path):
 
 def test_the_command_shows_the_rows_and_fails_on_wrong_ones(cases, worker, monkeypatch):
     import taxel_cli
-    from taxel_cli.bench import command
+    from taxel_cli.evidence.bench import command
 
     assert "bench" in taxel_cli.COMMANDS
     cases(SMALL, replace(SMALL, name="other"))

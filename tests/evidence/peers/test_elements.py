@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from taxel_cli.bench_peers import peers
+from taxel_cli.evidence.bench_peers import peers
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.evidence.peers.elements import table

@@ -6,7 +6,7 @@ import csv
 
 import pytest
 from click.testing import CliRunner
-from taxel_cli.bench_peers import peers
+from taxel_cli.evidence.bench_peers import peers
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.evidence.peers.optics import table

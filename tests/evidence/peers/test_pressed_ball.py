@@ -9,7 +9,7 @@ import shutil
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from taxel_cli.bench_peers import peers
+from taxel_cli.evidence.bench_peers import peers
 
 from mitsuba_taxel.evidence.peers import pressed_ball
 from mitsuba_taxel.evidence.peers.pressed_ball import BALL, MATERIAL, PAD, deck

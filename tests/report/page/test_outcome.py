@@ -50,7 +50,7 @@ def test_the_page_has_the_tables_as_the_command_prints_them(tmp_path, capsys):
     """With a nominal value of 2, a mean of 2.02 and a spread of 0.1: 1 % and 5 %."""
     from types import SimpleNamespace
 
-    from taxel_cli.tolerance import _show
+    from taxel_cli.designs.tolerance import _show
 
     row = {"figure": "gain", "taxel": 3, "unit": "W/N", "nominal": 2.0, "mean": 2.02, "mean_error": 0.002, "sd": 0.1}
     row |= {"sd_error": 0.01, "linear_sd": 0.09, "linear_error": 0.04, "explained": 0.9}

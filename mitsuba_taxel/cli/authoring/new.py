@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option
+from ..options import debug_option
 
 
 @click.command(short_help="A commented template of a scene, study, table of steps, circuit or part.")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option
+from ..options import debug_option
 
 csv_option = click.option(
     "--csv", "file", type=click.Path(path_type=Path), metavar="FILE", help="Also write the rows to this file."

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from .options import circuit_option, debug_option, json_option
+from ..options import circuit_option, debug_option, json_option
 
 
 @click.command(short_help="Sensitivity, nonlinearity, hysteresis, repeatability.")
@@ -41,7 +41,7 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
     from mitsuba_taxel.plots.characteristics import write_characteristics
     from mitsuba_taxel.studies.plan.files import make_folder
 
-    from .tables import circuit_in, say
+    from ..tables import circuit_in, say
 
     measured = os.path.isfile(source) or (source.suffix.lower() == ".csv" and not os.path.isdir(source))
     if measured and circuit is not None:
@@ -82,7 +82,7 @@ def _measured(file: Path) -> tuple[list, dict, list, list[str]]:
 
 
 def _print_json(table, pairs, notes: list[str], files: list[Path], volts) -> None:
-    from .tables import print_json, records
+    from ..tables import print_json, records
 
     print_json(
         {
@@ -98,7 +98,7 @@ def _print_json(table, pairs, notes: list[str], files: list[Path], volts) -> Non
 def _show(table, pairs, volts, named: dict[str, str]) -> None:
     from mitsuba_taxel.characterise.wording import merit_tables, pair_rows, slope_answers
 
-    from .tables import print_figures, say
+    from ..tables import print_figures, say
 
     for line in slope_answers(table, named):
         say(f"{line}\n")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, folder_option, json_option, seed_option
+from ..options import debug_option, folder_option, json_option, seed_option
 
 
 def _shares(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, ...]:
@@ -54,7 +54,7 @@ def command(
     from mitsuba_taxel.studies.run.training import training_set
     from mitsuba_taxel.studies.store.datasheet import rows_line
 
-    from .tables import print_json
+    from ..tables import print_json
 
     tables = training_set(
         open_study(study), folder, noise=noise, copies=copies, split=split, seed=seed, parquet=parquet

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import Fraction, debug_option, json_option, output_option
+from ..options import Fraction, debug_option, json_option, output_option
 
 
 @click.command(short_help="Forces from readings, with prediction intervals (ONNX).")
@@ -37,7 +37,7 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
     from mitsuba_taxel.surrogates import calibrate, write_calibration
     from mitsuba_taxel.surrogates.wording import printed_calibration
 
-    from .tables import print_json, print_result, say
+    from ..tables import print_json, print_result, say
 
     data = read_measurement(source) if source.suffix.lower() == ".csv" else open_study(source)
     calibration = calibrate(data, coverage=coverage, noise=noise)

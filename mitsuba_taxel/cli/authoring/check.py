@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, defines_option, json_option
+from ..options import debug_option, defines_option, json_option
 
 
 @click.command(short_help="Check a scene without rendering it; write the schema for editors.")
@@ -42,7 +42,7 @@ def command(ctx: click.Context, scene: str | None, defines: dict[str, str], sche
         from mitsuba_taxel.check import check_scene
         from mitsuba_taxel.check.finding import SEVERITIES
 
-        from .tables import print_json, progress_bar, say
+        from ..tables import print_json, progress_bar, say
 
         with progress_bar("pads"):
             findings = check_scene(scene, **defines)

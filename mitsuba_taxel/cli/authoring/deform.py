@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, defines_option, folder_option, json_option
+from ..options import debug_option, defines_option, folder_option, json_option
 
 
 @click.command(short_help="Deformed pads alone, as PLY and VTU.")
@@ -24,7 +24,7 @@ def command(scene: str, defines: dict[str, str], folder: Path, steps: Path | Non
     from mitsuba_taxel.studies import deform, read_steps
     from mitsuba_taxel.studies.plan.batch import parameters_in
 
-    from .tables import print_json, print_pads, progress_bar
+    from ..tables import print_json, print_pads, progress_bar
 
     path = [{}] if steps is None else read_steps(steps, known=parameters_in(scene))
     with progress_bar("load steps") as progress:

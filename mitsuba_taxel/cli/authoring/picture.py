@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from .options import debug_option, defines_option, json_option
+from ..options import debug_option, defines_option, json_option
 
 
 class _CutPosition(click.ParamType):
@@ -81,7 +81,7 @@ def command(
     from mitsuba_taxel.sensing import Scene
     from mitsuba_taxel.studies.plan.files import check_new_file
 
-    from .tables import print_json, progress_bar
+    from ..tables import print_json, progress_bar
 
     check_new_file(output, *PICTURES)
     description = Scene.from_file(scene, **defines)

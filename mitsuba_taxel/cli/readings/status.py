@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, json_option
+from ..options import debug_option, json_option
 
 
 @click.command(short_help="Progress of a study.")
@@ -18,7 +18,7 @@ def command(folder: Path, as_json: bool) -> None:
     from mitsuba_taxel.base.units import in_percent
     from mitsuba_taxel.studies.store.status import study_status
 
-    from .tables import known, print_json, print_table
+    from ..tables import known, print_json, print_table
 
     states = study_status(folder)
     if as_json:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from .options import (
+from ..options import (
     assignments,
     circuit_option,
     debug_option,
@@ -102,7 +102,7 @@ def command(
     from mitsuba_taxel.studies import run_study, sweep
     from mitsuba_taxel.studies.plan.batch import columns_of, parameters_in
 
-    from .tables import circuit_in, end_beyond_target, print_json, say, study_bar
+    from ..tables import circuit_in, end_beyond_target, print_json, say, study_bar
 
     how: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "retry_failed": retry_failed, "parquet": parquet}
     with study_bar() as progress:
@@ -149,7 +149,7 @@ def _as_json(study) -> dict[str, object]:
     from mitsuba_taxel.studies import stage_totals, study_error_budget
     from mitsuba_taxel.studies.store.tables import summary_table
 
-    from .tables import known, records
+    from ..tables import known, records
 
     budget = {source: known(fraction) for source, fraction in study_error_budget(study).items()}
     return {"sensitivity": records(summary_table(study)), "error_budget": budget, "seconds": stage_totals(study)}
@@ -159,7 +159,7 @@ def _show(name: str, study, folder: Path) -> None:
     from mitsuba_taxel.sensing.reading.wording import budget_line, light_of_study, stage_line
     from mitsuba_taxel.studies import stage_totals, study_error_budget
 
-    from .tables import say
+    from ..tables import say
 
     if name:
         say(f"\n{name}:")
@@ -186,8 +186,8 @@ def print_slopes(study, folder: Path) -> None:
     from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows, remarks_explained, slope_answers, table_rows
     from mitsuba_taxel.electronics.volts import circuit_of_study
 
-    from .many_taxels import HEADINGS, MOST_ROWS, full_table, slope_rows, volts_rows
-    from .tables import print_figures, print_table, say
+    from ..many_taxels import HEADINGS, MOST_ROWS, full_table, slope_rows, volts_rows
+    from ..tables import print_figures, print_table, say
 
     channel, slopes = slope_summary(study)
     for line in slope_answers(slopes, forces_by_parameter(study)):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, json_option
+from ..options import debug_option, json_option
 
 CLEARLY = 0.05
 """Smaller difference of a datasheet's curve, relative to its peak, for which another reflector is proposed."""
@@ -32,7 +32,7 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
     """
     from mitsuba_taxel.parts import leaving_share, part_names, read_part
 
-    from .tables import print_json, print_table
+    from ..tables import print_json, print_table
 
     if name is None:
         if file is not None:
@@ -97,7 +97,7 @@ def _edges(part, height: float | None) -> dict[str, list[float]]:
 
 
 def _show_edges(edges: dict[str, list[float]], height: float) -> None:
-    from .tables import print_table, say
+    from ..tables import print_table, say
 
     rows = ((word, *(f"{position:.3f}" for position in positions)) for word, positions in edges.items())
     say(f"\nPosition of the edge of a mirror at {height:g} mm, from the middle of the body")
@@ -108,7 +108,7 @@ def _show(part) -> None:
     from mitsuba_taxel.parts import leaving_share
     from mitsuba_taxel.parts.part import REFLECTORS
 
-    from .tables import print_table, print_text_table, say
+    from ..tables import print_table, print_text_table, say
 
     say(f"{part.title}\nSource: {part.source}")
     say(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import assignments, circuit_option, debug_option, json_option
+from ..options import assignments, circuit_option, debug_option, json_option
 
 if TYPE_CHECKING:
     from mitsuba_taxel.characterise import Comparison
@@ -54,7 +54,7 @@ def command(
     from mitsuba_taxel.characterise import compare, printed_comparison
     from mitsuba_taxel.studies.plan.files import make_folder
 
-    from .tables import circuit_in, print_json, print_result, records, say
+    from ..tables import circuit_in, print_json, print_result, records, say
 
     limits = {name: _number(name, word) for name, word in at_most.items()}
     studies = {str(folder): open_study(folder) for folder in folders}

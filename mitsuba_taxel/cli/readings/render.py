@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from .options import (
+from ..options import (
     NewFile,
     circuit_option,
     debug_option,
@@ -56,7 +56,7 @@ def command(
     from mitsuba_taxel import sensing
     from mitsuba_taxel.sensing.measurement import measured
 
-    from . import tables
+    from .. import tables
 
     electronics = tables.circuit_in(circuit)
     began = time.time()
@@ -103,7 +103,7 @@ def command(
 
 
 def _print_json(readings, volts, matrix, book, lines) -> None:
-    from . import tables
+    from .. import tables
 
     answer = readings_as_json(readings, volts) | crosstalk_as_json(matrix) | audit_as_json(book)
     tables.print_json(answer | ({} if lines is None else {"left_out": lines}))
@@ -112,7 +112,7 @@ def _print_json(readings, volts, matrix, book, lines) -> None:
 def _print_tables(readings, scene, volts, matrix, book, lines) -> None:
     from mitsuba_taxel.sensing.reading.readings import crosstalk_text, readings_text
 
-    from . import many_taxels, tables
+    from .. import many_taxels, tables
 
     width, many = tables.terminal_width(), len(readings.taxel) > many_taxels.MOST_ROWS
     if many:
@@ -146,7 +146,7 @@ def print_summary(readings, positions) -> None:
     """
     from mitsuba_taxel.sensing.reading.readings import origin_lines, readings_answer
 
-    from . import many_taxels, tables
+    from .. import many_taxels, tables
 
     tables.say(f"{readings_answer(readings)}\n")
     tables.print_summary(readings.taxel, many_taxels.reading_quantities(readings))
@@ -164,7 +164,7 @@ def print_summary(readings, positions) -> None:
 
 def readings_as_json(readings, volts=None) -> dict[str, object]:
     """The object that ``--json`` prints."""
-    from .tables import known
+    from ..tables import known
 
     columns = {
         "taxel": readings.taxel,
@@ -201,7 +201,7 @@ def derivatives_as_json(derivatives) -> dict[str, object]:
     """The entry for ``--derivatives``."""
     if derivatives is None:
         return {}
-    from .tables import known
+    from ..tables import known
 
     return {"derivatives": [{name: known(value) for name, value in row.items()} for row in derivatives.rows()]}
 

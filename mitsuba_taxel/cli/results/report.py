@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, json_option, output_option
+from ..options import debug_option, json_option, output_option
 
 
 @click.command(short_help="A study as one self-contained web page.")
@@ -23,7 +23,7 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
     """
     from mitsuba_taxel.report.page import write_report
 
-    from .tables import print_json, progress_bar
+    from ..tables import print_json, progress_bar
 
     with progress_bar("load steps") as progress:
         left_out = write_report(folder, output, progress)

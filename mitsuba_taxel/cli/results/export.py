@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, json_option, output_option
+from ..options import debug_option, json_option, output_option
 
 
 @click.command(short_help="A study as a fast model for simulators (ONNX).")
@@ -24,7 +24,7 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
     from mitsuba_taxel.surrogates import export
     from mitsuba_taxel.surrogates.wording import printed_model
 
-    from .tables import print_json, print_result, say
+    from ..tables import print_json, print_result, say
 
     files, notes = export(open_study(folder), output)
     if as_json:

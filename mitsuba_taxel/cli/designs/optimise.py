@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from .options import on_a_study_file, retry_option
+from ..options import on_a_study_file, retry_option
 
 
 @click.command(short_help="The best design of a scene within bounds and constraints.")
@@ -26,7 +26,7 @@ def command(
     from mitsuba_taxel.optimum import optimise
     from mitsuba_taxel.optimum.outputs import printed_optimum
 
-    from .tables import print_json, print_result, say
+    from ..tables import print_json, print_result, say
 
     with _best_so_far() as progress:
         result = optimise(
@@ -58,7 +58,7 @@ def _best_so_far() -> Iterator[Callable]:
 
 
 def _as_json(result) -> dict[str, object]:
-    from .tables import known, records
+    from ..tables import known, records
 
     tables = {"figures", "variables", "slopes", "history", "front"}
     shown: dict[str, object] = {}

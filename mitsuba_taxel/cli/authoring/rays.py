@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import NewFile, debug_option, defines_option, json_option, seed_option
+from ..options import NewFile, debug_option, defines_option, json_option, seed_option
 
 
 @click.command(short_help="A picture of light paths in one cell.")
@@ -40,7 +40,7 @@ def command(
     from mitsuba_taxel.sensing import Scene, sample_paths
     from mitsuba_taxel.studies.plan.files import check_new_file
 
-    from .tables import print_json, progress_bar
+    from ..tables import print_json, progress_bar
 
     check_new_file(output, *PICTURES)
     description = Scene.from_file(scene, **defines)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, folder_option
+from ..options import debug_option, folder_option
 
 
 @click.command(short_help="Simulated sensors compared with measured ones.")

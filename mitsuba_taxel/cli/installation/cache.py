@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from .options import debug_option, json_option
+from ..options import debug_option, json_option
 
 
 @click.command(short_help="Solved deformations on disk.")
@@ -19,7 +19,7 @@ def command(clear: bool, as_json: bool) -> None:
     """
     from mitsuba_taxel.mechanics import cache
 
-    from .tables import print_json
+    from ..tables import print_json
 
     removed = cache.remove_least_recently_used(0, spared=0.0) if clear else (0, 0)
     kept = [file.stat().st_size for file in cache.entries()]

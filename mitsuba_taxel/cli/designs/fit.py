@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import on_a_study_file
+from ..options import on_a_study_file
 
 
 @click.command(short_help="Unknowns of a scene from measured readings.")
@@ -20,7 +20,7 @@ def command(source: Path, folder: Path, workers: int | None, scheduler: str | No
     """
     from mitsuba_taxel.fitting import run_fit
 
-    from .tables import print_json, say
+    from ..tables import print_json, say
 
     result = run_fit(source, folder, workers=workers, scheduler=scheduler)
     if as_json:
@@ -31,7 +31,7 @@ def command(source: Path, folder: Path, workers: int | None, scheduler: str | No
 
 
 def _as_json(result) -> dict[str, object]:
-    from .tables import known, records
+    from ..tables import known, records
 
     return {
         "unknowns": records(result.unknowns),
@@ -45,7 +45,7 @@ def _as_json(result) -> dict[str, object]:
 def _show(result) -> None:
     from mitsuba_taxel.fitting.wording import UNKNOWN_HEADINGS, fit_answer, unknown_rows
 
-    from .tables import print_notes, print_table, say
+    from ..tables import print_notes, print_table, say
 
     say(f"{fit_answer(result.unknowns)}\n")
     print_table(UNKNOWN_HEADINGS, unknown_rows(result.unknowns))

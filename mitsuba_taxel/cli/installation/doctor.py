@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from .options import debug_option, json_option
+from ..options import debug_option, json_option
 
 
 @click.command(short_help="Check the installation.")
@@ -17,7 +17,7 @@ def command(ctx: click.Context, as_json: bool) -> None:
     from mitsuba_taxel.check.selfcheck import run_checks
     from mitsuba_taxel.mechanics import available_solvers
 
-    from .tables import print_json
+    from ..tables import print_json
 
     facts = backend.report() | {"linear solvers": available_solvers()}
     checks = run_checks()

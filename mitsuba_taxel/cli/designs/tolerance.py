@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from .options import on_a_study_file, retry_option
+from ..options import on_a_study_file, retry_option
 
 
 @click.command(short_help="Spread of readings due to tolerances, and the share of each.")
@@ -28,7 +28,7 @@ def command(
     """
     from mitsuba_taxel.tolerances import run_tolerance
 
-    from .tables import print_json, say, study_bar
+    from ..tables import print_json, say, study_bar
 
     with study_bar() as progress:
         result = run_tolerance(
@@ -44,7 +44,7 @@ def command(
 
 
 def _as_json(result) -> dict[str, Any]:
-    from .tables import records
+    from ..tables import records
 
     tables = {"spread": result.spread, "shares": result.shares, "parameters": result.parameters}
     return {name: records(table) for name, table in tables.items()} | _counts(result)
@@ -66,7 +66,7 @@ def _show(result) -> None:
         spread_rows,
     )
 
-    from .tables import print_table, say
+    from ..tables import print_table, say
 
     counts = _counts(result)
     linear = ", all linear" if result.shares.rate.notna().any() else ""

@@ -6,7 +6,7 @@ import textwrap
 
 import click
 
-from .options import debug_option
+from ..options import debug_option
 
 
 @click.command(short_help="Parameters of each plugin.")
@@ -16,7 +16,7 @@ def command(name: str | None) -> None:
     """List the plugins, or the parameters of plugin NAME: type, unit, meaning, default."""
     from mitsuba_taxel.specification.plugin_pages import plain, plugin_names, plugin_page
 
-    from .tables import print_text_table, text_width
+    from ..tables import print_text_table, text_width
 
     if name is None:
         pages = map(plugin_page, plugin_names())

@@ -9,8 +9,8 @@ from typing import TypeVar
 
 import click
 
+from ..options import csv_option, debug_option, defines_option, folder_option, markdown_option
 from .bench_peers import peers
-from .options import csv_option, debug_option, defines_option, folder_option, markdown_option
 
 Row = TypeVar("Row")
 
@@ -32,7 +32,7 @@ def _shown(
     summary: Callable[[Sequence[Row]], str] | None = None,
 ) -> list[Row]:
     """Rows of a benchmark, stored after each; those measured so far are printed as a table, also after an error."""
-    from .tables import print_text_table, say
+    from ..tables import print_text_table, say
 
     measured: list[Row] = []
     try:
@@ -67,7 +67,7 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
     from mitsuba_taxel.evidence.extremes.tables import AnyRow
     from mitsuba_taxel.evidence.rows.row import MechanicsRow, cells, headings
 
-    from .tables import print_text_table
+    from ..tables import print_text_table
 
     def starting(number: int, count: int, name: str) -> None:
         click.echo(f"{number}/{count} {name}: ", nl=False, err=True)
@@ -290,7 +290,7 @@ def accuracy_command(scene: str | None, defines: dict[str, str], folder: Path, s
     from mitsuba_taxel.evidence.accuracy.tables import HEADINGS, PEERS, POINT_HEADINGS, cells, point_cells
     from mitsuba_taxel.sensing import Scene
 
-    from .tables import print_text_table, say
+    from ..tables import print_text_table, say
 
     if scene is None:
         if defines:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, folder_option
+from ..options import debug_option, folder_option
 
 
 @click.command(short_help="The paper's figures and tables, recomputed.")

@@ -1,0 +1,1 @@
+"""Commands that show how right the program is, on its own benchmarks and on the paper."""

@@ -1,0 +1,1 @@
+"""Commands that read scenes: one, or a study of many."""
