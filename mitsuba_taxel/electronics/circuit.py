@@ -11,8 +11,7 @@ from typing import Any
 from mitsuba_taxel.base.arguments import path_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.toml import read_toml
-from mitsuba_taxel.parameters import REQUIRED, Checked, Number, number, values_of, whole
-from mitsuba_taxel.parameters.parameter import parameter_field
+from mitsuba_taxel.parameters import REQUIRED, Checked, Number, number, parameter_field, values_of, whole
 
 ROOM_TEMPERATURE = 25.0
 """In degrees C: the temperature to which datasheets refer."""

@@ -1,16 +1,7 @@
 """Parameters: fields of dataclasses with allowed values, which are checked when an object is created."""
 
 from mitsuba_taxel.parameters.checked import Checked, Kinded, check, parameters_of, values_of
-from mitsuba_taxel.parameters.parameter import (
-    REQUIRED,
-    Choice,
-    Nested,
-    Number,
-    Parameter,
-    Points,
-    Switch,
-    Vector,
-    Whole,
+from mitsuba_taxel.parameters.declarations import (
     choice,
     field_of,
     kind,
@@ -22,6 +13,17 @@ from mitsuba_taxel.parameters.parameter import (
     transform,
     vector,
     whole,
+)
+from mitsuba_taxel.parameters.parameter import (
+    REQUIRED,
+    Choice,
+    Nested,
+    Number,
+    Parameter,
+    Points,
+    Switch,
+    Vector,
+    Whole,
 )
 
 __all__ = [
