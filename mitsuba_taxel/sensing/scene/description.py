@@ -31,6 +31,13 @@ from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.parts.part import SUFFIX
 from mitsuba_taxel.sensing.scene.finding import find_scene
 from mitsuba_taxel.sensing.scene.left_out import NONE, parse_scene, used_by
+from mitsuba_taxel.sensing.scene.parsed_pads import (
+    announce_packages,
+    build_pads_last,
+    move_meshes,
+    pads_of,
+    take_load,
+)
 from mitsuba_taxel.sensing.scene.parsing import (
     as_own_error,
     far_transforms,
@@ -204,8 +211,8 @@ class Scene(Displayed):
                 state = self.parsed(config)
                 self._refuse_far_transforms(state)
                 mi.parser.transform_all(config, state)
-                _build_pads_last(state)
-                _announce_packages(state)
+                build_pads_last(state)
+                announce_packages(state)
                 live = mi.parser.instantiate(config, state)
             except InputError as error:  # of what is refused before Mitsuba builds anything
                 raise InputError(with_own_parameters(str(error), self), error.part) from error
@@ -226,7 +233,7 @@ class Scene(Displayed):
 
         state = self.parsed(config)
         mi.parser.transform_all(config, state)
-        loads = [_take_load(pad) for pad in _pads(state)]
+        loads = [take_load(pad) for pad in pads_of(state)]
         try:
             at_rest = mi.parser.instantiate(config, state)
         except RuntimeError:  # something else is wrong as well
@@ -358,7 +365,7 @@ class Scene(Displayed):
             for node in state.nodes:
                 if node.props.plugin_name() == "photo_reflector":
                     find_file(node.props, "part", SUFFIX)
-        pads = _pads(state)
+        pads = pads_of(state)
         self._move_meshes(pads, config)
         without_mesh_size = [pad for pad in pads if not ("mesh_size" in pad or "mesh_tolerance" in pad)]
         self.leaves_mesh_open = bool(without_mesh_size)
@@ -382,51 +389,10 @@ class Scene(Displayed):
         if not all(len(pair) == 2 for pair in pairs):
             raise InputError(f"{MESHED_AS} = {origin!r} is not allowed: 'name=value', separated by commas, is needed.")
         try:
-            _move_meshes(pads, _pads(Scene(self.source, own | dict(pairs)).parsed(config)))
+            move_meshes(pads, pads_of(Scene(self.source, own | dict(pairs)).parsed(config)))
         except (InputError, RuntimeError) as error:
             refused = error if isinstance(error, InputError) else as_own_error(error, self)
             raise InputError(f"{MESHED_AS} = {origin!r} is not allowed: {refused}") from error
-
-
-def _build_pads_last(state: mi.parser.ParserState) -> None:
-    """Build pads after all other objects of a scene, so that errors in those are reported before a pad is solved."""
-    import mitsuba as mi
-
-    root = state.nodes[0].props
-    for name in [name for name in root.keys() if root.type(name) == mi.Properties.Type.ResolvedReference]:  # noqa: SIM118
-        reference = root[name]
-        if state.nodes[reference.index()].props.plugin_name() == "deformable_pad":
-            del root[name]
-            root[name] = reference
-
-
-def _announce_packages(state: mi.parser.ParserState) -> None:
-    """Keep the pads of a scene with packages undeformed until `heed_packages` is called."""
-    import mitsuba as mi
-
-    from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE
-
-    if any(node.props.plugin_name() == "photo_reflector" for node in state.nodes):
-        for pad in [pad for pad in _pads(state) if AWAITED_PACKAGE not in pad]:  # if it is, the pad refuses it
-            pad[AWAITED_PACKAGE] = mi.Properties("photo_reflector")
-
-
-def _pads(state: mi.parser.ParserState) -> list[mi.Properties]:
-    return [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
-
-
-def _move_meshes(pads: list[mi.Properties], origins: list[mi.Properties]) -> None:
-    """Let pads of built-in shapes move the meshes of other pads, their origins."""
-    from mitsuba_taxel.pads import Pad
-    from mitsuba_taxel.specification.deformable_pad import DeformablePad
-
-    built = [pair for pair in zip(pads, origins, strict=True) if "filename" not in pair[0]]
-    if not built:
-        raise InputError("the scene holds no pad of one of this package's own shapes.")
-    for props, origin_props in built:
-        pad, origin = (DeformablePad.read(read).build_pad() for read in (props, origin_props))
-        assert isinstance(pad, Pad) and isinstance(origin, Pad)
-        props["meshed_as"] = pad.moved_from(origin).meshed_as
 
 
 def _refuse_none(description: dict[str, Any], within: str = "scene") -> None:
@@ -452,19 +418,6 @@ def _copied(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _copied(item) for name, item in value.items()}
     return [_copied(item) for item in value] if isinstance(value, list) else value
-
-
-def _take_load(props: mi.Properties) -> tuple[tuple[float, ...], tuple[list[float], list[tuple[float, ...]]]]:
-    """Remove the load of a pad and its history, and return its value and the history."""
-    from mitsuba_taxel.mechanics.elements.loads import Load
-    from mitsuba_taxel.specification.deformable_pad import DeformablePad
-
-    specification = DeformablePad.read(props)
-    quantity = Load.named(specification.load).quantity
-    for name in (quantity, "history"):
-        if name in props:
-            del props[name]
-    return specification.load_value, specification.build_history()
 
 
 def write_xml(scene: Scene, path: str | Path) -> None:

@@ -22,13 +22,13 @@ from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read
 from mitsuba_taxel.studies.plan.growth import grown, without_failed
 from mitsuba_taxel.studies.plan.job import Failure, Job, describe
 from mitsuba_taxel.studies.plan.refused_values import check_derivatives, check_values
-from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension, sides_along
+from mitsuba_taxel.studies.plan.vary import combinations
 from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
+from mitsuba_taxel.studies.run.curve_jobs import curve_jobs
 from mitsuba_taxel.studies.run.pilots import piloted_settings
 from mitsuba_taxel.studies.run.pool import Pool, open_pool
 from mitsuba_taxel.studies.run.scene_source import file_of
 from mitsuba_taxel.studies.run.slope_meshes import settings_for_slopes
-from mitsuba_taxel.studies.store.curve_slopes import fitted_forces
 from mitsuba_taxel.studies.store.dataset import assemble
 from mitsuba_taxel.studies.store.folder import Store, StoredResult, StoreError, begin_tree, keepable
 from mitsuba_taxel.studies.store.opening import open_study, stored_study
@@ -307,7 +307,7 @@ def _compute(
     # All jobs, by curve.
     settings, pilot_seconds = _settings(batch, store, pool.machines)
     indices = {number: index for number, (index, _) in enumerate(combinations(batch.axes))}
-    curves = _curves(batch, settings, store is not None)
+    curves = curve_jobs(batch, settings, store is not None)
     jobs = [job for curve in curves for job in curve]
 
     # Stored failures stand, stored results with sufficient settings too; other jobs are computed, and extend stored
@@ -359,57 +359,6 @@ def _continued(job: Job, kept: StoredResult | None, settings: Settings) -> Job:
     if kept is None or job.maps or not settings.points or kept.readings.mesh_size != settings.mesh_size:
         return job
     return job if kept.readings.points < FIRST_POINTS else replace(job, continued=kept.readings)
-
-
-def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
-    """The jobs of a batch, grouped by curve: the scenes along the curve's dimension, which may share a load path."""
-    # What the jobs have in common. If no derivatives are requested, those by the varied forces are computed where they
-    # cost little: without random numbers.
-    curve = [axis.dim for axis in batch.axes].index(curve_dimension(batch.axes))
-    keeps = {"all": stored, "none": False}
-    checked = checked_places(batch.axes[curve])
-    offered = not batch.derivatives and not settings.points and not batch.bare
-    fitted = fitted_forces(batch.axes, batch.derivatives, batch.forces) if batch.from_paths else ()
-    base_load = _base_load(batch, fitted, settings)
-
-    # One job for each combination; the indices along the other dimensions identify its curve.
-    curves: dict[tuple[int, ...], list[Job]] = {}
-    sides = [sides_along(axis) for axis in batch.axes]
-    parameters: dict[str, str] = {}
-    for number, (index, values) in enumerate(combinations(batch.axes)):
-        parameters = {**(parameters or batch.parameters(values)), **values}  # the scene is read once
-        job = Job(
-            number=number,
-            file=batch.file,
-            parameters=parameters,
-            points=settings.points,
-            seed=batch.seed,
-            mesh_size=settings.mesh_size,
-            mechanics_error=index[curve] in checked and not batch.bare,
-            derivatives=batch.varied_forces if offered else batch.derivatives,
-            where_smooth=offered,
-            from_paths=batch.from_paths,
-            base=None if base_load is None else {**parameters, **base_load},
-            fitted=fitted,
-            bare=batch.bare,
-            sides={name: side for along, i in zip(sides, index, strict=True) for name, side in along[i].items()},
-            meshes=not batch.bare and keeps.get(batch.meshes, stored and index[curve] == batch.axes[curve].size - 1),
-            maps=stored and batch.maps,
-        )
-        curves.setdefault((*index[:curve], *index[curve + 1 :]), []).append(job)
-    return list(curves.values())
-
-
-def _base_load(batch: Batch, fitted: Sequence[str], settings: Settings) -> dict[str, str] | None:
-    """The largest load of the curves, relative to whose scenes the others are read by random paths.
-
-    None if no curve is fitted to the readings.
-    """
-    along = curve_dimension(batch.axes)
-    if along not in fitted or not settings.points or batch.maps:
-        return None
-    words = next(axis for axis in batch.axes if axis.dim == along).values[along]
-    return {along: max(words, key=lambda word: abs(float(word)))}
 
 
 def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Settings, dict[str, float]]:
