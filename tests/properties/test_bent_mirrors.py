@@ -12,9 +12,9 @@ import pytest
 
 from mitsuba_taxel import measure
 from mitsuba_taxel.base.replicates import standard_error
-from mitsuba_taxel.evidence.coverage.domes import dome_scene
-from mitsuba_taxel.evidence.coverage.flat_roof_light import FlatRoof
-from mitsuba_taxel.evidence.coverage.sphere_light import BOARD, RADIUS, SPACING, Dome
+from mitsuba_taxel.evidence.domes.domes import dome_scene
+from mitsuba_taxel.evidence.domes.flat_roof_light import FlatRoof
+from mitsuba_taxel.evidence.domes.sphere_light import BOARD, RADIUS, SPACING, Dome
 from mitsuba_taxel.kernels.surfaces.mesh_adapter import move_vertices
 from mitsuba_taxel.mechanics.surface.bending import wall_numbers
 from mitsuba_taxel.pads import REGIONS

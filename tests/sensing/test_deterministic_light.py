@@ -8,8 +8,8 @@ from diffuse_scene import pad_scene
 from one_cell import one_cell
 
 from mitsuba_taxel import Pad, PadSensor, Scene, measure, sweep
-from mitsuba_taxel.evidence.coverage.domes import dome_scene
-from mitsuba_taxel.evidence.coverage.sphere_light import DOMES
+from mitsuba_taxel.evidence.domes.domes import dome_scene
+from mitsuba_taxel.evidence.domes.sphere_light import DOMES
 from mitsuba_taxel.pads.parametric.drawings import write_drawings
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates

@@ -10,8 +10,8 @@ import pytest
 
 from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.evidence.coverage.domes import dome_scene as scene
-from mitsuba_taxel.evidence.coverage.sphere_light import DOMES
+from mitsuba_taxel.evidence.domes.domes import dome_scene as scene
+from mitsuba_taxel.evidence.domes.sphere_light import DOMES
 from mitsuba_taxel.sensing.audit import energy_audit
 
 DIFFUSE, MIRROR = 3e-4, 3e-3

@@ -16,8 +16,8 @@ from scipy.stats import qmc
 
 from mitsuba_taxel import InputError, Scene, measure
 from mitsuba_taxel.base.differences import BEHIND, STENCILS
-from mitsuba_taxel.evidence.coverage.domes import dome_scene
-from mitsuba_taxel.evidence.coverage.sphere_light import SPACING, Dome
+from mitsuba_taxel.evidence.domes.domes import dome_scene
+from mitsuba_taxel.evidence.domes.sphere_light import SPACING, Dome
 from mitsuba_taxel.kernels.surfaces.mesh_adapter import places_of
 from mitsuba_taxel.sensing.derivatives import path_derivatives
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from patch_cells import CONE, LAMBERTIAN, UP, cell, dome, led, phototransistor, plate
 
-from mitsuba_taxel.evidence.coverage.sphere_light import Dome
+from mitsuba_taxel.evidence.domes.sphere_light import Dome
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import HORIZON_SHARE
 from mitsuba_taxel.transport.exchange import Starts
 from mitsuba_taxel.transport.laws.ends import CosineFactor, End

@@ -176,7 +176,7 @@ def figures_command(only: str | None, csv: Path | None, markdown: Path | None) -
 @debug_option
 def domes_command(markdown: Path | None) -> None:
     """Compare readings of domed cells with references: exact spheres if unloaded, fine meshes if loaded."""
-    from mitsuba_taxel.evidence.coverage import domes
+    from mitsuba_taxel.evidence.domes import domes
 
     def keep(rows: Sequence[domes.DomeRow], pads: Sequence[domes.PadRow] = ()) -> None:
         if markdown:
@@ -193,7 +193,7 @@ def domes_command(markdown: Path | None) -> None:
 def slopes_command(markdown: Path | None) -> None:
     """Compare derivatives with respect to force, material and dimensions on default and fine meshes, for all cell
     shapes."""
-    from mitsuba_taxel.evidence.coverage.slopes import HEADINGS, SlopeRow, slope_cells, slopes, summary, write_page
+    from mitsuba_taxel.evidence.domes.slopes import HEADINGS, SlopeRow, slope_cells, slopes, summary, write_page
 
     def keep(rows: Sequence[SlopeRow]) -> None:
         if markdown:
@@ -207,7 +207,7 @@ def slopes_command(markdown: Path | None) -> None:
 @debug_option
 def rough_command(markdown: Path | None) -> None:
     """Slopes of cells with a finish or rough mirrors, with their errors by light, curve and elements, and the time."""
-    from mitsuba_taxel.evidence.coverage.rough_slopes import RoughRow, rough_slopes, write_page
+    from mitsuba_taxel.evidence.domes.rough_slopes import RoughRow, rough_slopes, write_page
     from mitsuba_taxel.evidence.rows.row import cells, headings
 
     rows = _shown(rough_slopes(_say), headings(RoughRow), partial(map, cells))
@@ -238,7 +238,7 @@ def estimators_command(only: str | None, csv: Path | None, markdown: Path | None
 def horizon_command(markdown: Path | None) -> None:
     """Compare derivatives along lines of designs with differences of their readings, for several widths over which the
     step at the horizon is spread."""
-    from mitsuba_taxel.evidence.coverage.horizon import HorizonRow, horizon, write_page
+    from mitsuba_taxel.evidence.domes.horizon import HorizonRow, horizon, write_page
     from mitsuba_taxel.evidence.rows.row import cells, headings
 
     rows = _shown(horizon(_say), headings(HorizonRow), partial(map, cells))

@@ -1,5 +1,5 @@
-"""Stated errors compared with true errors, for readings, slopes, figures of merit, dragged indenters and light.
+"""Stated errors compared with true errors, for readings, figures of merit, dragged indenters and light.
 
 Input: settings, drawn at random from all kinds. Output: rows with stated and true error (`taxel bench coverage`,
-`figures`, `drags`, `light`, `domes`, `slopes`, `rough`, `estimators`, `horizon`).
+`figures`, `drags`, `light`, `estimators`).
 """

@@ -13,8 +13,8 @@ import numpy as np
 
 from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.base.files.markdown import markdown_table
-from mitsuba_taxel.evidence.coverage.flat_roof_light import FlatRoof
-from mitsuba_taxel.evidence.coverage.sphere_light import BOARD, DOMES, SPACING, Dome
+from mitsuba_taxel.evidence.domes.flat_roof_light import FlatRoof
+from mitsuba_taxel.evidence.domes.sphere_light import BOARD, DOMES, SPACING, Dome
 from mitsuba_taxel.evidence.rows.kind_examples import cell_parameters, other_cells, pad_of
 from mitsuba_taxel.pads import CELL_SHAPES, Pad
 from mitsuba_taxel.pads.cells.cell_shape import CellShape, LightSizes
@@ -78,7 +78,7 @@ Written by `{command}`; do not edit by hand.
 This page compares readings at the default settings with independent references. It covers domes in detail, and all
 other cell shapes. The shape of an unloaded roof is known exactly. The reference is then a quadrature for
 diffuse walls, or ray tracing on the exact roof for mirrors. Neither uses finite elements, triangles or a renderer
-(`mitsuba_taxel/evidence/coverage/sphere_light.py` and `flat_roof_light.py`). The cell `profile` has the profile of the
+(`mitsuba_taxel/evidence/domes/sphere_light.py` and `flat_roof_light.py`). The cell `profile` has the profile of the
 hemisphere. A shape whose roof is neither spherical nor flat has no such reference: it is compared with a simulation on
 smaller elements. Loaded cells are compared with elements of {fine[1]:g} mm (1 x 1 cells), {aside[1]:g} mm (1 x 1 under
 tangential forces) or {fine[3]:g} mm (3 x 3); the default is 0.625 to 0.75 mm for domes and for flat roofs with

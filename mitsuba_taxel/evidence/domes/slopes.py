@@ -10,7 +10,7 @@ from typing import Any
 
 from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.base.files.markdown import markdown_table
-from mitsuba_taxel.evidence.coverage.domes import dome_scene
+from mitsuba_taxel.evidence.domes.domes import dome_scene
 from mitsuba_taxel.pads import CELL_SHAPES
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import qmc
 
-from mitsuba_taxel.evidence.coverage.sphere_light import (
+from mitsuba_taxel.evidence.domes.sphere_light import (
     CONE,
     DEPTH,
     LED,

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from mitsuba_taxel.evidence.coverage.flat_roof_light import FlatRoof
-from mitsuba_taxel.evidence.coverage.sphere_light import CONE, DEPTH, WIDTH
+from mitsuba_taxel.evidence.domes.flat_roof_light import FlatRoof
+from mitsuba_taxel.evidence.domes.sphere_light import CONE, DEPTH, WIDTH
 
 
 def test_far_away_light_falls_with_the_fourth_power_of_the_height():

@@ -11,7 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.base.files.markdown import markdown_table
-from mitsuba_taxel.evidence.coverage.domes import dome_scene
+from mitsuba_taxel.evidence.domes.domes import dome_scene
 from mitsuba_taxel.evidence.rows.row import cells, headings
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import HORIZON_SHARE, derivatives_by

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.evidence.coverage import horizon
-from mitsuba_taxel.evidence.coverage.domes import dome_scene
+from mitsuba_taxel.evidence.domes import horizon
+from mitsuba_taxel.evidence.domes.domes import dome_scene
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import HORIZON_SHARE, derivatives_by
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 from mitsuba_taxel.sensing.diffuse import diffuse_cells

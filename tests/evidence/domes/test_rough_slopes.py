@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mitsuba_taxel.evidence.coverage import rough_slopes
+from mitsuba_taxel.evidence.domes import rough_slopes
 
 
 def test_rows_and_page(monkeypatch, tmp_path):

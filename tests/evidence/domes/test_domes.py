@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from mitsuba_taxel.backend.plugin_objects import make_plugin
-from mitsuba_taxel.evidence.coverage import domes
-from mitsuba_taxel.evidence.coverage.domes import dome_scene as scene
-from mitsuba_taxel.evidence.coverage.sphere_light import DOMES
+from mitsuba_taxel.evidence.domes import domes
+from mitsuba_taxel.evidence.domes.domes import dome_scene as scene
+from mitsuba_taxel.evidence.domes.sphere_light import DOMES
 from mitsuba_taxel.kernels.dome_elements import size_for_light
 from mitsuba_taxel.mechanics import SpreadForce
 from mitsuba_taxel.pads import Pad
