@@ -109,7 +109,7 @@ class Experiment:
     Parameters
     ----------
     force : str
-        The runs' force: ``fx``, ``fz``, ``0.707 fx + 0.707 fy``.
+        Name of the force of the runs, such as ``fx``, ``fz`` or ``0.707 fx + 0.707 fy``.
     direction : (3,) ndarray
         Unit vector of that force; zero if unknown.
     where : dict[str, Any]
@@ -119,7 +119,7 @@ class Experiment:
     taxel : (channels,) ndarray
         The taxels' numbers.
     runs : tuple[Branch, ...]
-        From one turning point of the force to the next; a run may pass through zero.
+        Sections from one turning point of the force to the next; a run may pass through zero.
     ordered : bool
         Whether the load passed through the forces in this order. If not, as for independent scenes, every branch
         counts as a branch of growing force.

@@ -12,8 +12,7 @@ from mitsuba_taxel.electronics.volts import circuit_of_study
 
 
 def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit | None = None) -> xr.Dataset:
-    """Smallest covariance with which the readings of a study determine its parameters with derivatives, all parameters
-    together.
+    """Smallest covariance with which all readings of a study determine, together, the parameters that have derivatives.
 
     The covariance is the inverse of the Fisher information J^T N^-1 J of readings with slopes J and independent noise
     of covariance N: no unbiased estimate is better (Cramer-Rao bound).

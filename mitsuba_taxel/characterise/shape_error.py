@@ -126,8 +126,8 @@ def with_shape(
     changed_figures : Mapping[Mode, list[ndarray]]
         The figure with readings changed by each mode, up and down.
     derived : ndarray of bool or bool
-        Where the error is that of derivatives, which contains the errors of finite elements and patches already. The
-        larger of the two estimates of the same error is then used, as meshes may agree by chance in one of them.
+        Mask of the errors that are errors of derivatives, which already contain those of finite elements and patches.
+        There the larger of the two estimates is used, because meshes may agree by chance in one of them.
 
     Returns
     -------
@@ -139,7 +139,8 @@ def with_shape(
 
 
 def besides_shape(error: np.ndarray, shifts: Iterable[np.ndarray]) -> np.ndarray:
-    """Errors of derivatives less the errors of the shape: added in squares they give the errors of the derivatives."""
+    """Errors of derivatives without the errors of the shape: added in squares, both give the errors of the
+    derivatives."""
     return np.sqrt(np.maximum(error**2 - sum(shift**2 for shift in shifts), 0.0))
 
 

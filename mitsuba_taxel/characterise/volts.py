@@ -61,7 +61,7 @@ def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float 
 
 
 def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
-    """Notes on what limits the figures of a :func:`volts_table`: saturated taxels, an unused range of the converter,
+    """Notes on the limits of the figures of a :func:`volts_table`: saturated taxels, an unused range of the converter,
     few counts of signal, and noise below the step of the converter.
 
     Parameters

@@ -38,9 +38,9 @@ class FitResult:
     ----------
     unknowns : DataFrame
         One row per unknown: ``start``; ``value``, its ``error`` (one standard deviation), and the ends ``low`` and
-        ``high`` of its 95 % confidence interval, which hold ``data_error``, that of the data, and ``model_error``, that
-        of the model by its light, finite elements and surfaces (``light_error``, ``mechanics_error``,
-        ``geometry_error``; NaN if unknown and left out).
+        ``high`` of its 95 % confidence interval. Error and interval include ``data_error``, by the data, and
+        ``model_error``, by the model. The latter consists of ``light_error``, ``mechanics_error`` and
+        ``geometry_error``; errors that are NaN are unknown, and left out.
     correlation : DataFrame
         Correlation of the unknowns' errors by the data.
     residuals : DataFrame
@@ -50,7 +50,7 @@ class FitResult:
         Mean square of ``in_errors`` per degree of freedom: 1 if model and errors are right. NaN if the errors of the
         data are unknown.
     warnings : list[str]
-        Unknowns that the data do not determine, and other doubts about the result.
+        Unknowns that the data do not determine, and other warnings.
     notes : list[str]
         Further notes for the reader.
     """

@@ -168,7 +168,7 @@ def interval(solution: LeastSquares, of_model: np.ndarray) -> np.ndarray:
 
 
 def misfit_warnings(residual: np.ndarray, errors: np.ndarray, of_model: np.ndarray, freedom: int) -> list[str]:
-    """A warning if residuals are larger than errors explain, by a chi-square test with a false alarm in a hundred.
+    """A warning if residuals exceed the errors, by a chi-square test with a false-alarm rate of 1 %.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def misfit_warnings(residual: np.ndarray, errors: np.ndarray, of_model: np.ndarr
 def lack_of_fit_warnings(
     residual: np.ndarray, settings: Mapping[str, Sequence[str]], of_model: np.ndarray, freedom: int
 ) -> list[str]:
-    """A warning if residuals are larger than repeated readings scatter, by an F-test with a false alarm in a hundred.
+    """A warning if residuals exceed the scatter of repeated readings, by an F-test with a false-alarm rate of 1 %.
 
     Source: N. R. Draper, H. Smith, Applied Regression Analysis, 3rd edition, Wiley, 1998, section 2.1.
 

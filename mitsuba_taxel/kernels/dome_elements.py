@@ -22,7 +22,8 @@ MOST_CELLS = 16
 
 
 def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> float | None:
-    """Size of the elements of a pad whose light needs smaller ones: of domes, and of cells with mirrors.
+    """Element size of a pad whose light needs smaller elements than the default: pads of domes, and of cells with
+    mirrors.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> floa
 
 
 def fewer_triangles(subdivision: int, pad: Pad, mesh_size: float) -> int:
-    """Triangles along the edges of smaller elements, for triangles no larger than on default elements.
+    """Number of triangles along the edges of smaller elements, such that triangles are as small as on default elements.
 
     Parameters
     ----------

@@ -175,8 +175,8 @@ class RegionBsdf(Protocol):
 
 
 class WallBsdf(Protocol):
-    """A `wall`: the name of its ``scattering``, whether that has a specular or glossy component (``is_directed``), and
-    its ``reflectance``, None until the wavelength for its ``table`` is set."""
+    """A `wall`, with the name of its ``scattering`` law. ``is_directed`` is true if the law has a specular or glossy
+    component; ``reflectance`` is None until the wavelength for its ``table`` is set."""
 
     specification: Wall
     scattering: str

@@ -23,7 +23,7 @@ class UnknownState(Exception):
 
 
 class SceneState:
-    """The state of a scene and additional objects; two states are equal if nothing was changed in between.
+    """State of a scene and of additional objects. Two states are equal if nothing has changed between them.
 
     Raises
     ------

@@ -146,7 +146,7 @@ def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None 
 
 
 def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
-    """Whether each face is a roof or side of cells that are subdivided finely.
+    """Mask of the faces that are roofs or sides of given cells, which are subdivided finely.
 
     Parameters
     ----------

@@ -223,7 +223,7 @@ def state_at_rest(
 
 
 def remembering(material: Material | Viscoelastic) -> Viscoelastic:
-    """A material as a viscoelastic one, without terms if it is elastic."""
+    """A material as a `Viscoelastic` material; an elastic material has no relaxing terms."""
     return material if isinstance(material, Viscoelastic) else Elastic(material)
 
 

@@ -75,7 +75,7 @@ class Location:
 
     @cached_property
     def weights(self) -> sparse.csr_array:
-        """(P, N) weights of nodal values for the values at the points, as in :meth:`interpolate`."""
+        """Weights (P, N) with which nodal values give the values at the points, as in :meth:`interpolate`."""
         functions = shape_functions(tet_coordinates(self.reference))
         if self.offset.any():
             functions += np.einsum("paj,pj->pa", self._slopes, self.offset)

@@ -94,7 +94,7 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarr
     steps end before a plane between them and all others.
 
     Where no improvement is expected, the curvature may be wrong: it may stem from a distant steep slope or kink, and
-    steps have become too short to correct it. So the descent restarts from there with an even curvature, and ends
+    steps have become too short to correct it. So the descent restarts from that point without this curvature. It ends
     where it has gained nothing since the last restart.
 
     Parameters

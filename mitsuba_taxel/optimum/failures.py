@@ -21,7 +21,7 @@ def off_failures(
 
     The limit is a plane midway between the convex hulls of readable and failed points, where these are nearest (the
     support vectors of C. Cortes and V. Vapnik, 1995). Where the hulls intersect, the plane separates ``x`` from failed
-    points. Where ``x`` is next to a failed point, there is no additional limit.
+    points. If ``x`` is very close to a failed point, there is no additional limit.
 
     Parameters
     ----------

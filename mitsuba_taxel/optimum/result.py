@@ -64,8 +64,8 @@ class Optimum:
     beyond_ended : bool
         Whether that descent ended because its steps improved the design no further.
     gradients : int
-        Number of gradients: of the best design, of others within 2 % of the bounds, one of each mesh, and on the finer
-        mesh: the slope is that of their mean.
+        Number of gradients whose mean is the slope: that of the best design, those of close designs on other meshes
+        (within 2 % of the bounds, one for each mesh), and that on the finer mesh.
     load_steps : int
         Load steps computed for all designs, without the finer mesh.
     seconds : float
@@ -98,7 +98,7 @@ class Optimum:
 
     @property
     def is_local(self) -> bool:
-        """Whether the best design is a local optimum as far as its slope is known."""
+        """Whether slope and error show that the best design is a local optimum."""
         return self.unbalanced + self.unbalanced_error <= BALANCED
 
 

@@ -81,7 +81,7 @@ class Stationarity:
 
     @property
     def is_local(self) -> bool:
-        """Whether the point is a local optimum as far as its slope is known."""
+        """Whether slope and error show that the point is a local optimum."""
         return self.unbalanced + self.error <= BALANCED
 
 

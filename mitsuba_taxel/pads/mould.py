@@ -31,8 +31,8 @@ def draft_angles(pad: Pad) -> np.ndarray:
 def bend_radii(pad: Pad) -> np.ndarray:
     """Radii of curvature of the roof along its meridian, in mm. The rim, which may be sharp, is left out.
 
-    Where cells lean, each is the smaller of the radii across and along the plane in which they lean. A dome has one
-    radius.
+    Where cells lean, the result is the smaller of the radii across and along the plane in which they lean. A dome has a
+    single radius.
     """
     return pad.shape.bend_radii()
 

@@ -41,8 +41,9 @@ class PadFile(Displayed):
     path : Path
         The file; its extension determines the format.
     regions : tuple[Rule, ...]
-        Rules that assign regions to faces, or a TOML file of them (see :func:`read_rules`); the first matching
-        rule applies. Other faces are guessed: see :func:`mitsuba_taxel.pads.imported.regions.tagged`.
+        Rules that assign regions to faces, or a TOML file of them (see :func:`read_rules`); the first matching rule
+        applies. The regions of other faces follow from their shape: see
+        :func:`mitsuba_taxel.pads.imported.regions.tagged`.
     scale : float
         Length of the file's unit in mm; STEP files state their unit, and are in mm as they are read.
     up : str

@@ -41,8 +41,8 @@ _WEIGHTED_REFLECTIONS = 8
 
 @dataclass(frozen=True)
 class EnergyAudit:
-    """Fractions of the power of all LEDs by where the light ends: on a surface, on a phototransistor or outside the
-    scene.
+    """Fractions of the power of all LEDs by the place where the light ends: on a surface, on a phototransistor or
+    outside the scene.
 
     Attributes
     ----------

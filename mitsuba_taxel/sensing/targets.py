@@ -88,7 +88,7 @@ in nearly all scenes."""
 
 
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> FacetsEstimate:
-    """Error of a scene's readings by facets: by their positions, from two short traces, and by their tilts.
+    """Error of a scene's readings by facets: by their positions (from two short traces) and by their tilts.
 
     The number of points is chosen as in :func:`mechanics_of`.
 
@@ -334,7 +334,7 @@ def _refinable(ready: Prepared) -> list[PadShape]:
 
 
 def smallest_mesh_size(ready: Prepared, loaded: bool = False) -> float:
-    """Smallest mesh size of all pads that smaller elements make more accurate.
+    """Smallest mesh size of all pads whose readings depend on their elements.
 
     Parameters
     ----------

@@ -115,7 +115,7 @@ def compare(
     other variants and between scenes they are independent.
 
     Readings are in volts with a circuit, otherwise in watts. A variant that saturates within the range of forces is not
-    ranked, as its figures are then those of its circuit.
+    ranked, because its figures are then determined by the circuit.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ def slope_limit(limit: FineMeshLimit, near_limit: FineMeshLimit, step: float) ->
     Parameters
     ----------
     limit, near_limit : FineMeshLimit
-        Readings in that limit, at the load and at the load nearby.
+        Readings in the limit of small elements, at the load and at a nearby load.
     step : float
         Difference of the loads in N.
     """

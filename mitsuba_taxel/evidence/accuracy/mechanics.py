@@ -116,7 +116,7 @@ def _open(live: Any, mesh_size: float | None) -> list[PadShape]:
 
 
 class SizeRuns(NamedTuple):
-    """Runs by mesh size in mm, mesh size of their reference in mm, and reason why there are no smaller elements."""
+    """Runs by mesh size in mm, mesh size of their reference in mm, and the reason why elements are not smaller."""
 
     solved: dict[float, UncachedReadings]
     judge: float

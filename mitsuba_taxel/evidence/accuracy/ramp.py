@@ -42,7 +42,7 @@ class Ramp(NamedTuple):
 
 
 def ramp(pad: Pad) -> Ramp:
-    """Measure the three times for a pad."""
+    """Measure the CPU times of a ramp of a pad: viscoelastic, elastic, and elastic without interpolation."""
     law, size = NeoHookean(), pad.default_mesh_size
     values = FORCE * np.arange(1, ROWS + 1)[:, None] / ROWS * [0.0, 0.0, 1.0]
     times = DURATION * np.arange(1, ROWS + 1) / ROWS

@@ -63,7 +63,7 @@ def speed(target_error: float) -> Iterator[str]:
 
 
 def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
-    """Time of a reading of nine taxels to an error, on `pad.xml`, which is loaded before.
+    """Measure the time of a reading of the nine taxels of `pad.xml` to a target error, without loading the scene.
 
     Parameters
     ----------

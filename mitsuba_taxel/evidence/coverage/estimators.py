@@ -132,9 +132,9 @@ class EstimatorCase:
     Attributes
     ----------
     light : LightCase
-        The scene; that under the larger load for differences.
+        The scene; for differences, under the larger load.
     load : tuple[float, float, float] or None
-        Smaller load in N; None for images.
+        Smaller load in N for differences; None for images.
     """
 
     light: LightCase

@@ -146,8 +146,8 @@ def deviations(rows: Sequence[Any], figure: str, target: str) -> tuple[list[floa
 def counts(rows: Sequence[Any]) -> list[list[str]]:
     """Cells of a row for each figure and target error, below `COUNTS`.
 
-    They hold the numbers of figures, of unjudged figures, and of errors within once and twice the stated error; the
-    median of stated over true errors; and the largest of true over stated errors.
+    The cells are the numbers of figures, of figures that are not judged, and of errors within once and twice the stated
+    error; the median of stated over true errors; and the largest ratio of true to stated errors.
     """
     table = []
     for figure in FIGURES:

@@ -59,7 +59,7 @@ class Dome:
 
     @cached_property
     def widest(self) -> float:
-        """Angle between the axis and the rim, seen from the centre."""
+        """Angle between the axis and the rim in radians, seen from the centre of the sphere."""
         return math.asin(RADIUS / self.radius)
 
     def at(self, polar, azimuth):

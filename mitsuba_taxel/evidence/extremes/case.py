@@ -115,7 +115,7 @@ def with_flaw(row: MechanicsRow, refused: bool) -> MechanicsRow:
 
 
 def failure_of(row: MechanicsRow, refused: bool = False) -> str:
-    """Judge a finished row.
+    """Reason why a finished row is a failure.
 
     Parameters
     ----------

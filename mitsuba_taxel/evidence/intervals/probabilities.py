@@ -25,7 +25,7 @@ SLACK = 0.03
 
 @dataclass(frozen=True)
 class ProbabilityRow:
-    """Frequency with which stated probabilities of one range come true.
+    """Observed frequency of events whose stated probabilities lie in one range.
 
     Attributes
     ----------
@@ -34,9 +34,9 @@ class ProbabilityRow:
     made : float
         Number of stated probabilities in the range.
     mean, true : float
-        Mean of the probabilities, and fraction that came true.
+        Mean of the stated probabilities, and observed frequency.
     noise : float
-        Standard error of that fraction if the probabilities are right.
+        Standard error of the observed frequency, if the stated probabilities are right.
     """
 
     COLUMNS: ClassVar = {

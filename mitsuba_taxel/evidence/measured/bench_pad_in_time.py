@@ -27,7 +27,7 @@ Prony = tuple[tuple[float, float], ...]
 
 
 class TimedTravel(NamedTuple):
-    """A time in s, and the travel at that time in mm."""
+    """A time in s, and the travel of the indenter at that time in mm."""
 
     time: float
     travel: float

@@ -121,7 +121,7 @@ def results(store: PaperStudies, press: IndenterPress, late: float) -> PronyFit:
 
 
 def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer: xr.Dataset) -> MemoryErrors:
-    """Errors of a hold with its release and of a cycle, by their difference from those on finer elements."""
+    """Errors of a hold with its release, and of a cycle, from their differences to finer elements."""
     pressed = {"taxel": measured.PRESSED}
     light = (study.change_error / study.change[len(HOLD_TIMES)]).sel(pressed).values
     step_error = study.step_error.values
@@ -151,9 +151,9 @@ def held_change_of(study: xr.Dataset) -> float:
 def slow_term() -> tuple[float, float]:
     """An additional relaxation term that explains the measured loop of the force.
 
-    The solid is linear, and its loop is that of a triangle in time. Of the times in `SLOW`, the term leaves the least
-    change at the end of the record of the release: returned are its time in s, and the fraction of the change that it
-    leaves."""
+    The solid is linear, and its load is a triangle in time. The relaxation time is that of `SLOW` with the least change
+    at the end of the record of the release. Returned are this time in s, and the fraction of the change that
+    remains."""
     end, hold = measured.TAIL_TIMES[-1], measured.HOLD_WINDOWS[-1][-1]
     remaining = []
     for time in SLOW:

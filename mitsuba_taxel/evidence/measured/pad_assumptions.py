@@ -72,7 +72,8 @@ def rings(values: np.ndarray) -> np.ndarray:
 
 
 def expected_at(results: PadComparison) -> tuple[float, float, float]:
-    """Change of :data:`PREDICTED` in the map: measured, computed, and with the sensitivity of its own press."""
+    """Change of the taxel :data:`PREDICTED` in the map: measured, computed, and computed with the sensitivity that it
+    has when it is pressed itself."""
     position = np.unravel_index(PREDICTED - 1, results.moved.shape)
     computed = float(results.moved[position])
     return float(np.array(measured.HELD_MAP)[position]), computed, own_sensitivity(results.taxels[PREDICTED]) * computed

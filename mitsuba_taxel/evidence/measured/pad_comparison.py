@@ -55,8 +55,8 @@ class TaxelComparison(NamedTuple):
 
 
 class NeighbourChange(NamedTuple):
-    """Results of a hold, by the height of the pad in mm: mean change of the four nearest taxels, in percent of the
-    change of the middle taxel, and that change."""
+    """Result of a hold: height of the pad in mm, mean change of the four nearest taxels in percent of the change of the
+    middle taxel, and the change of the middle taxel."""
 
     height: float
     near: float
@@ -141,7 +141,7 @@ def _wide(study: xr.Dataset, height: float) -> NeighbourChange:
 
 
 def measured_curve(taxel: int) -> PressedTaxel:
-    """The measured curve of a taxel, by its voltage at rest."""
+    """The measured curve of a taxel, relative to its voltage at rest."""
     press = measured.PRESSES[taxel]
     return PressedTaxel(np.array(press.travels), np.array(press.forces), np.array(press.volts) / press.at_rest)
 

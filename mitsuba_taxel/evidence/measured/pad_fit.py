@@ -100,7 +100,8 @@ def lateness(computed: PressedTaxel, measured: PressedTaxel) -> float:
 
 
 def modulus(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -> float:
-    """Modulus in MPa by least squares of the forces, up to the end of the path that is computed with 1 MPa."""
+    """Modulus in MPa from a least-squares fit of the forces to those of a path with 1 MPa, up to the end of that
+    path."""
     force = computed.at(measured.travel + late).force
     borne = np.isfinite(force)
     return float(force[borne] @ measured.force[borne] / (force[borne] @ force[borne]))

@@ -17,7 +17,7 @@ FORCES = (0.0, 1.0, 2.0, 3.0)
 
 
 def pushed(store: PaperStudies, cell: str, along: str) -> xr.Dataset:
-    """Readings of an elastic pad under tangential forces along ``fx`` or ``fy``, at the experiments' normal force."""
+    """Readings of an elastic pad under tangential forces ``fx`` or ``fy``, at the normal force of the experiments."""
     vary = {along: list(FORCES)}
     defines = {"cell": cell, "youngs_modulus": YOUNGS_MODULUS, "fz": -paper.MEASURED_FORCE * PER_FORCE}
     request = {"vary": vary, "defines": defines, "points": POINTS}

@@ -126,7 +126,9 @@ def counting_test(samples: np.ndarray, rays: int) -> CountingTest:
 
 
 def emulated(study: xr.Dataset, force: str) -> EmulatedSlope:
-    """The paper's procedure on a study's curves of all taxels, with 60 000 rays for each reading."""
+    """Results of the paper's procedure, with 60 000 rays for each reading, applied to the curves of all taxels of a
+    study.
+    """
     curve = curves(study, force)
     forces = np.arange(curve.force[0], curve.force[-1] + paper.FORCE_STEP / 2, paper.FORCE_STEP)
     return summary(max_slopes(forces, binomial(curve.power(forces), paper.RAYS, REPETITIONS)))

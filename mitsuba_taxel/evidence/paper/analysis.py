@@ -100,7 +100,7 @@ class ReadingDifference(NamedTuple):
 
 
 def skewness(study: xr.Dataset) -> dict[str, ReadingDifference]:
-    """Fig. 10: differences of mirror taxels under a force along the secondary diagonal, less those without it.
+    """Differences between mirrored taxels (Fig. 10) under a force along the secondary diagonal, minus those without it.
 
     ``3 - 7`` : the corners on the diagonal; ``(2 + 6 - 4 - 8) / 2`` : the sides; ``1, 5, 9`` : the largest difference
     from their mean on the main diagonal, where there should be little.

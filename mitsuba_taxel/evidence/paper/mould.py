@@ -97,12 +97,12 @@ def walls() -> Iterator[MouldWalls]:
 def moulds(store: PaperStudies, workers: int | None) -> dict[MouldWalls, dict[str, xr.Dataset]]:
     """Readings of all taxels, by walls and force (fz, fx, fy).
 
-    A store that computes nothing has only the walls whose studies are complete.
+    If the store computes nothing, only walls with complete studies are returned.
 
     Raises
     ------
     MissingStudy
-        if none is complete.
+        if no study is complete.
     """
     studies = {}
     for wall in walls():

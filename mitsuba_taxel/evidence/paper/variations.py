@@ -79,9 +79,9 @@ def both(first: PaperVariation, second: PaperVariation) -> PaperVariation:
 def vary(store: PaperStudies, workers: int | None) -> dict[str, dict[str, dict[str, xr.Dataset]]]:
     """Readings of the corner and the centre taxel, by choice (in words), shape and force (fz, fx, fy).
 
-    On the elements of :func:`~mitsuba_taxel.evidence.paper.loading.normal`, computed if missing. A tangential force
-    along y is one along x on a sensor whose packages are turned by 90 degrees. The costliest choices are computed last;
-    of a store that computes nothing, those are returned that are complete.
+    The elements are those of :func:`~mitsuba_taxel.evidence.paper.loading.normal`. Missing readings are computed. A
+    tangential force along y is a force along x on a sensor whose packages are turned by 90 degrees. The costliest
+    choices are computed last. If the store computes nothing, the complete choices are returned.
 
     Raises
     ------

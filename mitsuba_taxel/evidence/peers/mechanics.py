@@ -193,10 +193,11 @@ def _parts(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float, floa
 
 
 def contact_table() -> Iterator[tuple[object, ...]]:
-    """Number of factorisations when bodies are pressed into a cell, relative to a plate that is bonded to it.
+    """Numbers of factorisations under indenters on a cell, relative to a bonded plate.
 
-    A ball off the centre leaves no symmetry, and is compared with a plate on a cell that leans. Stability checks with
-    displacements without the symmetry of a state, which are equally many for all, do not count.
+    A ball off the centre has no symmetry, and is compared with a plate on a leaning cell. Factorisations for the test
+    of stability against displacements without the symmetry of a state are not counted: their number is the same for
+    all.
     """
     yield "pressed by", "mm", "factorisations", "per mm", "relative to a plate", "CPU seconds"
     cell, ball, down = Pad("hemispheric", rows=1, columns=1), Indenter("sphere", radius=2.5), (0.0, 0.0, -0.8)

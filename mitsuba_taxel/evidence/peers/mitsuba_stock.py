@@ -8,7 +8,9 @@ from mitsuba_taxel.evidence.peers.cases import DETECTOR, Estimator, PeerCase, Un
 
 
 def prepare(case: PeerCase, integrator: str, sampler: str) -> Estimator:
-    """Irradiance in one pixel per phototransistor, times its area; under these integrators all LEDs are lit."""
+    """Estimator by an integrator of Mitsuba: irradiance of a pixel per phototransistor, times its area; all LEDs are
+    lit.
+    """
     import mitsuba as mi
 
     if integrator == "ptracer" and case.single_bounce:

@@ -90,7 +90,7 @@ class ErrorCurve:
 
 
 class Slope(NamedTuple):
-    """d log(error) / d log(seconds) with one standard error; NaN if points are too few or too close."""
+    """Slope d log(error) / d log(seconds) with its standard error; NaN if points are too few or too close."""
 
     value: float
     standard_error: float
@@ -99,10 +99,10 @@ class Slope(NamedTuple):
 def slope(curve: ErrorCurve) -> Slope:
     """Slope of a method's error against its seconds, by least squares over the points after warm-up.
 
-    For methods with a launch, the seconds of the shortest run, which does almost nothing, are subtracted, and points
-    count from :data:`WARM` times these. Points not well above the reference's error do not count. Points are weighted
-    by the uncertainty of a root mean square of so many readings; the standard error is that of these weights, or larger
-    if the points scatter more.
+    For methods with a launch overhead, the time of the shortest run, which is mostly overhead, is subtracted, and only
+    points of at least :data:`WARM` times this time are used. Points not well above the error of the reference are left
+    out. Each point is weighted by the uncertainty of a root mean square of its number of readings. The standard error
+    follows from these weights, and is larger if the points scatter more.
     """
     # Points after warm-up with significant errors.
     launch = min((point.seconds for point in curve.points), default=0.0) if curve.launched else 0.0

@@ -166,7 +166,7 @@ class Guide:
         return [dr.gather(mi.Point3f, self.corners, 3 * triangle + k, active) for k in range(3)]
 
     def contains(self, index: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
-        """Whether a hit lies on a triangle of taxel ``index``."""
+        """Mask of the hits that lie on a triangle of taxel ``index``."""
         return self._is_of(mi.Int32(index), si, active)
 
     def misses(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:

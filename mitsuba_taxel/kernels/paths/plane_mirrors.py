@@ -28,7 +28,7 @@ WITHOUT = np.empty(0), None
 
 
 class PlaneMirrors:
-    """The plane mirror of each taxel, a roof.
+    """Plane mirrors: at most one for each taxel, on its roof.
 
     Parameters
     ----------

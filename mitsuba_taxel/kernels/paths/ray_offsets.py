@@ -92,7 +92,7 @@ def _offset(p: mi.Point3f, clearance: mi.Float) -> mi.Float:
 
 
 def clearance_of(scene: mi.Scene, pair: TaxelPair) -> mi.Float:
-    """The fraction of a ray's offset that is proportional to the size of the faces, whatever the unit of length.
+    """Part of a ray's offset that is proportional to the size of the faces, so that it suits any unit of length.
 
     The precision of intersections by OptiX is relative to the size of the triangle: a plate of 140 mm shades points up
     to 6e-6 mm below itself. On a GPU the extent of the scene, which is the largest possible size of a triangle, adds to

@@ -264,18 +264,18 @@ class Techniques:
         return dr.select(active, value * self._weight((self.unidirectional, hit)), 0)
 
     def mirrored(self, si: mi.SurfaceInteraction3f, active: mi.Bool, density: mi.Float, distance: mi.Float) -> Mirrored:
-        """How rays leave ``si``: of a density of 0 where that is not on a plane mirror.
+        """Density and distance of rays that a plane mirror reflects; the density of all other rays is 0.
 
         Parameters
         ----------
         si : mi.SurfaceInteraction3f
-            Where a ray is reflected.
+            Hits at which the rays are reflected.
         active : mi.Bool
-            Whether it is reflected as by a mirror, and comes from a wall that scatters.
+            Mask of the rays that are reflected specularly and come from a scattering wall.
         density : mi.Float
-            Density of its direction before [1/sr], times the probability of specular reflection.
+            Density of a ray's direction before the reflection [1/sr], times the probability of specular reflection.
         distance : mi.Float
-            From the wall, mm.
+            Distance from the scattering wall, mm.
         """
         assert self.mirrors is not None
         return Mirrored(dr.select(self.mirrors.contains(self.index, si, active), density, 0), mi.Float(distance))
@@ -325,8 +325,8 @@ class Techniques:
         return dr.select(hits, previous.throughput * self.sensor.response(cosine) * weight, 0), offset
 
     def guidance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Bool, mi.Float, mi.Point2f]:
-        """Whether the guide can sample ``si``, the probability that it samples the next direction there, and the
-        position of ``si`` on its unit square."""
+        """Mask of the hits ``si`` at which the guide can sample directions, the probability that it is used there, and
+        the position of ``si`` on the unit square of the guide."""
         if self.guide is None:
             return mi.Bool(False), mi.Float(0), mi.Point2f(0)
         member = self.guide.contains(self.index, si, active)

@@ -39,7 +39,7 @@ _DERIVATIVES = [
 class SolidDistance:
     """Distances from a closed surface, negative inside.
 
-    A surface that is higher than wide is known up to a height equal to its width.
+    If the surface is higher than wide, only its lower part is used, up to a height equal to its width.
 
     Parameters
     ----------

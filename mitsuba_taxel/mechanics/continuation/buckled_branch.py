@@ -262,7 +262,7 @@ class BuckledBranch:
         return Interpolated.of(state, curve.seconds_to(amplitude))
 
     def seconds_before(self, s: float) -> float:
-        """Time of all states before the part that leads to a distance."""
+        """CPU time, in s, of all parts of the branch before the part that contains the distance ``s``."""
         nodes = self._segment.nodes + (self.curve.nodes if self.onwards and s > self.solved_to else [])
         return sum(node.seconds for node in nodes)
 

@@ -36,11 +36,11 @@ class PadPath(PathStates):
     pad, material, load, mesh_size, bodies, step_tolerance, refinement
         See :class:`PathProblem`.
     judged : bool
-        Whether states must be stable against all displacements. Paths that others are compared with are not judged:
-        they may be unstable where that does not matter for the comparison.
+        Whether the stability of states against all displacements is tested. It is not tested on reference paths, where
+        an instability does not affect the comparison.
     judged_on : float or None
-        Size in mm of the elements of another path, the judge. As far as the judge bears the load, states of this path
-        count as stable; beyond, this path is judged itself.
+        Element size, in mm, of another path on which stability is tested instead. Up to the end of that path, states of
+        this path count as stable; beyond it, they are tested themselves.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class PadPath(PathStates):
 
     @cached_property
     def driven(self) -> PadPath:
-        """The path of the displacement of an indenter, from which states under a force on the indenter follow."""
+        """The path under a displacement of the indenter, from which states under a force on the indenter are found."""
         assert self.load.driven is not None
         arguments = self.pad, self.material, self.load.driven, self.mesh_size, self.judged
         return pad_path(*arguments, None, self.bodies, self.step_tolerance, self._refinement)

@@ -76,14 +76,14 @@ def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
 def solved_on(
     path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None
 ) -> tuple[PadPath, np.ndarray, State]:
-    """The path without friction on whose elements a state is solved, its value there, and the state.
+    """The path without friction whose mesh resolves the contact of a state, the value of its load, and the state.
 
-    Around the tip of a body that is not deep, elements are made smaller until they resolve the contact.
+    If the contact is small, elements around the tip of the indenter are refined until they resolve it.
 
     Raises
     ------
     ComputationError
-        if the path ends before, or they do not resolve it.
+        if the path ends before this load, or elements do not resolve the contact.
     """
     path, there = placed_path(path, value)
     indenter = path.load.indenter

@@ -74,7 +74,7 @@ class PushedStates:
         return Interpolated.of(solution, time.perf_counter() - began)
 
     def rate(self, pad: LoadedPad, segment: LoadSegment, s: float, unknowns: np.ndarray) -> np.ndarray:
-        """Derivative of the unknowns of such a state with respect to the distance along its segment.
+        """Derivative of the unknowns of a state under tangential force with respect to the distance along its segment.
 
         Parameters
         ----------

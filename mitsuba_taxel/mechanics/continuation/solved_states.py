@@ -49,7 +49,7 @@ class SolvedStates:
         self._rates_beside: dict[LoadSegment, dict[float, np.ndarray]] = {}
 
     def at(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
-        """The equilibrium at a distance that a segment reaches. It is solved, as cubic interpolation is inaccurate in
+        """The equilibrium at a distance along a segment. It is solved, because cubic interpolation is inaccurate in
         contact.
 
         Parameters

@@ -104,11 +104,11 @@ class State(Displayed):
     mesh : VolumeMesh
         Undeformed mesh.
     material : Material
-        Material; of a viscoelastic silicone, the instantaneous law.
+        Law of the silicone; if it is viscoelastic, the instantaneous law.
     load : Load
         Kind of load.
-    value : (3,) ndarray
-        N or mm, or (1,) MPa: of the load.
+    value : (3,) or (1,) ndarray
+        Value of the load: a force in N, a displacement in mm, or a pressure in MPa.
     displacement : (N, 3) ndarray
         Displacement of each node, in mm.
     pressure : (corners,) ndarray
@@ -116,32 +116,33 @@ class State(Displayed):
     min_jacobian : float
         Smallest volume ratio J at the quadrature points of the elements, and at nodes of the cells' walls.
     residual : float
-        Norm of the out-of-balance forces, relative to that of the load, or of a load that strains the pad by 2 %, if
-        that is larger; that of the interpolation where the state is interpolated between solved ones.
+        Norm of the out-of-balance forces, relative to that of the load, or to that of a load that strains the pad by
+        2 %, if this is larger. For a state that is interpolated between solved states, it is that of the interpolation.
     newton_iterations : int
-        Iterations of its solve; 0 where it is interpolated between solved states.
+        Number of iterations of its solution; 0 if it is interpolated between solved states.
     stability_checked : bool
-        Whether the solver provided the inertia for the check of stability, there or at the solved states on both sides.
+        Whether the solver provided the inertia for the test of stability, for this state or for the solved states on
+        both sides.
     solved_in : float
-        Seconds of the solution of the equilibria on the way to it, even if cached.
+        Time, in s, of the solution of all equilibria on the path to this state, even if they were cached.
     second_mesh : Callable
-        Solves the same load on a second mesh, and compares.
+        Solves the same load on a second mesh, and compares the solutions.
     path_rate : Callable
-        Returns the rate along the path, at no cost if the tangents of its solved states determine it: the unit vector
-        ``direction`` of the load's value, and the derivative of the ``displacement`` (N, 3) along it, in mm per N, mm
-        or MPa, accurate to about 1e-4. None at rest, where no direction is known, for a viscoelastic silicone, and
-        where few iterations do not lead to it.
+        Returns the rate along the path: the unit vector ``direction`` of the load's value, and the derivative of the
+        ``displacement`` (N, 3) along it, in mm per N, mm or MPa, accurate to about 1e-4. It costs nothing if the
+        tangents of the solved states determine it. It is None at rest, where no direction is known, for a viscoelastic
+        silicone, and where its iteration does not converge.
     memory : ViscoelasticMemory or None
         Memory of a viscoelastic silicone: its time, stress, and their errors.
-    traction : ndarray
-        (2 N, 3) MPa, of an indenter's friction at each node of the top, then of the outside; (0, 3) without.
+    traction : (2 N, 3) ndarray
+        Traction of an indenter's friction in MPa, at each node of the top, then of the outside; (0, 3) without it.
     indenter_moved : (3,) ndarray or None
-        In mm, how far an indenter is from where it starts; None where there is none.
+        Displacement of an indenter from its start, in mm; None without an indenter.
     bodies : RigidBodies or None
         Bodies that the pad may touch, on a path that continues after contact.
     buckled_at : ndarray or None
-        The load's value at which the pad has buckled on the way: of the shapes that symmetry allows, this is one; None
-        if it has not.
+        Value of the load at which the pad has buckled earlier on the path; None if it has not. The state is then one of
+        several shapes that are equally likely by symmetry.
     """
 
     mesh: VolumeMesh
@@ -170,13 +171,13 @@ class State(Displayed):
     @property
     def error(self) -> RoofError | None:
         """Estimated discretisation error at the roofs; None if unknown, because no second mesh, coarser or finer, can
-        be generated or loaded so far, or memory does not suffice."""
+        be generated or can bear this load, or memory does not suffice."""
         return self._compared.error
 
     @cached_property
     def deviations(self) -> np.ndarray | None:
-        """(2, N, 3) mm, deviations of the displacement on elements of twice the size, extrapolated from the second
-        mesh: the part along the displacement, and the remainder; None if unknown."""
+        """Deviations (2, N, 3), in mm, of the displacement on elements of twice the size, extrapolated from the second
+        mesh: the component along the displacement, and the remainder; None if unknown."""
         return None if self._compared.deviate is None else self._compared.deviate()
 
     @property

@@ -275,7 +275,8 @@ class Elements:
         return self._by_node[here] @ _columns(self.weight[here], stress)
 
     def on_corners(self, here: slice, excess: np.ndarray) -> np.ndarray:
-        """(m, 4) mm³, volumes from relative volumes (m, q) of a slice of elements."""
+        """Volumes at the corners, (m, 4) in mm³, from relative volumes (m, q) at the quadrature points of m
+        elements."""
         return (self.weight[here] * excess) @ _PRESSURE_SHAPES
 
     def pressures(self, here: slice, pressure: np.ndarray) -> np.ndarray:

@@ -231,10 +231,10 @@ def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror]
 
 
 def cut_blocks(mirrors: Sequence[Mirror]) -> list[dict[Mirror, int]]:
-    """Signs at the walls of the part, for pieces between cuts along all walls but the last.
+    """Signs at the mirror planes of the symmetric part, for pieces that are cut along all mirror planes but the last.
 
-    Any displacement of the whole is a displacement of the pieces, which is the sum of a symmetric and an antisymmetric
-    one under the mirror of the last wall. Empty if this does not reduce the number of blocks.
+    A displacement of the whole pad is a displacement of the pieces, and that is the sum of a symmetric and an
+    antisymmetric displacement under the last mirror. The result is empty if this does not reduce the number of blocks.
     """
     if len(mirrors) < 2:
         return []

@@ -34,13 +34,12 @@ def where_linear(mesh: VolumeMesh, load: Load, fraction: float = 1.0) -> np.ndar
     load : Load
         Load on the pad.
     fraction : float
-        Fraction of :data:`RADIUS`, within which they are.
+        Radius of the feet, relative to :data:`RADIUS`.
 
     Returns
     -------
     (m, q) ndarray of bool or None
-        None if there are none: under loads that do not go on where a pad touches itself or the board, and of round
-        pads.
+        None without such points: under loads whose path ends at the first contact, and in round pads.
     """
     if not load.self_contact:
         return None

@@ -41,8 +41,7 @@ class Steps(Protocol):
 
 
 class Linearised:
-    """The tangent of a pad at a state, from its ``entries``, with its own factor or the factor of the nearby state
-    ``near``.
+    """The tangent of a pad at a state, with its own factorisation or that of a nearby state.
 
     Parameters
     ----------

@@ -284,10 +284,10 @@ class LoadedPad(MeshedPad):
     def stable_tangent(
         self, unknowns: np.ndarray, value: np.ndarray, near: Linearised, history: History = NO_HISTORY
     ) -> Linearised:
-        """The linearised pad at an equilibrium; raises Rejected if it is unstable against any displacement.
+        """The linearised pad at an equilibrium, whose stability against all displacements is tested.
 
-        The factor is that of a state ``near`` by if :class:`Stability` checks displacements with the symmetry of the
-        load too.
+        If :class:`Stability` also tests displacements with the symmetry of the load, the factorisation of the nearby
+        state ``near`` is reused.
 
         Parameters
         ----------

@@ -50,9 +50,9 @@ def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
 def ticks_of(elements: Elements, response: np.ndarray) -> int:
     """Number of ticks, the smallest fractions of a step: a power of two times :data:`TICKS`.
 
-    The step is measured by the strain of a block. A plate of side a and thickness t bends under the same pressure about
-    (a / t)^3 times as much, and turns before it strains: where the linear response of the pad would turn its silicone
-    by more than a little within the usual fraction, fractions are smaller.
+    The step is defined by the strain of a block. Under the same pressure, a plate of side a and thickness t bends about
+    (a / t)^3 times as much, so it rotates before it strains. If the linear response of the pad to the usual fraction
+    would rotate its silicone too far, fractions are smaller.
 
     Parameters
     ----------

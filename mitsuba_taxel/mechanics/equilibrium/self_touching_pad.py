@@ -228,10 +228,10 @@ class SelfTouchingPad(LoadedPad):
 
 
 class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
-    """A meshed pad glued to the board, under a moved indenter, whose walls stay apart, and off the board and bodies.
+    """A meshed pad under an indenter, with barriers between its walls and against the board and bodies.
 
-    The indenter presses as on an :class:`IndentedPad`, in each step exactly on the linear pad; barriers are part of
-    that, as of a :class:`SelfTouchingPad`.
+    In each Newton step the contact with the indenter is solved exactly on the linearised pad, as in
+    :class:`IndentedPad`; the linearised pad includes the barriers, as in :class:`SelfTouchingPad`.
     """
 
     _most_iterations: ClassVar[int] = MOST_ITERATIONS

@@ -64,7 +64,7 @@ class Rejected(Exception):
 class Balanced:
     """Result of Newton's method: unknowns, the pad there, remaining error, iterations.
 
-    ``linearised`` is the last factored tangent, if any, at a state at a ``distance`` in mm.
+    ``linearised`` is the last factored tangent, if any; its state is at a ``distance`` in mm from the result.
     """
 
     unknowns: np.ndarray

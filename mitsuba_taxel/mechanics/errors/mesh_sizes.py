@@ -79,7 +79,7 @@ def _height(pad: Pad | PadFile) -> float:
 def chosen_size(
     pad: Pad | PadFile, material: Material, load: Load, size: float | None, tolerance: float | None
 ) -> float:
-    """The mesh size: as given, chosen by a tolerance, or the pad's default.
+    """The mesh size: the given one, one that a tolerance requires, or the pad's default.
 
     Parameters
     ----------

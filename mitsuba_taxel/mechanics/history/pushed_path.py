@@ -40,7 +40,7 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 
 
 class PushedPath(TimedPath):
-    """A :class:`TimedPath` whose rows have forces as values."""
+    """A :class:`TimedPath` under forces on an indenter."""
 
     def _next(self, before: TimeState, rows: LoadHistory) -> TimeState:
         began, at = clock.perf_counter(), self._pushed(before, rows)

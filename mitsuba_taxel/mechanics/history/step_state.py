@@ -23,7 +23,7 @@ class PathEnded(Exception):
 
 
 class StepTooLong(Exception):
-    """A step beyond the next rows is not accurate enough; a step of ``factor`` times its length may be."""
+    """A step that spans several rows is not accurate enough; a step ``factor`` times as long may be."""
 
     def __init__(self, factor: float) -> None:
         super().__init__(factor)

@@ -40,7 +40,7 @@ class Shape:
 
     @property
     def unknowns(self) -> np.ndarray:
-        """Displacements, then pressures, in one row."""
+        """Displacements, then pressures, as one vector."""
         return np.concatenate([self.displacement.ravel(), self.pressure])
 
 
@@ -106,9 +106,10 @@ class StepControl:
 
 @dataclass(frozen=True, eq=False)
 class Figures:
-    """Of the solution of a state, as in :class:`~mitsuba_taxel.mechanics.continuation.state.State`; ``uncertainty`` is
-    the sum in mm of what each step's error moves most, as far as it lasts, ``stress_error`` the relative error of the
-    stress by time steps."""
+    """Figures of the solution of a state, as in :class:`~mitsuba_taxel.mechanics.continuation.state.State`.
+
+    ``uncertainty`` is the sum, in mm, of the largest displacements by the error of each step that have not relaxed yet;
+    ``stress_error`` is the relative error of the stress by time steps."""
 
     min_jacobian: float
     residual: float
@@ -123,8 +124,8 @@ class Figures:
 class TimeState:
     """The pad at a ``time`` in s; ``variables`` are the internal variables of the solved part of the pad.
 
-    ``traction`` (2 N, 3) in MPa is that of friction at nodes of the top, then of the outside. ``mid_step`` is None if
-    the last step leads to a row.
+    ``traction`` (2 N, 3) in MPa is the traction of friction at nodes of the top, then of the outside. ``mid_step`` is
+    None if the last step ends at a row.
     """
 
     time: float
@@ -217,10 +218,10 @@ def without_cancelling(error: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 class StepCubics:
-    """Cubic polynomials in the main measure of a step, with the values of the unknowns at both ends and their rates per
-    s. Where rates by that measure are not resolved at the end, they are parabolas.
+    """Cubic polynomials in the main measure of a step, through the values of the unknowns and their rates at both ends.
+    Parabolas replace them if rates with respect to that measure are not resolved at the end.
 
-    Pressures are such polynomials in addition to a straight line in the other measure, if there is one.
+    Pressures also have a linear term in the other measure, if there is one.
 
     Parameters
     ----------
@@ -263,7 +264,7 @@ class StepCubics:
         return self._start + t**2 * (3 - 2 * t) * self._main + bent + straight
 
     def rate(self, elapsed: float) -> np.ndarray:
-        """Their rate per s."""
+        """Rates of the unknowns per s, at a time since the start of the step."""
         main, second = self.measures.main, self.measures.second
         t = float(main.at(elapsed))
         bent = (1 - t) * (1 - 3 * t) * self._first + t * (3 * t - 2) * self._last

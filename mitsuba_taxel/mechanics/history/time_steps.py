@@ -60,11 +60,11 @@ class RowSteps:
     stress_scale : float
         MPa, largest stress so far, root mean square over the pad; the attribute includes that of these steps.
     judged : bool
-        Whether states must be stable against all displacements, not only those with the symmetry of the load.
+        Whether stability is tested against all displacements, not only against those with the symmetry of the load.
     coarsening : int
-        Length of steps under friction, 1 or 2 times that of the path.
+        Length of steps under friction, relative to the steps of the path: 1 or 2.
     count : int, optional
-        Number of steps under friction of the path; by default that of its length.
+        Number of steps under friction; by default it follows from the length of the movement.
     """
 
     def __init__(
@@ -401,7 +401,7 @@ def response(load: Load, material: Viscoelastic) -> CreepResponse:
 
 
 def furthest(pad: LoadedPad, to_load: CreepResponse, rate: np.ndarray) -> float:
-    """Length of the longest step that leads beyond rows.
+    """Length of the longest step that may span several rows.
 
     Parameters
     ----------

@@ -107,13 +107,13 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
         Load whose values are ``values``.
     values : (n, components) ndarray
         In N, mm or MPa.
-    times : array_like or None
-        (n,) in s, which do not decrease; None if the material is elastic.
+    times : (n,) array_like or None
+        Times of the values in s, in ascending order; None if the material is elastic.
 
     Returns
     -------
     LoadHistory
-        A row for each value, and under friction one more to start with.
+        A row for each value; under friction, with one more row at the start.
 
     Raises
     ------

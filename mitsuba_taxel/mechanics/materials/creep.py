@@ -79,7 +79,7 @@ class CreepResponse:
         return np.zeros((len(self.rates), components))
 
     def after(self, memory: np.ndarray, change: np.ndarray, duration: float) -> np.ndarray:
-        """(k, C) memory after a linear ``change`` (C,) of the load over a ``duration`` in s; a jump if it is 0."""
+        """Memory (k, C) after the load has changed linearly by ``change`` (C,) in ``duration`` s; 0 s is a jump."""
         x = (self.rates * duration)[:, None]
         return np.exp(-x) * memory + np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1.0) * change
 
@@ -152,9 +152,10 @@ class Growth:
         return Growth(time, self.steady / fraction, self.amplitudes / fraction, self.rates)
 
     def moments(self, times: np.ndarray) -> np.ndarray:
-        """(k, 3) integrals of exp(-(time to the end) / tau) over the growth, its square and its cube.
+        """Integrals (k, 3) of exp(-(time to the end) / tau) over the growth, its square and its cube.
 
-        This is what remains of their changes at the end of the step with the relaxation ``times`` (k,) tau, in s.
+        They are the fractions of these changes that remain at the end of the step, for the relaxation ``times`` (k,)
+        tau in s.
         """
         shortest = np.append(times, 1 / self.rates).min()
         time, remaining, weight = _nodes(self.duration, float(shortest))

@@ -113,7 +113,7 @@ class Viscoelastic(Displayed):
         Returns
         -------
         (...) ndarray
-            Fractions, from 1 at once to 1 - sum of g after a long time.
+            Fractions, from 1 at time 0 to 1 - sum of g after a long time.
         """
         return 1 + np.expm1(-np.asarray(time, dtype=float)[..., None] / self.times) @ self.shares
 
@@ -130,7 +130,8 @@ class Viscoelastic(Displayed):
 
 @dataclass(frozen=True)
 class Elastic(Viscoelastic):
-    """An elastic silicone as a viscoelastic one without terms, for friction: its states depend on earlier ones."""
+    """An elastic silicone as a viscoelastic material without relaxing terms, for friction, where states depend on
+    earlier states."""
 
     prony: Terms = ()
 
@@ -166,7 +167,7 @@ def prony_of(text: str) -> Terms:
     Parameters
     ----------
     text : str
-        Weights, relative to the stress at once, and relaxation times in s.
+        Weights, relative to the instantaneous stress, and relaxation times in s.
 
     Returns
     -------

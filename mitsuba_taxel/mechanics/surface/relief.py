@@ -96,7 +96,7 @@ class Relief:
         return cls(number, number, np.zeros(len(number)), offset, smooth.triangles, np.arange(len(smooth.triangles)))
 
     def then(self, other: Relief) -> Relief:
-        """This relief, followed by another one that is relative to its surface."""
+        """This relief, followed by another relief relative to the surface that results."""
         offset = other.offset + other.between(self.offset)
         return replace(other, offset=offset, parents=self.parents[other.parents], base=self)
 

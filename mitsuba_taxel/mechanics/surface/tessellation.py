@@ -351,7 +351,7 @@ def placed(
     points : (n, 3) ndarray
         In mm.
     derivative : (n, 3, 3) ndarray
-        Derivative of each with respect to the original point.
+        Derivative of each moved point with respect to the original point.
     """
     if isinstance(pad, Pad):
         face_centres = mesh.points[mesh.faces[face, :3]].mean(axis=1) if pad.shape.is_square else None

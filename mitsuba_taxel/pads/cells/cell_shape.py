@@ -218,7 +218,7 @@ class CellShape(Kind, family="cell"):
     @property
     @abstractmethod
     def is_square(self) -> bool:
-        """Whether horizontal sections are squares, else they are circles."""
+        """Whether horizontal sections are squares; otherwise they are circles."""
 
     @property
     @abstractmethod
@@ -253,7 +253,7 @@ class CellShape(Kind, family="cell"):
         points : (N, 3) ndarray
             Near the wall, in the frame of the pad.
         axis : (N, 3) ndarray
-            For each point, where the axis of its cell meets z = 0.
+            For each point, the position of its cell's axis at z = 0.
         beside : (N, 3) ndarray, optional
             For each point, a neighbour on the same wall. Points on the edges of a square section belong to two walls;
             the neighbour decides.
@@ -292,7 +292,7 @@ class CellShape(Kind, family="cell"):
         Parameters
         ----------
         radius : float
-            Of the fillets, mm.
+            Radius of the fillets, mm.
 
         Returns
         -------
@@ -310,7 +310,7 @@ class CellShape(Kind, family="cell"):
 
     @abstractmethod
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
-        """Which points lie within the cell.
+        """Mask of the points that lie within the cell.
 
         Parameters
         ----------

@@ -70,7 +70,7 @@ class Fillet(ABC):
         Parameters
         ----------
         x, y : float
-            Where its axis meets the board, mm.
+            Position of its axis on the board, mm.
         below : float
             Lowest z of the solid, mm.
 

@@ -81,8 +81,8 @@ def tagged(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Regions and cells of a surface.
 
-    Rules assign regions to faces first; the other faces are guessed, see `_tagged`. If the surface is no pad as drawn,
-    the message names the direction ``up`` that would make it one.
+    Rules assign regions to faces first; the regions of other faces are determined from their shape, see `_tagged`. If
+    the surface is no pad as drawn, the message names the direction ``up`` with which it would be a pad.
 
     Parameters
     ----------

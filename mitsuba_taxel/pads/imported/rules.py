@@ -104,7 +104,7 @@ def read_rules(path: str | Path) -> tuple[Rule, ...]:
     Raises
     ------
     InputError
-        if the file cannot be read, is not valid TOML, or holds anything else.
+        if the file cannot be read, is not valid TOML, or has other content.
     """
     tables = read_toml(f"regions = {path}", Path(path))
     rules = tables.pop("rule", [])

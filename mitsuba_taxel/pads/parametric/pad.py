@@ -238,7 +238,7 @@ class Pad(Kinded, Displayed):
             raise InputError(f"meshed_as: {refused}") from refused
 
     def moved_from(self, origin: Pad) -> Pad:
-        """The same pad, with its mesh moved from the mesh of ``origin`` (or from the origin of that one).
+        """The same pad, with a mesh that is moved from the mesh of ``origin`` (or of the origin of ``origin``).
 
         Parameters
         ----------
@@ -345,7 +345,7 @@ class Pad(Kinded, Displayed):
         mesh_size : float
             Length of the edges of elements, mm.
         of_origin : Callable[[Pad, float], VolumeMesh], optional
-            Returns the mesh of the origin for its element size, such as one from a cache; by default it is made.
+            Returns the mesh of the origin with an element size, for example from a cache; by default it is generated.
 
         Returns
         -------

@@ -98,7 +98,7 @@ def singular_edges(solid: Any, pad: DrawnPad) -> list[Any]:
 
 
 def singular_nodes(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
-    """Which nodes of the symmetric part's mesh lie on the edges of :func:`singular_edges`.
+    """Mask of the nodes of the symmetric part's mesh that lie on the edges of :func:`singular_edges`.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def singular_nodes(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
 
 
 def rounded(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
-    """Nodes of a mesh, with those on roofs and curved walls moved exactly onto them.
+    """Nodes of a mesh; nodes on roofs and curved walls are moved exactly onto these surfaces.
 
     Parameters
     ----------

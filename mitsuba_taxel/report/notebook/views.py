@@ -47,7 +47,7 @@ class StudyView:
 
 
 def show(study: xr.Dataset | xr.DataTree) -> StudyView:
-    """View of a study for notebooks: its plot, the sensitivities, what its circuit shows, and the error budget.
+    """View of a study for notebooks: its plot, the sensitivities, the figures of its circuit, and the error budget.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def _pad_file_html(pad: PadFile) -> str:
     from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
     from mitsuba_taxel.report.notebook.pad_drawing import draw_surface
 
-    rules = f"{len(pad.regions)} rules name its regions." if pad.regions else "Its shape determines its regions."
+    rules = f"{len(pad.regions)} rules name its regions." if pad.regions else "Its regions follow from its shape."
     drawing = _line("A solid: it has a surface once it is meshed.")
     if pad.suffix in SURFACE_FORMATS:
         try:
@@ -118,8 +118,8 @@ def _viscoelastic_html(silicone: Viscoelastic) -> str:
     """The instantaneous law, and the Prony series."""
     long_term = 1 - silicone.shares.sum()
     rows = [(f"{fraction:.6g}", f"{time:.6g}") for fraction, time in silicone.prony]
-    remains = _line(f"Long-term fraction of the stress: {long_term:.6g}.")
-    memory = _framed("Relaxation", remains, _table(("share", "time [s]"), rows))
+    long_term_line = _line(f"Long-term fraction of the stress: {long_term:.6g}.")
+    memory = _framed("Relaxation", long_term_line, _table(("share", "time [s]"), rows))
     return _material_html(silicone.law) + memory
 
 

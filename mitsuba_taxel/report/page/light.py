@@ -49,7 +49,7 @@ class LitScene:
         return solids
 
     def indenters(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Vertices (V, 3) and triangles (T, 3) of the bodies that press on pads."""
+        """Vertices (V, 3) in mm and triangles (T, 3) of the indenters."""
         surfaces = (indenter_surface(shape) for shape in self._live.shapes() if is_pad(shape))
         return list(filter(None, surfaces))
 

@@ -38,7 +38,7 @@ class CommandOutput(NamedTuple):
     Attributes
     ----------
     file : str
-        File by which the command is recognised.
+        File that identifies the command.
     title : str
         Title of the section.
     verdict : str

@@ -150,7 +150,7 @@ def merit(study: xr.Dataset, key: str) -> str:
     blocks.append(plot(partial(plot_sensitivity, simulated.experiments), words, caption))
     if parameters_of(simulated.experiments):
         words = "Mean slope against each parameter that is varied; the tables have the numbers."
-        caption = "Mean slope against the varied parameter; right: in percent of the reading at rest. Bars: light."
+        caption = "Mean slope against the parameter; on the right in percent of the reading at rest. Bars: light."
         blocks.append(plot(partial(plot_against, simulated.experiments), words, caption))
     if len(figures[figures.figure.isin(DEVIATIONS)]):
         words = "Deviation of each taxel's reading from the straight line between its end points, in percent."

@@ -57,7 +57,7 @@ class Topologies:
         self.coarse: list[CoarseSurface] = []
 
     def place(self, surface: ShownSurface) -> int:
-        """Index in ``coarse`` of the simplification of a surface, which is added if its triangles are new."""
+        """Index in ``coarse`` of the simplification of a surface; it is added if its triangles are new."""
         key = surface.triangles.tobytes()
         if key not in self._places:
             self._places[key] = len(self.coarse)

@@ -46,7 +46,7 @@ def write_report(
     Returns
     -------
     list[str]
-        What the page omits, and why.
+        Contents that the page omits, with the reasons.
 
     Raises
     ------

@@ -87,7 +87,7 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
     pixels : (H, W, 3) ndarray
         Linear colours.
     file : Path
-        File whose ending tells the format.
+        File whose suffix determines the format.
 
     Raises
     ------

@@ -8,14 +8,14 @@ from mitsuba_taxel.kernels.protocols import PadShape
 
 
 def indenter_surface(pad: PadShape, magnify: float = 1.0) -> tuple[np.ndarray, np.ndarray] | None:
-    """Vertices (V, 3) in mm and triangles (T, 3) of the body that presses on a live `deformable_pad`, if one does.
+    """Vertices (V, 3) in mm and triangles (T, 3) of the indenter of a live `deformable_pad`, if there is one.
 
-    Of a body larger than the pad, only the part within the longest side of the pad around the tip is returned.
+    If the indenter is larger than the pad, only its part around the tip is returned, up to the length of the pad.
 
     Parameters
     ----------
     magnify : float
-        Factor of its displacement.
+        Factor on the displacement of the indenter.
     """
     load, state = pad.load, pad.state
     if load.indenter is None:

@@ -13,7 +13,7 @@ WITHOUT_PAD = "the scene has no pad, and a study stores derivatives of pads alon
 
 @in_turn
 def without_derivative(scene: Scene, names: Iterable[str]) -> dict[str, str]:
-    """Parameters with respect to which a study has no derivatives of a scene, with the reasons.
+    """Parameters without derivatives in a study of a scene, with the reasons.
 
     Parameters
     ----------

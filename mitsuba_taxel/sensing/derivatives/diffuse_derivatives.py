@@ -67,7 +67,7 @@ def derivatives_by(
     wider : float
         Factor of the width over which the step at the horizon is spread.
     of_light_alone : bool
-        Whether to leave out strain and clearance of the pad; they are NaN then.
+        Whether to leave out strain and clearance of the pad, which are then NaN.
     patch_size : float, optional
         Size in mm of the patches for the light instead of the default.
 

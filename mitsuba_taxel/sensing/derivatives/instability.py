@@ -18,13 +18,13 @@ MOVED = 2e-5
 class Instability:
     """The value of a parameter at which the pad of a scene becomes unstable, extrapolated from a state shortly before.
 
-    The stiffness of the softest mode is taken as linear in the parameter ``along``, and is 0 at the instability. Where
-    another parameter changes the stiffness, that value changes so that it remains 0.
+    The stiffness of the softest mode is assumed to be linear in the parameter ``along``, and is 0 at the instability.
+    If another parameter changes the stiffness, the value of ``along`` at the instability changes with it.
 
     Attributes
     ----------
     value : float
-        Of ``along`` at the instability, in its unit.
+        Value of ``along`` at the instability, in its unit.
     """
 
     def __init__(self, scene: Scene, along: str) -> None:

@@ -80,7 +80,7 @@ def clearances(
     nodal : list[Nodal]
         Rates of the nodes with each parameter.
     changed : list[list[tuple[float, mi.Scene]]]
-        For each parameter, weights and scenes of a difference; empty if it changes nothing but the pad.
+        For each parameter, weights and scenes of a finite difference; empty if the parameter changes the pad only.
     """
     clearance = PackageClearance(state, packages(scene))
     bodies = [[(weight, packages(live)) for weight, live in stencil] for stencil in changed]

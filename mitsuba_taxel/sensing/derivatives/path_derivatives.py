@@ -66,7 +66,8 @@ def derivatives_of_paths(
     points : int
         Points of the readings, per taxel and replicate.
     fixed : bool
-        Whether derivatives take as many points; else up to `MORE_POINTS` times as many, if noise asks for them.
+        Whether derivatives use the same number of points. If not, they use up to `MORE_POINTS` times as many, until the
+        noise is small.
 
     Returns
     -------

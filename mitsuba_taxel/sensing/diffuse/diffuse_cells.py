@@ -342,10 +342,10 @@ class DiffuseCells:
         return CellWalls(cell.number, cell.faces, cell_before.cuts, cell.has_edges, package, *scattered.T)
 
     def error_factor(self, number: int) -> float:
-        """Factor of the error of a cell's light that the difference of two solutions shows.
+        """Factor by which the difference of two solutions is multiplied to give the error of a cell's light.
 
-        Factors by kinks and by edges multiply: a cylinder with both is wrong by 0.7 %, where the root of the sum of
-        their squares would state 0.3 % (`taxel bench light`, number 102).
+        The factors for kinks and for edges multiply: the error of a cylinder with both is 0.7 %, whereas the root of
+        the sum of their squares would state 0.3 % (`taxel bench light`, number 102).
         """
         return self.taxels[number].error_factor * (EDGED if self.cells[number].has_edges else 1.0)
 

@@ -71,7 +71,7 @@ class Taxel:
 
     @property
     def middle(self) -> np.ndarray:
-        """(2,) mm, between LED and phototransistor."""
+        """Midpoint (2,) between LED and phototransistor, mm."""
         return (self.led.points.mean(axis=0) + self.phototransistor.points.mean(axis=0))[:2] / 2
 
 

@@ -22,16 +22,17 @@ _WITH_HITS = ("all", "unidirectional_hits")
 
 
 def dark_errors(scene: mi.Scene, integrator: mi.Integrator, paths: int, taxels: int) -> np.ndarray:
-    """(T,) W, one standard deviation of the power on taxels for which none of ``paths`` paths found light.
+    """Stated errors (T,), in W, of taxels for which none of ``paths`` paths found light: one standard deviation.
 
-    If no path brings more than w P, with the power P of the LED, and p on average, it brings light with a probability
-    of p / (w P) at least. Released as the LED shines, w is 1; emission guiding makes it larger.
+    Let P be the power of the LED, and w P the largest power that a path can contribute. If paths contribute p on
+    average, each contributes light with a probability of at least p / (w P). Without emission guiding w is 1; with it,
+    w is larger.
 
     Returns
     -------
     (T,) ndarray
-        0 where no light can arrive: without power, or if all walls absorb and nothing goes straight across; NaN where
-        paths of the integrator do not bound it.
+        0 where no light can arrive, because the LED has no power or all walls absorb and there is no direct light. NaN
+        if the power of the integrator's paths has no bound.
     """
     if not traces_taxels(integrator):
         return np.full(taxels, np.nan)

@@ -55,7 +55,8 @@ def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> t
     before : (R, T) ndarray
         Powers in W.
     changes : (C, R, T) ndarray or None
-        In W, by two components, and by a third where a pad has mirrors; None if the error of a pad is unknown.
+        Changes in W by two components of the deviation, and by a third if a pad has mirrors; None if the error of a pad
+        is unknown.
     """
     pads = loaded_pads(scene)
     with stages.stage("mechanics"):

@@ -27,7 +27,7 @@ class PadResult(NamedTuple):
     name, unit, meaning : str
         Name, unit and meaning, as in tables.
     of : Callable[[State, bool], Estimate]
-        Computes it; without its error if the second argument is False, as a second mesh may be dear.
+        Computes the number; without its error if the second argument is False, because a second mesh may be expensive.
     """
 
     name: str

@@ -178,7 +178,8 @@ class PairedReading:
         return bool(by_points.var(axis=0).sum() <= (other - base).var(axis=0).sum())
 
     def deviations(self, seed: int, points: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """As of `mechanics_deviations`: readings of the base state, and changes by the errors of the scene's pad."""
+        """Readings of the base state, and changes by the errors of the scene's pad, as `mechanics_deviations`
+        returns."""
         (pad,), pads = deformed_pads(self._ready.scene), deformed_pads(self._base.scene)
         before = traced(self._base, points, seed, 0, False)[0]
         with stages.stage("mechanics"):

@@ -193,9 +193,9 @@ class Readings(Displayed):
 
     @property
     def standard_error(self) -> np.ndarray:
-        """(T,) one standard deviation of :attr:`power` due to the light, in W, from the scatter of the replicates.
+        """Standard deviation (T,) of :attr:`power` due to the light, in W, from the scatter of the replicates.
 
-        Where all of them are 0, it is the :attr:`dark_error`.
+        Where all replicates are 0, it is the :attr:`dark_error`.
         """
         return or_dark(standard_error(self.replicates), self.power, self.dark_error)
 
@@ -223,7 +223,7 @@ class Readings(Displayed):
 
     @property
     def total_error(self) -> np.ndarray:
-        """(T,) W, total error: the root of the sum of squares of light, mechanics and geometry."""
+        """Total error (T,) in W: root of the sum of the squares of the errors of light, mechanics and geometry."""
         return np.hypot(np.hypot(self.standard_error, self.mechanics_error), self.geometry_error)
 
     @property
@@ -233,7 +233,7 @@ class Readings(Displayed):
 
     @property
     def relative_error(self) -> float:
-        """Largest relative standard error of any taxel; infinite if one may receive light and none was found."""
+        """Largest relative standard error of any taxel; infinite if a taxel may receive light, but none was found."""
         return largest_share(self.standard_error, self.power)
 
     @property
@@ -286,9 +286,9 @@ class Crosstalk:
 
     @property
     def mechanics_error(self) -> np.ndarray:
-        """(T, T) W, one standard deviation of :attr:`power` due to the finite elements; NaN if unknown.
+        """Standard deviation (T, T) of :attr:`power` due to the finite elements, in W; NaN if unknown.
 
-        The relative error is the same for all taxels with their own LED, and the same for all other pairs, as two
+        The relative error is the same for all taxels with their own LED, and the same for all other pairs, because two
         meshes may agree by chance in a single pair.
         """
         power, error = self.power, np.zeros_like(self.power)
@@ -303,7 +303,7 @@ class Crosstalk:
 
     @property
     def total_error(self) -> np.ndarray:
-        """(T, T) W, root of the sum of squares of both errors, without that by the facets of curved walls."""
+        """Total error (T, T) in W: root of the sum of the squares of both errors, without the error by facets."""
         return np.hypot(self.standard_error, self.mechanics_error)
 
 

@@ -36,7 +36,7 @@ CHOSEN_INTEGRATOR = "integrator taxel_tracer: it connects paths from LED and pho
 
 
 class PairedPowers(Protocol):
-    """Readings of a scene relative to a base state, with which those under other loads share their noise."""
+    """Readings of a scene relative to a base state, so that readings under several loads share their noise."""
 
     def powers(self, points: int, seed: int, first: int) -> tuple[np.ndarray, int]:
         """Readings (R, T) in W, and the points used, from point ``first`` on."""

@@ -87,7 +87,7 @@ def shipped_scenes() -> Path:
     Returns
     -------
     Path
-        An absolute one.
+        Absolute path.
     """
     from importlib.resources import files
 

@@ -37,8 +37,10 @@ class PadSensor(Displayed):
 
     Parameters
     ----------
-    pad, material : Pad and Material or Viscoelastic
-        The silicone: a law with a name, such as `NeoHookean`, or `Viscoelastic` with one.
+    pad : Pad
+        The pad.
+    material : Material or Viscoelastic
+        Law of the silicone: a law with a name, such as `NeoHookean`, or `Viscoelastic` with such a law.
     force : sequence of float
         Total force (Fx, Fy, Fz), in N; compression is Fz < 0.
     load : Load
@@ -54,7 +56,7 @@ class PadSensor(Displayed):
         Earlier times and values of the load, linear in between, for such a material or
         an indenter with friction.
     finish : LayerSteps or Grooves or RandomRoughness or SeparateFinish, optional
-        Texture of roof and side; None is smooth.
+        Texture of roof and side; smooth by default.
 
     Raises
     ------

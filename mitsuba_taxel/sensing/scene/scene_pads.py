@@ -45,7 +45,7 @@ def loaded_pads(scene: mi.Scene) -> list[PadShape]:
 
 
 def is_touched(scene: mi.Scene) -> bool:
-    """Whether a pad touches a package, with any part of a wall."""
+    """Whether any pad of a scene touches a package."""
     return any(pad.surface.touches.any() for pad in deformed_pads(scene))
 
 

@@ -16,8 +16,7 @@ _SHARES = ("reflectance", "transmittance", "base_color")
 
 
 def refuse_foreign_walls(scene: mi.Scene, plugin: str) -> None:
-    """Refuse Mitsuba's own BSDFs that create light, cannot be evaluated, or that the integrator does not follow
-    rightly.
+    """Refuse Mitsuba's own BSDFs that create light, cannot be evaluated, or are not supported by the integrator.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ _PATHS, _REFLECTIONS, _LEFT = 256, 4096, 0.75
 
 
 def refuse_unreadable(scene: mi.Scene, integrator: mi.Integrator) -> None:
-    """Refuse a scene whose light is never absorbed, or which paths of `taxel_path` hardly find.
+    """Refuse a scene whose light is never absorbed, or whose LED is hardly ever found by paths of `taxel_path`.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def refuse_unreadable(scene: mi.Scene, integrator: mi.Integrator) -> None:
     Raises
     ------
     ComputationError
-        if it is such a scene.
+        if the scene is refused.
     """
     if getattr(integrator, "max_depth", None) in (None, -1):
         _refuse_endless_light(scene)

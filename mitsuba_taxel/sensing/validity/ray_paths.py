@@ -166,13 +166,13 @@ class RayPaths:
         Vertices for each path (n, 3) positions in mm, n from 2 to 64: the LED or its window, each reflection, the end.
         A path that escapes ends shortly after its last reflection; light that does not leave a package has none.
     reached : (N,) ndarray
-        Whether each has reached the taxel's own phototransistor.
+        Mask of the paths that have reached the taxel's own phototransistor.
     power : (N,) ndarray
-        Power in W that each represents.
+        Power in W that each path represents.
     taxel : int
         Number of the taxel, from 1.
     drawn, arrived : int
-        Number of paths traced for this sample, and of those that reached the phototransistor.
+        Number of paths traced for this sample, and number of these that reached the phototransistor.
     """
 
     vertices: list[np.ndarray]

@@ -53,9 +53,12 @@ class Batch:
         Values of the parameters that are not varied, by name.
     axes : tuple[Axis, ...]
         Dimensions, at least one.
-    target_error, points, time_budget, mesh_size, seed : float or None and int or None and int
-        See ``sweep``; common to all scenes. With 0 points, which no file states, light is computed without random
-        numbers.
+    target_error, time_budget, mesh_size : float or None
+        See ``sweep``; common to all scenes.
+    points : int or None
+        See ``sweep``. With 0 points, a value that no file contains, light is computed without random numbers.
+    seed : int
+        See ``sweep``.
     maps : bool
         Whether irradiance maps are stored as well.
     derivatives : tuple[str, ...]
@@ -65,7 +68,7 @@ class Batch:
     circuit : Circuit or None
         Read-out circuit whose voltages are reported with the powers.
     from_paths : bool
-        Whether derivatives that light without random numbers does not give are obtained from random paths.
+        Whether derivatives are computed by random paths where light without random numbers does not provide them.
     bare : bool
         Whether to compute readings only, without meshes, slopes, and errors of mechanics and geometry.
     meshes : str
@@ -101,7 +104,7 @@ class Batch:
 
     @property
     def varied_forces(self) -> tuple[str, ...]:
-        """Names of the forces with several values, alone or together with others."""
+        """Names of the forces that have several values, varied alone or together with other parameters."""
         return _forces(self.axes, self.forces)
 
     @cached_property

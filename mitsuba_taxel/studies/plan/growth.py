@@ -22,9 +22,9 @@ TARGETS = ("target_error", "target_slope", "points")
 def grown(batch: Batch, stored: Mapping[str, Any]) -> Batch:
     """The batch, extended by the values of a stored study of the same scene.
 
-    Values of a varied parameter are merged, including its fixed value where it is varied in only one of the two; rows
-    of values taken together may be continued. Of two target errors, or numbers of points, the stricter one counts. A
-    batch that does not extend the stored study is returned unchanged.
+    Values of a varied parameter are merged; if it is varied in only one of the two studies, the fixed value of the
+    other is included. Tables of steps may be continued. The smaller target error, or the larger number of points,
+    applies. A batch that does not extend the stored study is returned unchanged.
     """
     before = make_axes(stored.get("vary", {}), stored.get("together"), forces=batch.forces, loads=batch.loads)
 
@@ -162,8 +162,8 @@ def moves(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[int, int | 
     Returns
     -------
     dict[int, int or None] or None
-        New number by old number, None for a job that the extended study does not hold. None instead of the dictionary
-        if the two differ in anything that an extension may not change.
+        New number by old number; None for a job that the extended study does not contain. None instead of the
+        dictionary if the studies differ in a setting that an extension must not change.
     """
     kept = [
         {name: value for name, value in study.items() if name not in (*GROWING, "provenance")}

@@ -45,9 +45,9 @@ class Job:
     where_smooth : bool
         Whether derivatives are computed only if the readings need no random numbers, and else omitted without a remark.
     from_paths : bool
-        Whether derivatives that light without random numbers does not give are differences of random paths.
+        Whether derivatives are differences of random paths where light without random numbers does not provide them.
     fitted : tuple[str, ...]
-        Those of ``derivatives`` that follow from curves through the readings of the study instead.
+        Parameters of ``derivatives`` whose derivatives follow from curves through the readings of the study instead.
     bare : bool
         Whether the error of the pads' shape may remain unknown.
     continued : Readings or None
@@ -55,8 +55,8 @@ class Job:
     base : dict[str, str] or None
         Parameters of the scene relative to which readings are traced, if walls allow it: see `PairedReading`.
     sides : dict[str, int]
-        Side on which all other values of a parameter in the study lie, by parameter: 1 if they are larger, -1 if
-        smaller, 0 if on both sides. Derivatives at a kink are those of that side.
+        Position of all other values of a parameter in the study, by parameter: 1 if they are larger, -1 if they are
+        smaller, 0 if they are on both sides. Derivatives at a kink are those of that side.
     plugins : tuple[Path, ...]
         Files of the user's own plugins, loaded by the process that computes the job.
     """

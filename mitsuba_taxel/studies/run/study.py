@@ -80,10 +80,10 @@ def sweep(
 ) -> xr.Dataset:
     """Read a scene at all combinations of the varied parameters.
 
-    Readings need no random numbers if all scenes of the pilot runs have diffuse walls (see ``measure``). Else all use
-    the same seed and number of points: they share their random numbers, which keeps noise out of the slopes between
-    neighbours. With ``output``, each reading is stored as soon as it is computed, and the same call resumes an
-    interrupted one.
+    Readings need no random numbers if all scenes of the pilot runs have diffuse walls (see ``measure``). Otherwise all
+    readings have the same seed and number of points: they share their random numbers, so that most of the noise cancels
+    in differences of neighbouring readings. With ``output``, each reading is stored as soon as it is computed, and the
+    same call resumes an interrupted one.
 
     Parameters
     ----------
@@ -104,8 +104,8 @@ def sweep(
     points : int, optional
         Light paths for each taxel and randomisation, instead of a target.
     time_budget : float, optional
-        Seconds that the study should take: limits the points and the refinement of meshes. Scenes that would not end in
-        time are not started, but for the first; a note says how many, and the same call continues.
+        Time that the study should take, in s; it limits the points and the refinement of meshes. Scenes that would not
+        end in time are not started, except for the first; a note states their number, and the same call continues.
     mesh_size : float, optional
         In mm, of finite elements, for pads whose size the scene leaves open; a target error may reduce it.
     seed : int

@@ -19,7 +19,7 @@ FILLED = ("smooth_power", "smooth_power_error", "derivative", "derivative_error"
 
 
 def fitted_forces(axes: Sequence[Axis], derivatives: Collection[str], forces: Collection[str]) -> tuple[str, ...]:
-    """The forces along which curves through readings give the derivatives that light without random numbers does not.
+    """The forces whose derivatives follow from curves through readings with random paths.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ HEADING = "# The study whose results lie beside this file; it can be run again i
 
 
 class StoreError(ComputationError):
-    """Results cannot be written, so that further jobs are useless."""
+    """Results cannot be written; no further jobs are computed."""
 
 
 class StoredResult(NamedTuple):

@@ -104,7 +104,7 @@ def test_pad_with_many_cells_is_small():
 def test_pad_file():
     html = PadFile(find_scene("hexagonal.xml").with_name("hexagonal.stl"))._repr_html_()
     assert {"10.65", "10.25", "4.55"} <= set(text_of(html).split())
-    assert "determines its regions" in html and len(drawing_of(html).findall("{*}path")) > 5
+    assert "follow from its shape" in html and len(drawing_of(html).findall("{*}path")) > 5
 
 
 def test_pad_file_that_cannot_be_drawn(tmp_path):

@@ -69,7 +69,7 @@ class RigidBodies:
         return np.concatenate(points), np.concatenate(triangles)
 
     def kept_by(self, mirror: Mirror) -> bool:
-        """Whether a mirror certainly maps the bodies onto themselves; False if a body is not convex."""
+        """True if a mirror maps the bodies onto themselves. If a body is not convex, the result is False."""
         if not all(body.is_convex for body in self._parts):
             return False
         points, _ = self.surface

@@ -99,7 +99,7 @@ class BodyBarrier:
         return self._interpolation.T @ -gradient[: self._interpolation.shape[0]]
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
-        """(3 N, 3 N) N/mm, negative derivative of the forces with respect to the displacement, as of :class:`Barrier`.
+        """Stiffness matrix: the negative derivative of the forces with respect to the displacement.
 
         Parameters
         ----------

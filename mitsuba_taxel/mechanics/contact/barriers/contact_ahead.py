@@ -36,7 +36,7 @@ class ContactAhead:
         self._near = np.unique(mesh.faces[distance < NEAR * self.height])
 
     def after(self, moved: np.ndarray, displaced: np.ndarray, packages: np.ndarray | None) -> float:
-        """Change of the load up to the first contact, after a change of the pad.
+        """Increment of the load up to the first contact of the pad, after its nodes have moved a little.
 
         Parameters
         ----------
@@ -50,7 +50,7 @@ class ContactAhead:
         Returns
         -------
         float
-            Change of the load, which may be negative; infinite without a contact nearby.
+            Increment of the load, which may be negative; infinite without a contact nearby.
         """
         test = ContactTest(replace(self._mesh, points=self._mesh.points + moved), packages, self._near)
         find = test.find if packages is None else test.find_package

@@ -27,11 +27,11 @@ class Contacts:
     mesh : VolumeMesh
         Mesh of the whole undeformed pad.
     modulus : float
-        MPa, as of :class:`Barrier`.
+        Young's modulus, which scales the barriers, MPa.
     bodies : RigidBodies or None
         Bodies that the pad may touch; None for none.
     fraction : float
-        Reach of the barriers, relative to the usual one.
+        Reach of the barriers, relative to the default.
     """
 
     def __init__(self, mesh: VolumeMesh, modulus: float, bodies: RigidBodies | None, fraction: float = 1.0) -> None:
@@ -41,7 +41,8 @@ class Contacts:
         self._longest_step = LONGEST_STEP * float(np.ptp(mesh.points[:, 2]))
 
     def forces(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 3) nodal forces in N: of the pad on itself, and of the board and the bodies on it."""
+        """Nodal contact forces (N, 3) in N: those between parts of the pad, and those of the board and the bodies on
+        it."""
         own, external = self._own.forces(displacement)
         return own, external if self._bodies is None else external + self._bodies.forces(displacement)
 

@@ -26,9 +26,9 @@ CREASE = 150.0
 
 @kept(4)  # several tests of contact share a mesh
 def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
-    """Distance of nodes from the strip beside singular edges.
+    """Distance of nodes from the strip beside singular edges, in which the surface may fold.
 
-    Singular edges are the glued rim, and inner edges with an angle of air below :data:`CREASE`.
+    Singular edges are the glued rim, and inner edges whose angle on the side of the air is below :data:`CREASE`.
 
     Parameters
     ----------

@@ -32,8 +32,8 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
     """An ellipsoid with one axis upright; with three equal semi-axes, a ball.
 
     Distances are Euclidean: the nearest point is the root of an equation in one unknown (D. Eberly, Distance from a
-    Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid, 2013). Contacts are as wide as Hertz's theory has it (K. L.
-    Johnson, Contact Mechanics, 1985, section 4.2).
+    Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid, 2013). The width of a contact is that of Hertz's theory (K.
+    L. Johnson, Contact Mechanics, 1985, section 4.2).
     """
 
     meaning = "an ellipsoid with an upright axis"

@@ -28,7 +28,7 @@ class File(IndenterShape, name="file", rank=4):
     finer_when_shallow = True
 
     def check(self) -> None:
-        """Refuse a file that holds no closed surface."""
+        """Refuse a file without a closed surface; raises `InputError`."""
         _ = self.solid
 
     def digest(self) -> str:
