@@ -61,9 +61,9 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
 def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
     """Slopes along every line of load of a study, as of :func:`sensitivity`, one row per line and taxel.
 
-    Of a path up and down along a line, the first run of growing force is used. Columns: ``force``, the other varied
-    parameters, ``taxel``, the slopes with their unit in the name, and ``remark`` on the largest slope. The table is
-    empty if no force is varied.
+    If a path goes up and down along a line, its first run of growing force is used. Columns: ``force``, the other
+    varied parameters, ``taxel``, the slopes with their unit in the name, and ``remark`` on the largest slope. The table
+    is empty if no force is varied.
 
     Parameters
     ----------

@@ -186,7 +186,8 @@ def _changed(study: xr.Dataset, modes: list[Mode]) -> tuple[xr.Dataset, ...]:
 
 
 def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
-    """By kind: the stated error of each reading, with the same sign along a path, and its fraction common to the path.
+    """Stated error of each reading, with the same sign along a path, and the fraction common to the path, by kind of
+    error.
 
     The error of the mechanics is that of `Readings.mechanics_error`, times the factor of :func:`_by_derivatives`; its
     sign is that of the sum of deviations. The error of the facets is a constant fraction of the power along a curve.

@@ -39,7 +39,7 @@ class Simulated(NamedTuple):
     maps : list[TangentialMap]
         Changes of all taxels under tangential loads.
     notes : list[str]
-        What the errors contain, and remarks on the results.
+        Notes on the contents of the errors, and remarks on the results.
     """
 
     experiments: list[Experiment]

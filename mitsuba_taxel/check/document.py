@@ -69,7 +69,7 @@ class Element:
         severity : str
             One of `mitsuba_taxel.check.finding.SEVERITIES`.
         message : str
-            What is wrong, and what to do.
+            Description of the error, and the remedy.
         """
         return Finding(severity, message, self.file.name, self.line)
 

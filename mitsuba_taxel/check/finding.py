@@ -17,7 +17,7 @@ class Finding:
     severity : str
         One of :data:`SEVERITIES`.
     message : str
-        What is wrong, and what to do.
+        Description of the error, and the remedy.
     file, line : str and int
         File name and line number; line 0 stands for the whole scene.
     stopped : bool

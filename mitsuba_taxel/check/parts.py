@@ -114,7 +114,7 @@ class SceneObject:
         severity : str
             One of `mitsuba_taxel.check.finding.SEVERITIES`.
         message : str
-            What is wrong, and what to do.
+            Description of the error, and the remedy.
         name : str, optional
             Parameter of the object.
 

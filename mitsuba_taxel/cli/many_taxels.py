@@ -38,7 +38,7 @@ def summary_rows(
     quantities : Mapping[str, (T,) ndarray]
         Values by name and unit; NaN where there is none.
     missing : str
-        What NaN means.
+        Meaning of NaN.
 
     Returns
     -------

@@ -60,7 +60,7 @@ class Shown(NamedTuple):
     counts : (T,) ndarray of int
         Counts of the converter.
     saturated : (T,) ndarray of bool
-        Where the output is at the circuit's limit.
+        Mask of the readings whose output is at the circuit's limit.
     step : float
         Voltage of one count, in V.
     derivatives : ShownDerivatives or None

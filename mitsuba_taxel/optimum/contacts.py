@@ -23,9 +23,9 @@ class DesignContact(NamedTuple):
     value : float
         Load at the first contact, or at the end of the load path; NaN if unknown.
     touched : str
-        What the pad touches; empty without contact.
+        Object that the pad touches; empty without contact.
     ended : str
-        Why the load path ends without contact; empty if it does not.
+        Reason why the load path ends without contact; empty if it does not.
     by : list[float]
         Derivatives with respect to each variable in the unit cube.
     by_tolerance : list[float]

@@ -53,9 +53,9 @@ class LineResponse:
         Value of the parameter at which pads first touch anything, or at which their load path ends, at most `FURTHEST`
         times the last load; NaN if unknown.
     touched : str
-        What they touch there; empty without contact.
+        Object that they touch there; empty without contact.
     ended : str
-        Why the load path ends there without contact, as where the pad becomes unstable; empty if it does not.
+        Reason why the load path ends there without contact, such as an instability; empty if it does not.
     """
 
     values: np.ndarray

@@ -194,7 +194,7 @@ def label_with_prefix(axes: Iterable[Axes], words: str, unit: str) -> None:
     axes : iterable of Axes
         The first of which gets the label.
     words : str
-        What is shown.
+        Description of the plot's content.
     unit : str
         Unit without prefix.
     """

@@ -45,7 +45,7 @@ class WallMaterial:
     name : str
         Name in a scene.
     title : str
-        What it is.
+        Description of the material.
     law : str
         Word of ``scattering`` that comes nearest to the sample; empty if unknown.
     measured : tuple[Measured, ...]

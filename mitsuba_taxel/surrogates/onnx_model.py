@@ -44,11 +44,12 @@ straight piece continues."""
 def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomial, list[str]]:
     """Write a model of a study's readings that runs in any ONNX runtime.
 
-    Its input ``inputs`` (rows, inputs) has the varied parameters; its outputs are ``readings`` (rows, taxels) in W and
-    ``inside`` (rows,), whether the inputs lie in the box covered by the study. Beyond it the readings are those at its
-    edge. Of a study with a circuit there are also ``voltage`` in V and ``counts``, both (rows, taxels): the circuit's
-    response to these readings, in straight pieces. The metadata contain names, units and ranges of the inputs, the
-    test error, that of the study itself and both together, scene, parameters and versions.
+    Its input ``inputs`` (rows, inputs) has the varied parameters. Its outputs are ``readings`` (rows, taxels) in W and
+    ``inside`` (rows,), which is true if all inputs are within the ranges of the study. Outside these ranges, the
+    readings are those at the edge. For a study with a circuit, ``voltage`` in V and ``counts``, both (rows, taxels),
+    are further outputs: the piecewise linear response of the circuit to these readings. The metadata contain names,
+    units and ranges of the inputs; the test error, the error of the study, and the total of both; scene, parameters and
+    versions.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
     Returns
     -------
     model : Polynomial
-        What the file holds.
+        Contents of the file.
     notes : list[str]
         Errors of the model, and what they leave out.
 

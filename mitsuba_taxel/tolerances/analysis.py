@@ -394,9 +394,9 @@ def _linear(plan: TolerancePlan, at_mean: np.ndarray, slopes: np.ndarray, z: np.
 def deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Standard deviations (T,) of samples (N, T), and their standard errors (T,) from the kurtosis.
 
-    The errors are valid for random samples, and conservative for Latin hypercubes and Sobol' points. As few samples
-    underestimate the kurtosis, its estimate is unbiased for normal samples, at least that of a normal distribution, and
-    its own uncertainty is added.
+    The errors are valid for random samples, and conservative for Latin hypercubes and Sobol' points. A small number of
+    samples underestimates the kurtosis. Therefore its estimate is unbiased for normal samples and at least that of a
+    normal distribution, and its uncertainty is added.
 
     Parameters
     ----------

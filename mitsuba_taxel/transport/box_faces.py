@@ -66,7 +66,7 @@ def faces_of(box: Box, openings: Sequence[Rectangle]) -> BoxFaces:
     box : Box
         In mm.
     openings : sequence of Rectangle
-        In its top.
+        Faces in the top of the box.
 
     Returns
     -------

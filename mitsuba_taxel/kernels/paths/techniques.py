@@ -304,7 +304,7 @@ class Techniques:
         specular : mi.Bool
             Whether the direction was sampled by a mirror.
         mirrored : Mirrored
-            How the ray left that mirror.
+            Density and distance of the ray before the reflection by that mirror.
         """
         inside, offset = self.sensor.contains(self.index, si.p, d)
         if not self.unidirectional:

@@ -64,7 +64,8 @@ class Friction:
     def slip_position(self, displacement: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """(m, 3) mm³, position of the faces relative to the indenter, as in :class:`FrictionState`.
 
-        From the ``displacement`` (N, 3) of the nodes, and that of the indenter (3,), ``moved``, in mm.
+        Computed from the ``displacement`` (N, 3) of the nodes and the displacement ``moved`` (3,) of the indenter, in
+        mm.
         """
         return self._body.carried @ displacement - self._body.area[:, None] * moved
 

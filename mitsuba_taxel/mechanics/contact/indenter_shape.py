@@ -37,10 +37,10 @@ class Gap(NamedTuple):
 class IndenterShape(Kind, family="indenter"):
     """A kind of rigid body that presses on a pad from above, with its dimensions.
 
-    Lengths are in mm. Points are relative to the tip, the lowest point of the body; of an unbounded one, any point of
-    it. A new kind is a subclass with a ``name`` in a module of ``mitsuba_taxel.mechanics.contact.indenters``, or in
-    a script; it must define what is abstract here. Methods named ``own_`` are about the body in its own frame, neither
-    turned nor tilted.
+    Lengths are in mm. Points are relative to the tip, which is the lowest point of the body or, if the body is
+    unbounded, any of its points. A new kind is a subclass with a ``name`` in a module of
+    ``mitsuba_taxel.mechanics.contact.indenters``, or in a script; it must define all abstract members. Methods whose
+    names begin with ``own_`` refer to the frame of the body, neither turned nor tilted.
 
     Parameters
     ----------

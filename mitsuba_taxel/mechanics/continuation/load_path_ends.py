@@ -27,7 +27,7 @@ class LoadPathEnds(ComputationError):
     value : ndarray or None
         (3,) in N or mm, or (1,) in MPa: the last of which there is a state.
     contact : Contact or None
-        What the deformed pad touches there; None if it ends for other reasons.
+        Object that the deformed pad touches there; None if the path ends for another reason.
     """
 
     def __init__(

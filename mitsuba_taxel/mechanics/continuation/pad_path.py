@@ -132,8 +132,8 @@ class PadPath(PathStates):
         )
 
     def bearing(self, value: np.ndarray) -> PadPath:
-        """The path that leads to a value: this path or, if the path by which its error is judged does not bear the
-        load, a path with another judge."""
+        """The path that reaches a value: this path or, if the path on which its stability is tested does not bear the
+        load, a path with another one."""
         if self.judge is None:
             return self
         _ = self.judge.mesh  # first, because the mesher makes one mesh at a time

@@ -67,7 +67,8 @@ class PathProblem:
         Step tolerance of the interpolation between nodes; see
         :data:`~mitsuba_taxel.mechanics.continuation.load_segment.INTERPOLATION_TOLERANCE`.
     refinement : Refinement or None
-        How small elements are under an indenter: by default never larger than those of the default size have there.
+        Refinement under an indenter: by default, elements there are never larger than those of a mesh of the default
+        size.
     """
 
     def __init__(

@@ -182,7 +182,7 @@ class PathStates(PathProblem):
         mirrors : list[Mirror]
             Mirrors that mapped the value and the obstacles there.
         obstacles : Obstacles or None
-            What the pad must not touch on the way.
+            Obstacles that the pad must not touch on its path.
 
         Returns
         -------

@@ -32,7 +32,7 @@ def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
     Returns
     -------
     dict[Mirror, (N,) ndarray of int]
-        By mirror, the node that is the image of each.
+        Image node of each node, by mirror.
     """
     count = len(mesh.points)
 
@@ -219,7 +219,7 @@ def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror]
     Returns
     -------
     list[tuple[Sequence[Mirror], dict[Mirror, int]]]
-        Of each block, the mirrors of its part, and the signs at the walls of the part.
+        For each block: the mirrors of its part, and the signs at the mirror planes of the part.
     """
     walls = _bounding(mirrors)
     blocks: list[tuple[Sequence[Mirror], dict[Mirror, int]]] = []

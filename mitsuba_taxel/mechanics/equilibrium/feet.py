@@ -58,7 +58,7 @@ def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
     Parameters
     ----------
     touched : str
-        What the pad touches.
+        Object that the pad touches.
     mesh : VolumeMesh
         Mesh of the undeformed pad.
     place : (3,) ndarray
@@ -84,9 +84,8 @@ def couple_held(
 ) -> np.ndarray:
     """Moment of the nodal forces of the linear law at the feet.
 
-    That of other laws is zero. The linear law knows small rotations only, and resists larger ones like the board to
-    which
-    the feet are glued.
+    The moment of other laws is zero. The linear law is valid for small rotations only, and resists larger ones like the
+    board to which the feet are glued.
 
     Parameters
     ----------

@@ -119,8 +119,9 @@ class IndentedPad(LoadedPad):
     ) -> Balanced:
         """Newton's method with the pressures of contact, and the tractions of friction, as further unknowns.
 
-        In each iteration the pad is linear, and on that the contact set is found exactly: no gap is negative, no
-        pressure pulls, and one of both is 0 (P. Wriggers, Computational Contact Mechanics, 2006, chapter 10).
+        In each iteration the pad is linearised, and the contact set of the linearised pad is found exactly: no gap is
+        negative, no pressure pulls, and one of both is 0 (P. Wriggers, Computational Contact Mechanics, 2006, chapter
+        10).
         """
         # The pressures at the start are unknown: those that balance it best.
         unknowns, first_error, last_error, distance = start, 0.0, math.inf, 0.0

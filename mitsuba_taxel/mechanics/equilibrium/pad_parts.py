@@ -33,7 +33,7 @@ def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
     Returns
     -------
     dict[Mirror, (N,) ndarray of int]
-        By mirror, the node that is the image of each.
+        Image node of each node, by mirror.
     """
     return {mirror: image for mirror, image in node_images(mesh).items() if load.is_symmetric(mesh, mirror, image)}
 

@@ -29,11 +29,11 @@ OVERSHOT = 0.5
 
 
 class SelfTouchingPad(LoadedPad):
-    """A meshed pad glued to the board, whose walls are kept apart, and off the board and rigid bodies.
+    """A meshed pad glued to the board, with barriers between its walls, and against the board and rigid bodies.
 
-    The whole pad may touch itself, also across the mirrors of the part that is solved for. Its barriers and their
-    tangent are restricted to displacements of the part. Stability against other displacements is that of the whole
-    tangent.
+    The whole pad may touch itself, also across the mirror planes of the part that is solved. Barriers and their tangent
+    are restricted to displacements of the part. Stability against other displacements is tested with the tangent of the
+    whole pad.
 
     Parameters
     ----------

@@ -114,7 +114,7 @@ class TangentBlock:
         Parameters
         ----------
         contacts : Contacts, optional
-            What the whole pad is kept off. They do not make it unstable by forces that turn about corners, as of a
+            Barriers that act on the whole pad. They do not make it unstable by forces that turn about corners, as of a
             `SelfTouchingPad`.
 
         Raises

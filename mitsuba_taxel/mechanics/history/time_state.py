@@ -72,7 +72,7 @@ class MidStep:
     start_velocity : (3 N + corners,) ndarray
         Per s, of the unknowns at its start.
     correction : (3 N + corners,) ndarray
-        What Newton's method would subtract, in the middle, from a cubic between the ends.
+        Correction by Newton's method, in the middle, to a cubic between the ends.
     remainder : (N, 3) ndarray
         mm, what it would then add to the displacements a quarter of the way from an end, where that is more.
     cubic_stress : (m, q, 6) ndarray

@@ -350,9 +350,9 @@ class RowSteps:
         return error, replace(after, variables=variables, error=StepError(deviation, uncertainty))
 
     def deviation(self, end: StepState) -> np.ndarray:
-        """(unknowns,) estimated error due to time steps.
+        """Estimated error (unknowns,) due to time steps.
 
-        That of each step is known to `DOUBT` of it; what is not known does not cancel as they do.
+        The error of each step is known to a fraction `DOUBT`. Errors of steps may cancel; these uncertainties do not.
         """
         if end.error is not None:
             deviation = end.error.deviation

@@ -142,7 +142,7 @@ class RimFillet(Fillet):
         Parameters
         ----------
         x, y : float
-            Where its axis meets the board, mm.
+            Position of its axis on the board, mm.
         below : float
             Lowest z of the solid, mm.
 

@@ -278,7 +278,7 @@ class Pad(Kinded, Displayed):
         Parameters
         ----------
         radius : float
-            Of its fillets, mm; 0 for sharp edges.
+            Radius of its fillets, mm; 0 for sharp edges.
 
         Returns
         -------

@@ -20,7 +20,7 @@ class FirstContact:
         Derivatives of ``value`` with respect to other parameters; 0 if it is the furthest one, NaN if the path ends
         otherwise.
     touched : str
-        What the pad touches: ``itself``, ``the board`` or ``a package``; empty if there is no contact.
+        Object that the pad touches: ``itself``, ``the board`` or ``a package``; empty if there is no contact.
     ended : str
         Why the path ends without contact, as where the pad becomes unstable; empty if it does not.
     """

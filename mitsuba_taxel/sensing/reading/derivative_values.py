@@ -48,7 +48,7 @@ class Derivatives:
     clearance_rates : (P,) ndarray
         Derivatives of the clearance.
     method : str
-        How they were found: ``without random numbers``, or by ``differences of random paths``.
+        Method by which they were computed: ``without random numbers``, or ``differences of random paths``.
     """
 
     parameters: tuple[str, ...]

@@ -47,11 +47,11 @@ def with_chords(scene: mi.Scene) -> Iterator[None]:
 def tilt_share(scene: mi.Scene) -> float:
     """Relative error of readings because flat triangles are tilted against the curved walls that they replace.
 
-    Within each triangle the tilt, from its normal to the wall's, is zero on average. So it cancels out where light is
-    even, not where a spot covers a part of a triangle or a few of them. Its mean over the light of an LED is found by
-    rays, and likewise over what a phototransistor sees. Power that is scattered by Lambert's law changes by a tilt
-    times the tangent of its angle; that of isotropic walls does not change. Triangles of mirrors have the normals of
-    their walls, and no tilt.
+    The tilt is the angle between the normals of triangle and wall, and is zero on average over each triangle. So its
+    effect cancels under even light, but not where a spot covers a part of a triangle or only a few triangles. Rays give
+    the mean tilt over the light of an LED, and over the area that a phototransistor sees. Power that is scattered by
+    Lambert's law changes by the tilt times the tangent of its angle; that of isotropic walls does not change. Triangles
+    of mirrors have the normals of their walls, and no tilt.
 
     Returns
     -------

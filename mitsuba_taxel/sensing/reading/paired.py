@@ -43,7 +43,7 @@ numbers)."""
 def can_be_paired(ready: Prepared) -> bool:
     """Whether differences between loads of a scene can be computed by paths through material points.
 
-    That needs one pad, LEDs and phototransistors without windows in one plane, diffuse walls, and a `taxel_tracer` of
+    This needs one pad, LEDs and phototransistors without windows in one plane, diffuse walls, and a `taxel_tracer` of
     all paths.
 
     Parameters

@@ -201,7 +201,7 @@ def make_batch(
     Returns
     -------
     Batch
-        What is computed.
+        The batch.
 
     Raises
     ------
@@ -412,7 +412,7 @@ def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
     Returns
     -------
     Batch
-        What is computed.
+        The batch.
 
     Raises
     ------
@@ -470,7 +470,7 @@ def columns_of(file: Path, what: str = "steps", parameters: Collection[str] = ()
     file : Path
         The CSV file.
     what : str
-        What it is, for messages.
+        Description of the file, for messages.
     parameters : collection of str
         Parameters of the scene.
 

@@ -38,8 +38,8 @@ def histories(
     Returns
     -------
     dict[str, list[str]] or None
-        By the name of the history's parameter, one word for each step: times and loads of all earlier steps. None if
-        the steps have no times, or a column of histories already.
+        Words by the name of the history's parameter, one for each step: times and loads of all earlier steps. None if
+        the steps have no times, or already have a column of histories.
 
     Raises
     ------

@@ -218,8 +218,8 @@ def _is_in_range(number: Decimal) -> bool:
 def curve_dimension(axes: Sequence[Axis]) -> str:
     """Name of the dimension to plot readings against.
 
-    Of the dimensions with several values: steps or the first force, else the first other load, else the first numeric
-    parameter. Without any of these, the first dimension.
+    Among the dimensions with several values this is the steps or the first force; else the first other load; else the
+    first numeric parameter. Without any of these, it is the first dimension.
     """
     longer = [axis for axis in axes if axis.size > 1]
     forces = [axis.dim for axis in longer if axis.dim == STEP or axis.is_force]

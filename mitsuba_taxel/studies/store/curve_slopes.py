@@ -47,7 +47,7 @@ def with_curve_slopes(study: xr.Dataset, forces: Sequence[str]) -> xr.Dataset:
     study : xr.Dataset
         Results of one scene, in W, with a column of derivatives for each of the forces.
     forces : Sequence[str]
-        Of :func:`fitted_forces`.
+        Result of :func:`fitted_forces`.
 
     Returns
     -------

@@ -54,7 +54,7 @@ def datasheet(
     tables : Mapping[str, DataFrame]
         Training set by part.
     making : TrainingRecord
-        How it was made.
+        Settings with which it was made.
     left_out : DataFrame
         Parameters of the jobs without readings, one row each.
     """

@@ -35,7 +35,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     Returns
     -------
     xr.Dataset or xr.DataTree
-        What ``sweep`` or ``run_study`` returned; missing readings are NaN.
+        Result of ``sweep`` or ``run_study``; missing readings are NaN.
 
     Raises
     ------

@@ -34,7 +34,7 @@ def provenance(batch: Batch) -> dict[str, Any]:
     Parameters
     ----------
     batch : Batch
-        What is computed.
+        The batch of scenes.
 
     Returns
     -------

@@ -213,10 +213,10 @@ def _pierced(segments: np.ndarray, corners: np.ndarray, tolerance: float) -> tup
 
 
 def faces_of(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Number of the face of each triangle: its own number, but a sliver takes that of the neighbour across its longest
-    edge.
+    """Number of the face of each triangle: the triangle's own number or, for a sliver, that of the neighbour across its
+    longest edge.
 
-    A sliver has no usable normal; without it the surface would not be closed.
+    A sliver has no usable normal, but the surface would not be closed without it.
 
     Parameters
     ----------
