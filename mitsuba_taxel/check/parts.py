@@ -324,8 +324,8 @@ class _Maker:
                 )
                 check_room(pad.pad, specification.mesh_size or pad.pad.default_mesh_size)
                 cells = pad.pad.rows * pad.pad.columns
-            if finish is not None:
-                refuse_finish(pad.pad, specification.mesh_size, finish, specification.subdivision)
+                if finish is not None:
+                    refuse_finish(pad.pad, specification.mesh_size, finish, specification.subdivision)
         except InputError as error:
             self.findings.append(obj.finding("error", str(error), _culprit(str(error), obj.props)))
             return

@@ -114,6 +114,7 @@ class DeformablePad(mi.Mesh):
         if self.is_loaded and not (self.remembers or self.mesh_size or self.mesh_tolerance):
             self.mesh_size = size_for_light(self.pad, self.load, walls)
             if self.mesh_size is not None:
+                assert isinstance(self.pad, Pad)  # of pads from files, none is chosen
                 self.judged_on = self.pad.default_mesh_size
                 self.subdivision = fewer_triangles(self.subdivision, self.pad, self.mesh_size)
 
@@ -366,6 +367,7 @@ class DeformablePad(mi.Mesh):
         from mitsuba_taxel.mechanics.contact.barriers.bodies import body_of_each
         from mitsuba_taxel.pads.room import holds, nearest_cell, room_needed
 
+        assert isinstance(self.pad, Pad)  # the advice for pads from files is another
         body = body_of_each(obstacles)
         for corners in (obstacles[body == index].reshape(-1, 3) for index in range(body.max() + 1)):
             middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from mitsuba_taxel.base.errors import InputError
@@ -12,7 +12,7 @@ from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow
 from mitsuba_taxel.evidence.intervals.intervals import IntervalRow, interval_cases
 from mitsuba_taxel.evidence.intervals.probabilities import ProbabilityRow, chosen_cases, with_all_kinds
 from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
-from mitsuba_taxel.evidence.rows.row_files import ResumedTable, matching
+from mitsuba_taxel.evidence.rows.row_files import Named, ResumedTable, matching
 
 MOST_SECONDS = 3600.0
 MOST_MEMORY = 48 * 2**30
@@ -41,6 +41,7 @@ def parts_with_cases(only: str | None, part: str | None = None) -> list[str]:
     InputError
         if no case matches.
     """
+    cases: dict[str, Callable[[], Sequence[Named]]]
     cases = {"readings": coverage_cases, "figures": interval_cases, "probabilities": chosen_cases}
     groups = {name: matching(cases[name](), only) for name in PARTS if part in (None, name)}
     if not any(groups.values()):

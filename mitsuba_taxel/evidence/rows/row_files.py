@@ -17,14 +17,19 @@ from mitsuba_taxel.studies.plan.files import check_new_file
 Row = TypeVar("Row", bound=Any)
 
 
-class NamedCase(Measurable, Protocol):
-    """A named case of a table."""
+class Named(Protocol):
+    """What has a name in a table."""
 
     @property
     def name(self) -> str: ...
 
 
+class NamedCase(Named, Measurable, Protocol):
+    """A named case of a table."""
+
+
 AnyCase = TypeVar("AnyCase", bound=NamedCase)
+AnyNamed = TypeVar("AnyNamed", bound=Named)
 
 
 def chosen(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
@@ -52,7 +57,7 @@ def chosen(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
     return cases
 
 
-def matching(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
+def matching(cases: Sequence[AnyNamed], only: str | None) -> list[AnyNamed]:
     """The cases whose name contains a pattern with the wildcards * and ?, or all if it is None; possibly none."""
     return [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
 

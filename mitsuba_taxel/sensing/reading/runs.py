@@ -41,6 +41,9 @@ class PairedPowers(Protocol):
     def powers(self, points: int, seed: int, first: int) -> tuple[np.ndarray, int]:
         """Readings (R, T) in W, and the points used, from point ``first`` on."""
 
+    def has_less_noise(self) -> bool:
+        """Whether readings differ from the base state with less noise than those that share their random numbers."""
+
     def deviations(self, seed: int, points: int) -> tuple[np.ndarray, np.ndarray | None]:
         """Readings (R, T) in W, and their changes (2, R, T) with coarser finite elements; None if unknown."""
 

@@ -114,8 +114,10 @@ class Ogden(Material, name="ogden", rank=5):
 
     def _stress_and_slope(self, logarithms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Deviatoric Kirchhoff stresses t_a, and derivatives of l w'(l) by ln l, (..., 3) each."""
-        value = sum(2 * mu / alpha * np.expm1(alpha * logarithms) for mu, alpha in self.terms)
-        slope = sum(2 * mu * np.exp(alpha * logarithms) for mu, alpha in self.terms)
+        value, slope = np.zeros_like(logarithms), np.zeros_like(logarithms)
+        for mu, alpha in self.terms:
+            value += 2 * mu / alpha * np.expm1(alpha * logarithms)
+            slope += 2 * mu * np.exp(alpha * logarithms)
         return value - value.mean(axis=-1, keepdims=True), slope
 
     def _quotient(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
