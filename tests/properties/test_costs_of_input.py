@@ -19,7 +19,7 @@ from mitsuba_taxel.sensing.validity import shared_places
 from mitsuba_taxel.studies.plan.batch import columns_of, make_batch
 from mitsuba_taxel.studies.plan.histories import histories
 from mitsuba_taxel.studies.plan.refused_values import check_values
-from mitsuba_taxel.studies.run.study import _curves
+from mitsuba_taxel.studies.run.curve_jobs import curve_jobs
 from mitsuba_taxel.studies.store.provenance import provenance
 
 PLATE = """<scene version="3.9.0">
@@ -140,7 +140,7 @@ def test_steps_take_time_in_proportion_to_their_number():
     batch = make_batch("plate.xml", {}, together=rows, points=16)
     check_values(batch)
     provenance(batch)
-    (curve,) = _curves(batch, Settings(16, None), True)
+    (curve,) = curve_jobs(batch, Settings(16, None), True)
     assert len(curve) == count and curve[-1].sides == {"z": -1, "hole": 0}
     assert curve[1].parameters == batch.parameters({"z": rows["z"][1], "hole": "0.1"})
     assert time.process_time() - start < 4
