@@ -61,17 +61,17 @@ class FittedSlopes(NamedTuple):
 
     @property
     def slope(self) -> np.ndarray:
-        """(P, C) slopes, the mean over the replicates."""
+        """Slopes (P, C), the mean over the replicates."""
         return self.samples.mean(axis=1)
 
     @property
     def noise(self) -> np.ndarray:
-        """(P, C) standard errors of the slopes by noise."""
+        """Standard errors (P, C) of the slopes by noise."""
         return standard_error(self.samples, axis=1)
 
     @property
     def error(self) -> np.ndarray:
-        """(P, C) standard errors of the slopes, by noise and by the fit."""
+        """Standard errors (P, C) of the slopes, by noise and by the fit."""
         return np.hypot(self.noise, self.fit_error)
 
 
@@ -126,7 +126,7 @@ def fitted_slopes(force: np.ndarray, samples: np.ndarray, positions: np.ndarray)
 
 
 def _noise(basis: np.ndarray, readings: np.ndarray) -> np.ndarray:
-    """(N, N) covariance of the means of readings (N, R) as it is used for weights.
+    """Covariance (N, N) of the means of readings (N, R) as it is used for weights.
 
     It is diagonal in the amplitudes of orthogonal polynomials: the sample covariance of few replicates has directions
     of too little noise, which weights would exploit.

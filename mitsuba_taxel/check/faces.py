@@ -14,7 +14,7 @@ from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import SceneObject, SceneObjects
 
 CORNERS = np.array(list(product((-1, 1), repeat=3)), dtype=float)
-"""(8, 3) corners of a cube."""
+"""Corners (8, 3) of a cube."""
 
 
 @dataclass
@@ -83,7 +83,7 @@ class Boxes:
     pitch: float = 0.0
 
     def centres(self) -> np.ndarray:
-        """(N, 3) centres of the boxes in mm, before ``to_world``."""
+        """Centres (N, 3) of the boxes in mm, before ``to_world``."""
         column, row = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
         shift = np.zeros((self.rows * self.columns, 3))
         shift[:, 0] = (column.ravel() - (self.columns - 1) / 2) * self.pitch
@@ -91,11 +91,11 @@ class Boxes:
         return self.centre + shift
 
     def corners(self) -> np.ndarray:
-        """(N, 8, 3) corners of the boxes in the world."""
+        """Corners (N, 8, 3) of the boxes in the world."""
         return apply(self.to_world, self.centres()[:, None] + CORNERS * self.half)
 
     def relative(self, points: np.ndarray) -> np.ndarray:
-        """(N, 3) coordinates of world points in the nearest box, scaled so that its faces are at -1 and 1."""
+        """Coordinates (N, 3) of world points in the nearest box, scaled so that its faces are at -1 and 1."""
         local = apply(np.linalg.inv(self.to_world), points) - self.centre
         for axis, count in ((0, self.columns), (1, self.rows)):
             if count > 1:
@@ -121,7 +121,7 @@ def boxes_of(objects: SceneObjects) -> list[Boxes]:
 
 
 def to_world(obj: SceneObject) -> np.ndarray:
-    """(4, 4) transformation of a shape."""
+    """Transformation (4, 4) of a shape."""
     transform: Any = obj.props.get("to_world", mi.ScalarTransform4f())
     return np.array(transform.matrix, dtype=float)
 

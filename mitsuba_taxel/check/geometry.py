@@ -70,7 +70,7 @@ def _nothing_in_front(faces: list[Faces], objects: SceneObjects) -> Iterator[Fin
 
 
 def _corners(obj: SceneObject) -> np.ndarray | None:
-    """(8, 3) corners of a bounding box of a shape, mm in world coordinates; None if the extent is unknown."""
+    """Corners (8, 3) of a bounding box of a shape, mm in world coordinates; None if the extent is unknown."""
     if obj.plugin == PAD:
         if not isinstance(obj.instance.pad, Pad):
             return None
@@ -168,7 +168,7 @@ def _in_cells(body: Boxes, pads: list[SceneObject]) -> Iterator[Finding]:
 
 
 def _reach_into(corners: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """(N,) whether bodies with corners (N, 8, 3) overlap any of the boxes (K, 2, 3)."""
+    """Mask (N,): whether bodies with corners (N, 8, 3) overlap any of the boxes (K, 2, 3)."""
     low, high = corners.min(axis=1)[:, None], corners.max(axis=1)[:, None]
     return np.any(np.all((low < boxes[:, 1]) & (high > boxes[:, 0]), axis=2), axis=1)
 

@@ -227,13 +227,13 @@ def _apart(pairs: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _face_normals(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(3, 3, n) normals of both flat triangles, and the vector between their centres."""
+    """Normals (3, 3, n) of both flat triangles, and the vector between their centres."""
     between = second[:, :3].mean(axis=1) - first[:, :3].mean(axis=1)
     return np.stack([*(_cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (first, second)), between], axis=1)
 
 
 def _side_normals(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(3, 15, n) directions normal to a side of each triangle, and to a side and the normal of the same triangle."""
+    """Directions normal (3, 15, n) to a side of each triangle, and to a side and the normal of the same triangle."""
     sides, second_sides = _sides(first), _sides(second)
     axes = [_cross(sides[:, :, None], second_sides[:, None]).reshape(3, 9, -1)]
     for side in (sides, second_sides):
@@ -325,7 +325,7 @@ _CERTIFICATES: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
 
 
 def _piece(*corners: np.ndarray) -> np.ndarray:
-    """(6, 6) matrix from the control points of a patch to those of its piece between three barycentric corners.
+    """Matrix (6, 6) from the control points of a patch to those of its piece between three barycentric corners.
 
     It follows from the blossom of the patch.
     """

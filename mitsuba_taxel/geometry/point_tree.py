@@ -38,5 +38,5 @@ class PointTree:
         return (int(self._tree.count_neighbors(self._tree, radius)) - self._tree.n) // 2
 
     def query_pairs(self, radius: float) -> np.ndarray:
-        """(K, 2) numbers of points within a radius of each other."""
+        """Numbers (K, 2) of points within a radius of each other."""
         return self._tree.query_pairs(radius, output_type="ndarray")

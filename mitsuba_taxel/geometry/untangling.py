@@ -71,7 +71,7 @@ def untangled(mesh: VolumeMesh, least: float, sweeps: int = 8) -> VolumeMesh:
 
 
 def _quality(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """(M,) least relative determinant of each element, negative if the straight element is inverted."""
+    """Least relative determinant (M,) of each element, negative if the straight element is inverted."""
     corner = points[tets[:, 1:4]] - points[tets[:, :1]]
     return jacobians(points, tets).min(axis=1) * np.sign(np.linalg.det(corner))
 

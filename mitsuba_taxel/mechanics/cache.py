@@ -174,7 +174,7 @@ def entries() -> list[os.DirEntry[str]]:
 
 
 def is_locked(name: str) -> bool:
-    """Whether a process computes the arrays of ``name``."""
+    """Whether a process is computing the arrays of ``name``."""
     from filelock import FileLock, Timeout
 
     file = folder() / "locks" / name

@@ -52,7 +52,7 @@ class Cut:
 
     @property
     def triangles(self) -> np.ndarray:
-        """(T, 3) vertex numbers."""
+        """Vertex numbers (T, 3)."""
         return self.vertex[self.corners]
 
     def at_vertices(self, values: np.ndarray) -> np.ndarray:
@@ -60,7 +60,7 @@ class Cut:
         return weighted(self.weights[self.of_vertex], self.nodes[self.of_vertex], values)
 
     def at_nodes(self, gradient: np.ndarray, nodes: int) -> np.ndarray:
-        """(N, C) derivatives with respect to nodal values, from those with respect to values at the vertices (V, C)."""
+        """Derivatives (N, C) with respect to nodal values, from those with respect to values at the vertices (V, C)."""
         number, weights = self.nodes[self.of_vertex].ravel(), self.weights[self.of_vertex]
         sums = (np.bincount(number, (weights * column[:, None]).ravel(), nodes) for column in gradient.T)
         return np.stack(list(sums), axis=1)
@@ -178,7 +178,7 @@ def _grid(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _segments(mesh: VolumeMesh, in_cell: np.ndarray, subdivision: int) -> np.ndarray:
-    """(F, 3) number of segments of each edge of each face.
+    """Number (F, 3) of segments of each edge of each face.
 
     In cells, no segment is longer than those of the longest edge; other edges have two segments, as required by their
     mid-edge nodes.
@@ -213,7 +213,7 @@ def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _keys(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(F * P, 6) keys that are equal for coincident points.
+    """Keys (F * P, 6) that are equal for coincident points.
 
     Points have integer barycentric coordinates (P, 3) in faces with corners (F, 3). A key consists of the corners with
     non-zero weights, in order, and these weights.

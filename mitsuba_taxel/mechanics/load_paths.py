@@ -78,14 +78,15 @@ def load_path(
         Instead of a size, the target for the relative error of the roofs' displacement under a small load; see
         :func:`mesh_size_for`.
     judged_on : float, optional
-        Size in mm of the elements on which the stability of an elastic pad is judged; by default on those of the path
-        itself, which takes a third of its time or more. Beyond the loads that such a pad bears, it is judged on both.
+        Element size, in mm, of the mesh on which the stability of an elastic pad is tested. By default it is tested on
+        the mesh of the path itself, which takes a third of its time or more. Beyond the largest load of the other mesh,
+        it is tested on both.
     step_tolerance : float
-        Root mean square error, relative to the largest displacement there, of displacements of an elastic pad that are
-        interpolated between solved states.
+        Allowed root mean square error of interpolated displacements of an elastic pad, relative to the largest
+        displacement of the state.
     obstacles : (K, 3, 3) ndarray, optional
-        In mm, corners of the triangles of closed surfaces that do not move, in the frame of the pad. With
-        ``self_contact`` of the load, contact without friction keeps the pad off them; else it must not touch them.
+        Corners, in mm, of the triangles of closed surfaces that do not move, in the frame of the pad. If the load has
+        ``self_contact``, contact without friction is modelled; otherwise the pad must not touch them.
     progress : Callable[[int, int], None], optional
         Called with (states done, total states).
 
@@ -100,9 +101,9 @@ def load_path(
         if values are not finite or too many for memory, a mesh size or tolerance is not allowed, the undeformed pad
         touches obstacles, or times are missing, not needed, negative or decreasing.
     ComputationError
-        naming the value at which the path ends, because the pad cannot be loaded further, or touches itself, the board
-        or an obstacle; or if memory does not suffice. If the load has ``self_contact``, the path continues after the
-        contact.
+        if the path ends, because the pad cannot be loaded further, or touches itself, the board or an obstacle (the
+        message states the last value); or if memory does not suffice. If the load has ``self_contact``, the path
+        continues after the contact.
     """
     require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
     require("material", material, (Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic")

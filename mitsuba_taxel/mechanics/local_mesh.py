@@ -110,18 +110,18 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> 
 
 
 def swept_legs(positions: Sequence[tuple[float, float, float]], reach: float) -> tuple[Leg, ...]:
-    """Straight segments (legs) that a body moves along between successive positions.
+    """Straight segments (legs) along which a body moves between successive positions.
 
-    Movements above z = 0 are left out. Legs seldom change as positions are added: movements in one direction are one
-    leg, whose length is ``reach`` times a power of 2, and a movement within :data:`CLOSE` times ``reach`` of a leg is
-    covered by it.
+    Movements above z = 0 are left out. To keep the legs the same as positions are added, movements in one direction are
+    one leg, whose length is ``reach`` times a power of 2. A movement within :data:`CLOSE` times ``reach`` of a leg is
+    covered by that leg.
 
     Parameters
     ----------
     positions : sequence of (float, float, float)
-        In mm, relative to the position of the body.
+        Positions relative to the initial position of the body, mm.
     reach : float
-        In mm, half the width of the contact.
+        Half the width of the contact, mm.
 
     Returns
     -------
@@ -169,7 +169,7 @@ def _continues(leg: Leg, line: np.ndarray, distance: float) -> bool:
 
 
 def _from_leg(points: np.ndarray, leg: Leg) -> np.ndarray:
-    """(n,) mm, distances of points (n, 2) from a leg."""
+    """Distances (n,) in mm of points (n, 2) from a leg."""
     start, end = np.array(leg)
     along = end - start
     position = np.clip((points - start) @ along / max(along @ along, TINY), 0, 1)
@@ -177,7 +177,7 @@ def _from_leg(points: np.ndarray, leg: Leg) -> np.ndarray:
 
 
 def _stops(legs: Sequence[Leg], spacing: float) -> np.ndarray:
-    """(n, 3) mm, the start and positions along legs with at most a spacing in mm between them."""
+    """The start (n, 3) in mm and positions along legs with at most a spacing in mm between them."""
     stops = [np.zeros((1, 3))]
     for start, end in np.array(legs).reshape(-1, 2, 2):
         count = 1 + math.ceil(float(np.linalg.norm(end - start)) / spacing)
@@ -203,7 +203,7 @@ def _completed(part: VolumeMesh, mirror: Mirror, cells: np.ndarray) -> VolumeMes
 
 
 def _cells_of_images(mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> np.ndarray:
-    """(cells + 1,) number of the mirror image of each cell."""
+    """Number (cells + 1,) of the mirror image of each cell."""
     faces, images = (np.sort(nodes[:, :3], axis=1) for nodes in (mesh.faces, image[mesh.faces]))
     own_order, image_order = np.lexsort(faces.T), np.lexsort(images.T)
     cells = np.zeros(mesh.face_cell.max() + 1, dtype=mesh.face_cell.dtype)

@@ -57,7 +57,7 @@ class Location:
     offset: np.ndarray
 
     def interpolate(self, values: np.ndarray) -> np.ndarray:
-        """(P, ...) field at the points, from its ``values`` (N, ...) at the nodes.
+        """Field (P, ...) at the points, from its ``values`` (N, ...) at the nodes.
 
         Outside, the field is extrapolated linearly from the nearest point of the silicone: exact for a linear field,
         with an error of the second derivative times half the square of the distance for others.
@@ -66,7 +66,7 @@ class Location:
         return (self.weights @ values.reshape(len(values), -1)).reshape(shape)
 
     def gradient(self, values: np.ndarray) -> np.ndarray:
-        """(P, ..., 3) derivatives [1/mm] of a field with respect to the undeformed position, from its ``values`` (N,
+        """Derivatives [1/mm] (P, ..., 3) of a field with respect to the undeformed position, from its ``values`` (N,
         ...) at the nodes.
 
         Points outside have the derivatives at the nearest point of the silicone.
@@ -82,18 +82,18 @@ class Location:
         return self._over_nodes(functions)
 
     def slope_weights(self, directions: np.ndarray) -> sparse.csr_array:
-        """(P, N) weights of nodal values for derivatives at the points along ``directions`` (P, 3); see `gradient`."""
+        """Weights (P, N) of nodal values for derivatives at the points along ``directions`` (P, 3); see `gradient`."""
         return self._over_nodes(np.einsum("paj,pj->pa", self._slopes, directions))
 
     def _over_nodes(self, of_element: np.ndarray) -> sparse.csr_array:
-        """(P, N) weights, from those of the nodes (P, 10) of the points' elements."""
+        """Weights (P, N), from those of the nodes (P, 10) of the points' elements."""
         nodes = self.mesh.tets[self.element]
         ends = np.arange(0, nodes.size + 1, nodes.shape[1])
         return sparse.csr_array((of_element.ravel(), nodes.ravel(), ends), shape=(len(nodes), len(self.mesh.points)))
 
     @cached_property
     def _slopes(self) -> np.ndarray:
-        """(P, 10, 3) derivatives of the shape functions with respect to the undeformed position, in 1/mm."""
+        """Derivatives (P, 10, 3) of the shape functions with respect to the undeformed position, in 1/mm."""
         by_reference = shape_gradients(self.reference)
         jacobian = np.einsum("pai,paj->pji", by_reference, self.mesh.points[self.mesh.tets[self.element]])
         return by_reference @ np.linalg.inv(jacobian)
@@ -248,7 +248,8 @@ class _Boundary:
         self._corner = (mesh.tets[self._owner, None, :4] == mesh.faces[:, :3, None]).argmax(axis=2)
 
     def are_beyond(self, x: np.ndarray, distance: float) -> np.ndarray:
-        """(P,) whether points are certainly farther from the surface than a distance in mm, by their nearest node."""
+        """Mask (P,): whether points are certainly farther from the surface than a distance in mm, by their nearest
+        node."""
         return self._tree.query(x)[0] > distance + self._largest
 
     def nearest(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -336,7 +337,7 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _owners(mesh: VolumeMesh) -> np.ndarray:
-    """(B,) element of each face of the surface."""
+    """Element (B,) of each face of the surface."""
     sides = np.sort(mesh.tets[:, _SIDES].reshape(-1, 3), axis=1)
     count = mesh.corner_count
     keys, face_keys = (

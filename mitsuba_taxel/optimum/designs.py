@@ -393,7 +393,7 @@ class DesignEvaluator:
 
 
 def _derivative(study: xr.Dataset, name: str, rows: list[int]) -> np.ndarray:
-    """(loads, taxels + 2) derivatives of readings, largest strain and clearance with respect to a parameter."""
+    """Derivatives (loads, taxels + 2) of readings, largest strain and clearance with respect to a parameter."""
     rates = study.sel(parameter=name)
     of_power = rates.derivative.transpose(STEP, "taxel").values
     return np.column_stack([of_power, rates.largest_strain_derivative, rates.clearance_derivative])[rows]

@@ -15,7 +15,7 @@ _BISECTIONS = 20
 
 
 def nearest_cell(pad: Pad, points: np.ndarray) -> np.ndarray:
-    """(N,) index of the cell nearest to each point (N, 2) on the pad's bottom.
+    """Index (N,) of the cell nearest to each point (N, 2) on the pad's bottom.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ def _draw_from_above(ax: Axes, part: Part) -> None:
 
 
 def _outline(side: Side) -> np.ndarray:
-    """(N, 2) corners of a window."""
+    """Corners (N, 2) of a window."""
     if side.window_shape == "rectangle":
         corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2 * (side.window_width, side.window_length)
     else:

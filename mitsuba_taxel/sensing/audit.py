@@ -71,12 +71,12 @@ class EnergyAudit:
 
     @property
     def share(self) -> np.ndarray:
-        """(P,) fractions of the emitted power."""
+        """Fractions (P,) of the emitted power."""
         return self.replicates.mean(axis=0)
 
     @property
     def standard_error(self) -> np.ndarray:
-        """(P,) one standard deviation of :attr:`share`, from the scatter of the replicates."""
+        """One standard deviation (P,) of :attr:`share`, from the scatter of the replicates."""
         return standard_error(self.replicates)
 
     @property

@@ -136,7 +136,7 @@ def _of_cells(pads: Sequence[PadShape], pairs: list[TaxelPair]) -> Iterator[str]
 
 
 def _middle(pad: PadShape, cell: int) -> np.ndarray:
-    """(3,) centre of a cell of the deformed pad in world coordinates, in mm."""
+    """Centre (3,) of a cell of the deformed pad in world coordinates, in mm."""
     mesh = pad.state.mesh
     nodes = np.unique(mesh.faces[mesh.face_cell == cell])
     middle = (mesh.points + pad.state.displacement)[nodes].mean(axis=0)

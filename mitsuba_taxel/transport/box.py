@@ -48,7 +48,7 @@ class Box:
         return bool(((positions - self.centre) @ self.axes[2] < self.half[2]).any())
 
     def to_box(self, points: np.ndarray) -> np.ndarray:
-        """(N, 3) coordinates of points (N, 3) in the frame of the box."""
+        """Coordinates (N, 3) of points (N, 3) in the frame of the box."""
         return (points - self.centre) @ self.axes.T
 
 

@@ -40,14 +40,14 @@ class BoxFaces:
         return BoxFaces(self.corner[kept], self.sides[kept], self.kind[kept])
 
     def cuts(self, longest: float) -> np.ndarray:
-        """(R, 2) numbers of equal parts into which both sides are divided, so that parts are at most ``longest`` mm.
+        """Numbers (R, 2) of equal parts into which both sides are divided, so that parts are at most ``longest`` mm.
 
         Patches may be slender: the box is convex, so that nothing that they see is near.
         """
         return np.ceil(np.linalg.norm(self.sides, axis=2) / longest * (1 - THIN)).astype(int)
 
     def positions(self, cuts: np.ndarray) -> np.ndarray:
-        """(G, 15, 3) positions in mm of patches, two triangles for each part of a rectangle."""
+        """Positions (G, 15, 3) in mm of patches, two triangles for each part of a rectangle."""
         patches = [np.empty((0, len(LATTICE), 3))]
         for corner, sides, (across, along) in zip(self.corner, self.sides, cuts, strict=True):
             u, v = sides / ((across,), (along,))

@@ -103,7 +103,7 @@ class Mesh:
         self.interpolation = sparse.csr_matrix((weights.ravel(), targets.ravel(), rows), shape=(points, len(self.own)))
 
     def by_target(self, vectors: list[np.ndarray]) -> np.ndarray:
-        """(T, 3) sums over the pairs of each target of vectors, passed as their components (N,)."""
+        """Sums (T, 3) over the pairs of each target of vectors, passed as their components (N,)."""
         return np.stack([np.add.reduceat(vector, self.first_pairs[:-1]) for vector in vectors], axis=1)
 
 
@@ -152,7 +152,7 @@ class Cell:
 
     @property
     def emitted(self) -> np.ndarray:
-        """(T,) fractions of the LED's power for each target, such that sums over targets are integrals."""
+        """Fractions (T,) of the LED's power for each target, such that sums over targets are integrals."""
         return self._of_all(self._emission.power)
 
     @property
@@ -220,7 +220,7 @@ class Cell:
 
     @cached_property
     def _radiance(self) -> np.ndarray:
-        """(F,) radiance of each patch towards the phototransistor, in the light of :meth:`_reception_errors`."""
+        """Radiance (F,) of each patch towards the phototransistor, in the light of :meth:`_reception_errors`."""
         count, degree = len(self._walls.seen), self._mesh.degree
         power, received = self._adjoint[self._seen], self._reception.value
         if self._direct.is_finer:
@@ -237,7 +237,7 @@ class Cell:
 
     @cached_property
     def _mean_response(self) -> np.ndarray:
-        """(F,) mean response to the light of the LED on each patch, or to all light where there is none."""
+        """Mean response (F,) to the light of the LED on each patch, or to all light where there is none."""
         response = self.response[self._seen].reshape(len(self._walls.seen), -1)
         power = np.abs(self._emission.power).reshape(response.shape)
         weight = np.where(power.sum(axis=1, keepdims=True) > 0, power, 1.0)
@@ -299,7 +299,7 @@ class Cell:
         return emission(led, seen, self._walls.rest[: len(seen)], self._mesh.degree, phototransistor)
 
     def _exchange_of(self, between: Exchange) -> np.ndarray:
-        """(T, T) matrix K."""
+        """Matrix K (T, T)."""
         pairs, interpolation = self._mesh.pairs, self._mesh.interpolation
         values = between.values()
         if (crossing := self._crossing(between)) is not None:
@@ -411,7 +411,7 @@ class Cell:
 
     @cached_property
     def _in_plane(self) -> np.ndarray:
-        """(N,) whether both points of a pair lie in one plane."""
+        """Mask (N,): whether both points of a pair lie in one plane."""
         return self._between_walls(None).in_plane()
 
     def change(self, led: End, phototransistor: End, box: Box | None, scattered: np.ndarray) -> float:

@@ -27,7 +27,7 @@ MOST_CUTS = 9
 _NODES = 1 / 3 + 0.8 * (LATTICE - 1 / 3)
 """(15, 2) coordinates (s, t) of interpolation: within patches, as the response may end at their rim."""
 _COEFFICIENTS = np.linalg.inv(monomials(_NODES, DEGREE))
-"""(15, 15) matrix from values at the nodes to the coefficients of the polynomial through them."""
+"""Matrix (15, 15) from values at the nodes to the coefficients of the polynomial through them."""
 
 
 class Direct:
@@ -74,13 +74,13 @@ class Direct:
         return float(self.by_patch().sum())
 
     def by_patch(self) -> np.ndarray:
-        """(F,) correction in W per W of the LED by the light on each patch."""
+        """Correction (F,) in W per W of the LED by the light on each patch."""
         count = len(self._emission.positions)
         finer = np.bincount(self._points.face, self._power * self._reception.value, count)
         return finer - (self._emission.power * self._coarse).reshape(count, -1).sum(axis=1)
 
     def correction(self, lit: LitPoints) -> np.ndarray:
-        """(N,) direct responses at lit points, minus those of the coarser interpolation."""
+        """Direct responses (N,) at lit points, minus those of the coarser interpolation."""
         subpatches = self._subpatches
         number = subpatches.of_inside if lit is self._emission.inside else subpatches.of_edge
         finer = self._reception.value.reshape(-1, len(_NODES))[number]
@@ -118,7 +118,7 @@ class Direct:
 
     @cached_property
     def _radiance(self) -> np.ndarray:
-        """(M,) radiance of each subpatch in the light of the LED alone, in W per mm² and sr per W of the LED."""
+        """Radiance (M,) of each subpatch in the light of the LED alone, in W per mm² and sr per W of the LED."""
         by_rule, by_outline = self._accepted
         power, received = self._power.reshape(-1, len(_NODES)), self._reception.value.reshape(-1, len(_NODES))
         area = self._length.reshape(power.shape).mean(axis=1) * self._subpatches.side**2 / 2
@@ -126,7 +126,7 @@ class Direct:
         return radiance(self._phototransistor, (power * received).sum(axis=1), scattered, area, by_rule, by_outline)
 
     def gradient(self, wider: float) -> np.ndarray:
-        """(F, 15, 3) derivatives with respect to the positions of the patches, through the finer direct response alone.
+        """Derivatives (F, 15, 3) with respect to the positions of the patches, through the finer direct response alone.
 
         ``wider`` is that of :meth:`Reception.gradient`.
         """
@@ -182,7 +182,7 @@ class _Subpatches:
         self.side = (1 - 2 * upper) / n
 
     def positions(self, positions: np.ndarray) -> np.ndarray:
-        """(M, 15, 3) positions of the subpatches, from those (F, 15, 3) of the patches."""
+        """Positions (M, 15, 3) of the subpatches, from those (F, 15, 3) of the patches."""
         at = self._origin[:, None] + self.side[:, None, None] * LATTICE
         points = PatchPoints(np.repeat(self.face, len(LATTICE)), at.reshape(-1, 2))
         return points.interpolated(positions).reshape(-1, len(LATTICE), 3)
@@ -193,6 +193,6 @@ class _Subpatches:
         return (self._origin[:, None] + self.side[:, None, None] * _NODES).reshape(-1, 2)
 
     def interpolation(self, lit: LitPoints, number: np.ndarray) -> np.ndarray:
-        """(N, 15) weights of the values at the nodes of subpatches, by their numbers, for those at lit points."""
+        """Weights (N, 15) of the values at the nodes of subpatches, by their numbers, for those at lit points."""
         at = (lit.points.at - self._origin[number]) / self.side[number, None]
         return monomials(at, DEGREE) @ _COEFFICIENTS

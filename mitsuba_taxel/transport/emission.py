@@ -83,7 +83,7 @@ class Emission:
 
     @cached_property
     def power(self) -> np.ndarray:
-        """(F * Q,) fractions of the LED's power for each point of the patches, such that sums are integrals."""
+        """Fractions (F * Q,) of the LED's power for each point of the patches, such that sums are integrals."""
         weights = self._interpolation(self.inside)
         size = weights.shape[1]
         point = self.inside.points.face[:, None] * size + np.arange(size)
@@ -91,17 +91,17 @@ class Emission:
 
     @cached_property
     def lit(self) -> np.ndarray:
-        """(N,) fractions of the LED's power for each of the points inside its cone."""
+        """Fractions (N,) of the LED's power for each of the points inside its cone."""
         return self._integrated * self._scale[self.inside.source]
 
     @cached_property
     def _integrated(self) -> np.ndarray:
-        """(N,) fractions of the LED's power for each of these points, by the rules on the pieces alone."""
+        """Fractions (N,) of the LED's power for each of these points, by the rules on the pieces alone."""
         return _Rays(self.led, self.inside, self.positions).value
 
     @cached_property
     def _scale(self) -> np.ndarray:
-        """(L,) factors of the light of each point of the LED, by which closed walls receive exactly its power.
+        """Factors (L,) of the light of each point of the LED, by which closed walls receive exactly its power.
 
         They differ from 1 for narrow beams only: derivatives of the power through the position of such a beam are
         differences of large numbers, which cancel exactly with these factors.
@@ -116,7 +116,7 @@ class Emission:
 
     @cached_property
     def _within_outlines(self) -> np.ndarray:
-        """(L, F) fractions of the LED's power from each of its points on each patch, by line integrals."""
+        """Fractions (L, F) of the LED's power from each of its points on each patch, by line integrals."""
         return self._outlined(self.positions)
 
     def _outlined(self, positions: np.ndarray, sources: slice | np.ndarray = slice(None)) -> np.ndarray:
@@ -128,7 +128,7 @@ class Emission:
         return self.led.law.spread < NARROW
 
     def outline_rate(self, velocity: np.ndarray) -> np.ndarray:
-        """(F,) rate of the fraction of the LED's power within the outline of each patch.
+        """Rate (F,) of the fraction of the LED's power within the outline of each patch.
 
         The patches move along a velocity (F, 15, 3); the rate is a difference.
         """
@@ -141,7 +141,7 @@ class Emission:
 
     @property
     def deviation(self) -> np.ndarray:
-        """(F,) power on each patch by the quadrature rules, minus the power within its outline, as a fraction of
+        """Power (F,) on each patch by the quadrature rules, minus the power within its outline, as a fraction of
         the LED's power."""
         if self._is_narrow:
             on_patch = np.bincount(self.inside.points.face, self._integrated, len(self.positions))
@@ -183,7 +183,7 @@ class Emission:
         return by_inside + self.edge.points.gradient(self.positions, entering * rim.of_cosine, zero)
 
     def _interpolation(self, lit: LitPoints) -> np.ndarray:
-        """(N, Q) weights of the values at the points of a patch for the values at lit points."""
+        """Weights (N, Q) of the values at the points of a patch for the values at lit points."""
         return monomials(lit.points.at, self.degree) @ coefficients(self.degree)
 
     def at(self, lit: LitPoints, values: np.ndarray) -> np.ndarray:
@@ -223,18 +223,18 @@ class _Rays:
 
     @property
     def of_cosine(self) -> np.ndarray:
-        """(N, 3) derivative of the cosine with respect to the lit point."""
+        """Derivative (N, 3) of the cosine with respect to the lit point."""
         return (self._led.normal - self.cosine[:, None] * self.direction) / self.distance[:, None]
 
     @property
     def by_area(self) -> np.ndarray:
-        """(N, 3) derivative of the value with respect to the area normal of the lit point."""
+        """Derivative (N, 3) of the value with respect to the area normal of the lit point."""
         lit = self.facing > 0
         return -(self.weight * self.intensity / self.squared * lit)[:, None] * self.direction
 
     @property
     def by_position(self) -> np.ndarray:
-        """(N, 3) derivative of the value with respect to the lit point."""
+        """Derivative (N, 3) of the value with respect to the lit point."""
         per_square = (self.weight / self.squared)[:, None]
         lit = (self.facing > 0)[:, None]
         fall = (

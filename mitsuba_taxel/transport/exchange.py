@@ -124,7 +124,7 @@ class Exchange:
             return np.array(value if self._box is None else value * self._passage(self._box).fraction)
 
     def leaving(self) -> np.ndarray:
-        """(N,) mm, heights of the ends above the horizons of the starts."""
+        """Heights (N,) in mm of the ends above the horizons of the starts."""
         with _TURN:
             return np.asarray(self._pairs().leaving)
 
@@ -134,7 +134,7 @@ class Exchange:
         return Exchange(self._starts, *self._ends, self._start[pairs], self._end[pairs], self._box, can_block)
 
     def in_plane(self) -> np.ndarray:
-        """(N,) whether both ends of a pair lie in one plane: they see each other as soon as it bends."""
+        """Mask (N,): whether both ends of a pair lie in one plane: they see each other as soon as it bends."""
         with _TURN:
             pair = self._pairs()
             most = IN_PLANE * pair.distance

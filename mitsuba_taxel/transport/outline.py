@@ -23,10 +23,10 @@ MOST_CUTS = 24
 GRAIN = 1e-7
 """Sides whose points differ by less are the same; relative to the largest coordinate."""
 _SIDES = np.array([[0, 1, 2, 3, 4], [4, 8, 11, 13, 14], [14, 12, 9, 5, 0]])
-"""(3, 5) numbers of a patch's points (see `LATTICE`) along its sides, counterclockwise in (s, t)."""
+"""Numbers (3, 5) of a patch's points (see `LATTICE`) along its sides, counterclockwise in (s, t)."""
 _POWERS = np.arange(5)
 _POLYNOMIAL = np.linalg.inv(np.vander(_POWERS / 4, increasing=True))
-"""(5, 5) matrix from five points of a side to the coefficients of the polynomial through them."""
+"""Matrix (5, 5) from five points of a side to the coefficients of the polynomial through them."""
 
 _FIRST = (0.0, 1.0), (0.0, 0.5), (0.5, 0.5)
 """Start and width of the intervals of a side and of its two halves."""
@@ -97,7 +97,7 @@ def power_within(points: np.ndarray, normal: np.ndarray, within: Cumulative, pos
 
 
 def _points(coefficients: np.ndarray, start: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(N, P, 3) points of the rule on intervals of sides with coefficients (N, 5, 3), and their rates (N, P, 3)."""
+    """Points (N, P, 3) of the rule on intervals of sides with coefficients (N, 5, 3), and their rates (N, P, 3)."""
     along = start[:, None] + width[:, None] * gauss(POINTS)[0]
     powers = along[..., None] ** _POWERS
     rates = np.zeros_like(powers)

@@ -13,7 +13,7 @@ DEGREE = 4
 LATTICE = np.array([(i, j) for j in range(DEGREE + 1) for i in range(DEGREE + 1 - j)]) / DEGREE
 """(15, 2) coordinates (s, t) of the points of a patch."""
 _COEFFICIENTS = differentiated(DEGREE) @ np.linalg.inv(monomials(LATTICE, DEGREE))
-"""(3, 15, 15) matrices from points to the polynomial through them, and to its derivatives by s and t."""
+"""Matrices (3, 15, 15) from points to the polynomial through them, and to its derivatives by s and t."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class PatchPoints:
 
     @cached_property
     def _monomials(self) -> np.ndarray:
-        """(15, P) monomials at the points."""
+        """Monomials (15, P) at the points."""
         return monomials(self.at, DEGREE).T
 
     def _evaluated(self, positions: np.ndarray, polynomials: np.ndarray) -> np.ndarray:
@@ -112,6 +112,6 @@ class PatchPoints:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(P, 3) cross products; several times as fast as numpy's."""
+    """Cross products (P, 3); several times as fast as numpy's."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]).T

@@ -15,7 +15,7 @@ FEW = 4
 """Numbers are sorted if fewer than 1 in 4 of all possible ones occurs, as for small pieces, which lie near targets."""
 WHOLE = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 QUARTERS = np.stack([WHOLE / 2, WHOLE / 2 + (0.5, 0), WHOLE / 2 + (0, 0.5), 0.5 - WHOLE[[0, 1, 2]] / 2])
-"""(4, 3, 2) corners of the four quarters of a triangle."""
+"""Corners (4, 3, 2) of the four quarters of a triangle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Pieces:
 
 
 def quartered(corners: np.ndarray) -> np.ndarray:
-    """(4 M, 3, 2) corners of the quarters of pieces (M, 3, 2), in the order of the pieces."""
+    """Corners (4 M, 3, 2) of the quarters of pieces (M, 3, 2), in the order of the pieces."""
     start, sides = corners[:, None, None, 0], corners[:, 1:] - corners[:, :1]
     return (start + QUARTERS @ sides[:, None]).reshape(-1, 3, 2)
 

@@ -41,7 +41,7 @@ class Reception:
 
     @cached_property
     def value(self) -> np.ndarray:
-        """(T,) received power per watt that falls on each point."""
+        """Received power (T,) per watt that falls on each point."""
         return np.concatenate([_ReceivedPairs(self._end, block).value for block in self._blocks])
 
     def gradient(self, adjoint: np.ndarray, wider: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -83,7 +83,7 @@ class _ReceivedPairs:
 
     @property
     def value(self) -> np.ndarray:
-        """(T,) received power per watt that falls on each point; see :class:`Reception`."""
+        """Received power (T,) per watt that falls on each point; see :class:`Reception`."""
         return (self._bare * self._response).sum(axis=1)
 
     def gradient(self, adjoint: np.ndarray, wider: float) -> tuple[np.ndarray, np.ndarray]:

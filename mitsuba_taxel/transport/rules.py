@@ -73,7 +73,7 @@ def monomials(points: np.ndarray, degree: int) -> np.ndarray:
 
 @kept(128)
 def differentiated(degree: int) -> np.ndarray:
-    """(3, C, C) matrices from the coefficients of a polynomial to these, and to those of its derivatives with respect
+    """Matrices (3, C, C) from the coefficients of a polynomial to these, and to those of its derivatives with respect
     to s and t."""
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
     result = np.stack([np.eye(len(numbers)), *np.zeros((2, len(numbers), len(numbers)))])
@@ -92,7 +92,7 @@ def _exponents(degree: int) -> list[tuple[int, int]]:
 
 @kept(128)
 def coefficients(degree: int) -> np.ndarray:
-    """(C, Q) matrix from values at the points of :func:`triangle_rule` to coefficients of the interpolating
+    """Matrix (C, Q) from values at the points of :func:`triangle_rule` to coefficients of the interpolating
     polynomial."""
     return np.linalg.inv(monomials(triangle_rule(degree)[0], degree))
 

@@ -99,9 +99,9 @@ def chain_curves(
     seconds: float,
     starting: Callable[[str], None],
 ) -> list[ErrorCurve]:
-    """Errors of readings, and of their slopes if there is a nearby load, by target error; all without caches.
+    """Errors of readings and, if there is a nearby load, of their slopes, by target error; nothing is cached.
 
-    A slope needs a second reading, on the mesh and with the number of points chosen for the target error.
+    A slope needs a second reading, with the mesh and the number of points that were chosen for the target error.
 
     Parameters
     ----------

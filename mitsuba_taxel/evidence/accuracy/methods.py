@@ -29,7 +29,7 @@ MOST_LANES = 1 << 25
 
 
 class Estimate(NamedTuple):
-    """(T,) power of each taxel in W, and the standard error stated by the method, NaN if it has none."""
+    """Power (T,) of each taxel in W, and the standard error stated by the method, NaN if it has none."""
 
     power: np.ndarray
     stated: np.ndarray

@@ -58,7 +58,8 @@ Starting = Callable[[str], None]
 
 
 def settings() -> dict[str, Callable[[float, Starting], list[ErrorCurve]]]:
-    """Functions that measure the curves of each setting, given the seconds for each curve of random paths."""
+    """Functions that measure the curves of each setting; their argument is the time in s for each curve of random
+    paths."""
     grey, sides = Wall("lambertian", 0.9), Wall("lambertian", 0.5)
     narrow = PhotoReflector(led=AnnularLed(cone_angle=1.0))
     dome, box = Pad("hemispheric", 1, 1), Pad("parallelepiped", 1, 1)

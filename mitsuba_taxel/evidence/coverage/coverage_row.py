@@ -27,7 +27,7 @@ class CoverageRow:
     stated : float
         Relative stated error of the worst taxel due to the finite elements.
     light : float
-        Relative stated error of the light. It is nearly the same on all meshes, and no part of the comparison.
+        Relative stated error of the light. It is nearly the same on all meshes, and is not part of the comparison.
     extrapolated : float
         Relative change of the truth by the extrapolation from the finest elements.
     readings : float

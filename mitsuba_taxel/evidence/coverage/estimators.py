@@ -185,7 +185,7 @@ class EstimatorCase:
 
 
 def _powers(ready: Prepared, points: int, seed: int) -> np.ndarray:
-    """(R,) readings of the replicates in W."""
+    """Readings (R,) of the replicates in W."""
     run = Run(ready, seed)
     run.extend_to(points)
     return run.powers[:, 0]

@@ -56,15 +56,15 @@ LINES: dict[str, tuple[Callable[[float], Scene], str, float, float]] = {
 
 @dataclass(frozen=True)
 class HorizonRow:
-    """Derivatives along a line, relative to the mean slope between its ends. That slope is from readings with more
-    points on the phototransistor.
+    """Derivatives along a line, relative to the mean slope between its ends. The mean slope follows from readings with
+    more points on the phototransistor.
 
     Attributes
     ----------
     line, parameter : str
         Name of the line, and parameter that changes along it.
     width : float
-        Largest cosine of directions that count as along the horizon, between walls.
+        Width, between walls, over which the step at the horizon is spread (cosine).
     bias : float
         Deviation of the mean derivative.
     scatter : float

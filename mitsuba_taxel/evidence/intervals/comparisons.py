@@ -105,7 +105,7 @@ def _made_up(errors: str, seed: int) -> tuple[xr.Dataset, xr.Dataset]:
 
 
 def _courses(random: np.random.Generator, shared: float, count: int) -> np.ndarray:
-    """(count, loads) smooth courses of unit variance, of which the fraction ``shared`` is common to all."""
+    """Smooth courses (count, loads) of unit variance, of which the fraction ``shared`` is common to all."""
     kernel = np.exp(-((LOADS[:, None] - LOADS) ** 2) / (2 * LOADS[-1] ** 2))
     common, individual = (random.multivariate_normal(0 * LOADS, kernel, n, method="eigh") for n in (1, count))
     return np.sqrt(shared) * common + np.sqrt(1 - shared) * individual

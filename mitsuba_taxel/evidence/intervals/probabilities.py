@@ -73,7 +73,7 @@ class ProbabilityCase:
     name : str
         Name in the table.
     outcomes : Callable[[int], dict[str, (ndarray, ndarray)]]
-        Returns for a seed, by event, stated probabilities and whether they came true.
+        Returns, for a seed, stated probabilities and outcomes by event.
     count : int
         Number of seeds.
     """

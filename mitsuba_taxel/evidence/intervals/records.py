@@ -91,7 +91,7 @@ def _without_noise(experiment: Experiment) -> Experiment:
 
 
 def _correlated(correlation: float, count: int, random: np.random.Generator) -> np.ndarray:
-    """(count,) noise of unit variance, with a correlation of neighbours: a first-order autoregressive process."""
+    """Noise (count,) of unit variance, with a correlation of neighbours: a first-order autoregressive process."""
     from scipy.signal import lfilter
 
     drawn = random.normal(size=count + 300)

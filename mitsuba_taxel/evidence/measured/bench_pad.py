@@ -127,9 +127,9 @@ def path(
     """Force and readings along the travel of an indenter, as far as the pad bears the load, by ``travel`` and
     ``taxel``.
 
-    ``force`` is in N for a modulus of 1 MPa, to which forces are proportional; ``change`` is that of the power,
-    relative to rest. With errors, these are total ones. The attribute ``end`` states why a path ends early; else it is
-    empty.
+    ``force`` is in N for a modulus of 1 MPa, to which forces are proportional; ``change`` is the change of the power
+    relative to rest. Errors, if requested, are total errors. The attribute ``end`` states why a path ends early; it is
+    empty otherwise.
 
     Raises
     ------

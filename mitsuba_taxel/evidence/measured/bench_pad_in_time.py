@@ -59,7 +59,7 @@ def cycle(
 def hold_and_release(
     store: PaperStudies, press: IndenterPress, prony: Prony, late: float = 0.0, mesh_size: float | None = None
 ) -> xr.Dataset:
-    """Force and readings at the times of the record: the pad is pressed within 0.1 s, held, and released at once."""
+    """Force and readings at the times of the record. The pad is pressed within 0.1 s, held, and released in no time."""
     end = REACHED + HELD
     travel = round(measured.HELD_AT + late, 6)
     hold = [TimedTravel(REACHED, travel), *(TimedTravel(REACHED + time, travel) for time in HOLD_TIMES)]

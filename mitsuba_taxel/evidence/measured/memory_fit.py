@@ -98,7 +98,8 @@ class PronyFit(NamedTuple):
 
 
 def results(store: PaperStudies, press: IndenterPress, late: float) -> PronyFit:
-    """Fit of the series to the tail, and predictions; missing paths are computed. Records begin at ``late`` mm."""
+    """Fit of the Prony series to the voltage after release, and predictions. Missing paths are computed; records begin
+    at a travel of ``late`` mm."""
 
     def computed(terms: Prony) -> np.ndarray:
         return tail_of(hold_and_release(store, press, terms, late))
@@ -185,7 +186,7 @@ def _loop_per_share(time: float) -> tuple[float, float]:
 
 
 def measured_tail() -> np.ndarray:
-    """(8,) change left after release, relative to that during the hold."""
+    """Change left (8,) after release, relative to that during the hold."""
     return np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.PRESSES[measured.PRESSED].at_rest)
 
 
@@ -211,7 +212,7 @@ def fit(computed: Callable[[Prony], np.ndarray]) -> tuple[Prony, int]:
 
 
 def linear_tail(shares: np.ndarray) -> np.ndarray:
-    """(8,) small strain after a long hold and a release of the stress, relative to that held, at the record's times.
+    """Small strain (8,) after a long hold and a release of the stress, relative to that held, at the record's times.
 
     With p the strain of each dashpot's spring less that of the solid, times its share g, the strain is the negative sum
     of all p, and dp/dt = -(p + g strain) / tau; after the hold p = -g.
@@ -221,13 +222,13 @@ def linear_tail(shares: np.ndarray) -> np.ndarray:
 
 
 def tail_of(study: xr.Dataset) -> np.ndarray:
-    """(8,) changes after release, relative to that at the end of the hold."""
+    """Changes (8,) after release, relative to that at the end of the hold."""
     change = study.change.sel(taxel=measured.PRESSED).values
     return change[-len(measured.TAIL_TIMES) :] / change[len(HOLD_TIMES)]
 
 
 def hold_of(study: xr.Dataset) -> np.ndarray:
-    """(4,) mean forces in the windows of the hold, relative to the last; linear in the logarithm of time between."""
+    """Mean forces (4,) in the windows of the hold, relative to the last; linear in the logarithm of time between."""
     force = study.force.values[1 : 1 + len(HOLD_TIMES)]
     means = []
     for window in measured.HOLD_WINDOWS:

@@ -65,7 +65,7 @@ def _tried(store: PaperStudies, results: PadComparison, assumed: PadAssumptions)
 def rings(values: np.ndarray) -> np.ndarray:
     """Means of a map over the taxels at each of the five distances from the middle.
 
-    An indenter slightly off the middle changes them in second order only."""
+    A small offset of the indenter from the middle changes them in second order only."""
     row, column = np.indices(values.shape) - bench_pad.SIDE // 2
     distance = np.hypot(row, column).round(6)
     return np.array([values[distance == radius].mean() for radius in np.unique(distance)[1:]])

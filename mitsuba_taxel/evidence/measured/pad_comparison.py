@@ -45,12 +45,12 @@ class TaxelComparison(NamedTuple):
 
     @property
     def force_error(self) -> np.ndarray:
-        """(S,) error of the force at equal travel, in percent of the largest measured one."""
+        """Error (S,) of the force at equal travel, in percent of the largest measured one."""
         return 100 * (self.computed.force - self.measured.force) / self.measured.force.max()
 
     @property
     def change_error(self) -> np.ndarray:
-        """(S,) error of the change at equal force, in percent of the largest measured one."""
+        """Error (S,) of the change at equal force, in percent of the largest measured one."""
         return 100 * (self.change_at_force - self.measured.change) / self.measured.change.max()
 
 
@@ -74,9 +74,9 @@ class PadComparison(NamedTuple):
     offset : (2,) ndarray
         Offset of the indenter from the middle, from the asymmetry of the map, in mm.
     centred, moved : (5, 5) ndarray
-        Changes of all taxels while the middle one is held, in percent of its own, without and with the offset.
+        Changes of all taxels while the middle taxel is held, in percent of its change, without and with the offset.
     held : float
-        Change of the middle one then.
+        Change of the middle taxel while it is held.
     errors : xr.Dataset
         Force and changes during the hold, with their errors.
     finer : xr.Dataset
@@ -164,7 +164,7 @@ def compare(study: xr.Dataset, taxel: int, fitted_pad: FittedPad, measured_taxel
 
 
 def held_map(study: xr.Dataset) -> np.ndarray:
-    """(5, 5) changes of all taxels at the last travel, in percent of the change of the middle taxel."""
+    """Changes (5, 5) of all taxels at the last travel, in percent of the change of the middle taxel."""
     change = study.change.isel(travel=-1).values
     return 100 * (change / change[measured.PRESSED - 1]).reshape(bench_pad.SIDE, bench_pad.SIDE)
 

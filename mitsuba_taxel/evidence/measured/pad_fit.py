@@ -108,7 +108,7 @@ def modulus(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -
 
 
 def residuals(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -> np.ndarray:
-    """(2 S,) errors of the forces, with the best modulus, and of the changes, each relative to the largest measured
+    """Errors (2 S,) of the forces, with the best modulus, and of the changes, each relative to the largest measured
     value.
 
     Beyond the end of the computed path, errors are those at its last travel."""
@@ -169,7 +169,7 @@ def fit(
 
 
 def _logs(curve: PressedTaxel, count: int) -> np.ndarray:
-    """(2, count) logarithms of forces and changes at the first travels."""
+    """Logarithms (2, count) of forces and changes at the first travels."""
     return np.log(np.stack([curve.force[:count], curve.change[:count]]))
 
 

@@ -56,9 +56,9 @@ class Spread(NamedTuple):
     laws, shares : dict[str, str], dict[str, float]
         Distribution and total Sobol' index by parameter.
     all, without_gain : float
-        Standard deviation of the reading, in percent of its mean, of all and of all but the gain.
+        Standard deviation of the reading, in percent of its mean, by all parameters and by all except the gain.
     all_error, without_gain_error : float
-        Errors of these, as the number of samples is finite.
+        Errors of these by the finite number of samples.
     gain : float
         Standard deviation of the gain alone, in percent.
     """

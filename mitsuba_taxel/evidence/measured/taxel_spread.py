@@ -36,7 +36,7 @@ class TaxelBand(NamedTuple):
     deviation: np.ndarray
 
     def chance(self, times: float | np.ndarray) -> float | np.ndarray:
-        """Probability of a deviation of so many standard deviations or more, by Student's distribution."""
+        """Probability of a deviation of ``times`` standard deviations or more, by Student's distribution."""
         from scipy.stats import t
 
         return 2 * t.sf(times, len(self.own) - 1)
@@ -66,8 +66,8 @@ class TaxelBand(NamedTuple):
 
 
 def band(results: PadComparison) -> TaxelBand:
-    """The uncertainty band of the computed map. Each of its numbers is a ratio of two taxels, whose sensitivities both
-    differ."""
+    """The uncertainty band of the computed map. Each number of the map is a ratio of two taxels, and both have unknown
+    deviations of their sensitivity."""
     sensitivities = {taxel: own_sensitivity(compared) for taxel, compared in results.taxels.items()}
     spread = float(np.std(np.log(list(sensitivities.values())), ddof=1))
     deviation = np.hypot(math.sqrt(2) * spread * results.moved, ROUNDING)
@@ -76,7 +76,7 @@ def band(results: PadComparison) -> TaxelBand:
 
 
 def own_sensitivity(compared: TaxelComparison) -> float:
-    """Sensitivity of a pressed taxel relative to the computed one: changes at equal force, by least squares."""
+    """Measured over computed sensitivity of a pressed taxel, from changes at equal force, by least squares."""
     borne = np.isfinite(compared.change_at_force)
     computed, observed = compared.change_at_force[borne], compared.measured.change[borne]
     return float(computed @ observed / (computed @ computed))

@@ -23,7 +23,7 @@ PLACES = 201
 def table_one(studies: Mapping[str, Paths]) -> dict[str, dict[str, Sensitivity]]:
     """Sensitivities by path (``fz``, ``fx``, ...) and shape, and by ``normal`` and ``tangential`` as in Table 1.
 
-    The paper gives one number for tangential forces along x or y: here, that of the steeper of the two.
+    The paper gives one number for tangential forces along x or y; here it is the steeper of the two.
     """
     cells = list(studies)
     table = {path: {cell: sensitivity(studies[cell][path], path) for cell in cells} for path in studies[cells[0]]}
@@ -33,7 +33,7 @@ def table_one(studies: Mapping[str, Paths]) -> dict[str, dict[str, Sensitivity]]
 
 
 def expected_of_counting(nominal: Mapping[str, Paths]) -> dict[str, dict[str, EmulatedSlope]]:
-    """Expected result of the paper's procedure at our readings, by kind of force and shape."""
+    """Expected result of the paper's procedure, with the readings of this program, by kind of force and shape."""
     return {
         "normal": {cell: emulated(paths["fz"], "fz") for cell, paths in nominal.items()},
         "tangential": {cell: emulated(paths["fx"], "fx") for cell, paths in nominal.items()},
@@ -56,8 +56,9 @@ def explanations(
 ) -> dict[str, CommonFactorFit]:
     """Three explanations of a column of Table 1, by shape, each with one free common factor.
 
-    The numbers are true slopes, with the errors of ours; or proportional to the square root of the reading, or to the
-    maximum slope with counting noise, with the scatter of one repetition.
+    The explanations are: the published numbers are true slopes, with the errors of the computed slopes; they are
+    proportional to the square root of the reading; or they are proportional to the maximum slope with counting noise,
+    with the scatter of one repetition.
     """
     cells = list(published)
     numbers = np.array([published[cell] for cell in cells])

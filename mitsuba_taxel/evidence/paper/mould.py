@@ -88,7 +88,7 @@ class MouldWalls:
 
 
 def walls() -> Iterator[MouldWalls]:
-    """All combinations, those with black sides first; a flat roof has no steps along z, and moves to a level."""
+    """All combinations; those with black sides come first. A flat roof has no steps along z: it moves to a level."""
     moulds = [(layer, direction) for layer in LAYERS for direction in (DIRECTIONS if layer else ("",))]
     for side, roof, (layer, direction), cell in product(SIDES, ROOFS, moulds, paper.MEASURED_NORMAL):
         yield MouldWalls(cell, layer, direction, roof, side)

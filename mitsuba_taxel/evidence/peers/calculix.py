@@ -155,12 +155,12 @@ def node_lines(points: np.ndarray, first: int) -> list[str]:
 
 
 def read_displacement(file: Path, nodes: int) -> np.ndarray:
-    """(N, 3) displacements in mm of nodes 1 to N, from a `.dat` file that begins with their table."""
+    """Displacements (N, 3) in mm of nodes 1 to N, from a `.dat` file that begins with their table."""
     return np.loadtxt(file, skiprows=3, usecols=(1, 2, 3), ndmin=2, max_rows=nodes)
 
 
 def read_force(file: Path) -> np.ndarray:
-    """(3,) N, the total force that a `.dat` file ends with; NaN if it holds none."""
+    """The total force (3,) in N that a `.dat` file ends with; NaN if it holds none."""
     _, _, total = file.read_text().partition("total force")
     return np.array(total.split()[-3:], dtype=float) if total else np.full(3, np.nan)
 

@@ -59,7 +59,7 @@ class PeerCase:
         return self.parameters["scattering"] == "isotropic"
 
     def load(self, integrator: str, sampler: str | None = None) -> Any:
-        """The ``mi.Scene`` with an integrator, and unless None a sampler, of the given plugin names."""
+        """The ``mi.Scene`` with the integrator and, if given, the sampler of these plugin names."""
         text = find_scene(self.scene).read_text().replace('type="taxel_tracer"', f'type="{integrator}"')
         response = f'<string name="response" value="cosine_power"/> <float name="exponent" value="{self.exponent}"/>'
         nested = response + (f'<sampler type="{sampler}"/>' if sampler else "")

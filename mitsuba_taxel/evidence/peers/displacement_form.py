@@ -160,7 +160,7 @@ class DisplacementForm:
 
 
 def _stiffness(weighted: np.ndarray, moduli: np.ndarray, gradients: np.ndarray) -> np.ndarray:
-    """(m, 30, 30) sum over q, j, l of w B_aj A_ijkl B_bl, as two batched matrix products."""
+    """Sum (m, 30, 30) over q, j, l of w B_aj A_ijkl B_bl, as two batched matrix products."""
     count, points = weighted.shape[:2]
     right_factor = moduli.reshape(count, points, 27, 3) @ np.swapaxes(gradients, -1, -2)
     right_factor = right_factor.reshape(count, points, 3, 3, 3, 10).transpose(0, 1, 3, 2, 5, 4)  # (m, q, j, i, b, k)

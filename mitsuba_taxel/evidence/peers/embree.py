@@ -54,7 +54,7 @@ def prepare(case: PeerCase) -> Estimator:
 
 
 def _triangles(case: PeerCase) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """(N, 3, 3) triangles, (N,) whether each reflects, (T, 3) centres of the taxels, and the spacing."""
+    """Triangles (N, 3, 3), (N,) whether each reflects, (T, 3) centres of the taxels, and the spacing."""
     scene = case.load("taxel_tracer")
     triangles, reflects = [], []
     for shape in scene.shapes():

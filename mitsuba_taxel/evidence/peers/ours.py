@@ -10,7 +10,9 @@ INTEGRATORS = ("taxel_tracer", "taxel_path", "analog_tracer")
 
 
 def prepare(case: PeerCase, integrator: str) -> Estimator:
-    """One run is one call of `measure`: the mean of its independent randomisations, which share the samples."""
+    """Estimator by this program: a run is one call of `measure`, the mean of its randomisations, which share the
+    samples.
+    """
     from mitsuba_taxel import InputError, measure
     from mitsuba_taxel.backend import plugin_files
     from mitsuba_taxel.sensing.reading.runs import REPLICATES

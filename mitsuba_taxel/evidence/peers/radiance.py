@@ -62,7 +62,7 @@ def _polygon(material: str, name: str, corners: Sequence[Sequence[float]]) -> st
 
 
 def _detector_points(spacing: float, seed: int) -> np.ndarray:
-    """(POINTS², 6) positions, one in each cell of a grid, in random order, and upward normals."""
+    """Positions (POINTS², 6), one in each cell of a grid, in random order, and upward normals."""
     rng = np.random.default_rng(seed)
     cell = np.stack(np.meshgrid(np.arange(POINTS), np.arange(POINTS)), axis=-1).reshape(-1, 2)
     offset = ((cell + rng.random(cell.shape)) / POINTS - 0.5) * DETECTOR

@@ -113,7 +113,7 @@ def _clear_of(height: np.ndarray, reach: float) -> float:
 
 
 def _plane_axes(normal: np.ndarray) -> np.ndarray:
-    """(3, 2) two directions in a plane, counter-clockwise seen against ``normal``."""
+    """Two directions (3, 2) in a plane, counter-clockwise seen against ``normal``."""
     first = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(first, normal)], axis=1)

@@ -172,7 +172,7 @@ def _split_beside(
 
 
 def _edge_keys(triangles: np.ndarray, vertices: int) -> np.ndarray:
-    """(T, 3) a number for each edge, independent of its direction."""
+    """A number (T, 3) for each edge, independent of its direction."""
     ends = triangles.astype(np.int64), np.roll(triangles, -1, axis=1).astype(np.int64)
     return np.minimum(*ends) * vertices + np.maximum(*ends)
 

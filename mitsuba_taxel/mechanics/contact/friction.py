@@ -62,7 +62,7 @@ class Friction:
         return FrictionState(*np.zeros((2, len(self._body.node), 3)))
 
     def slip_position(self, displacement: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """(m, 3) mm³, position of the faces relative to the indenter, as in :class:`FrictionState`.
+        """Position (m, 3) in mm³ of the faces relative to the indenter, as in :class:`FrictionState`.
 
         Computed from the ``displacement`` (N, 3) of the nodes and the displacement ``moved`` (3,) of the indenter, in
         mm.
@@ -70,7 +70,7 @@ class Friction:
         return self._body.carried @ displacement - self._body.area[:, None] * moved
 
     def tangents(self, contact_state: ContactState) -> np.ndarray:
-        """(m, 2, 3) unit vectors along the surface of the indenter at each node; 0 for a direction across the plane of
+        """Unit vectors (m, 2, 3) along the surface of the indenter at each node; 0 for a direction across the plane of
         a mirror."""
         normal = (
             contact_state.area_normal / np.maximum(np.linalg.norm(contact_state.area_normal, axis=1), TINY)[:, None]
@@ -85,7 +85,7 @@ class Friction:
         return np.stack([first, second], axis=1)
 
     def rows(self, tangents: np.ndarray) -> sparse.csr_array:
-        """(2 m, 3 N) mm², derivatives of the slip with respect to the nodal displacements, along the first tangents,
+        """Derivatives (2 m, 3 N) in mm² of the slip with respect to the nodal displacements, along the first tangents,
         then the second."""
         x, y, z = (np.concatenate([tangents[:, 0, axis], tangents[:, 1, axis]]) for axis in range(3))
         doubled = [sparse.csr_array(sparse.vstack([rows, rows])) for rows in self._rows]
@@ -94,7 +94,7 @@ class Friction:
         )
 
     def slip(self, tangents: np.ndarray, slip_position: np.ndarray, previous: FrictionState) -> np.ndarray:
-        """(m, 2) slip along both tangents since the ``previous`` state, integrated over the area of a node, in mm³.
+        """Slip (m, 2) along both tangents since the ``previous`` state, integrated over the area of a node, in mm³.
 
         It is without the elastic slip under the previous state's traction."""
         compliance = self._body.slack[:, None]
@@ -105,7 +105,7 @@ class Friction:
     def traction(
         self, tangents: np.ndarray, slip_position: np.ndarray, previous: FrictionState, pressure: np.ndarray
     ) -> np.ndarray:
-        """(m, 3) MPa, traction at the end of a step that began with a ``previous`` state."""
+        """Traction (m, 3) in MPa at the end of a step that began with a ``previous`` state."""
         trial = -self.slip(tangents, slip_position, previous) / self._body.slack[:, None]
         limit = self.coefficient * pressure
         trial_size = np.linalg.norm(trial, axis=1)

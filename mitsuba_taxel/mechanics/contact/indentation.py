@@ -31,11 +31,11 @@ _NODES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5]
 _PIECES = np.array([[0, 3, 5], [1, 4, 3], [2, 5, 4], [3, 4, 5]])
 # Three points on each of the four triangles, exact to degree 2 there.
 _HATS = np.concatenate([(np.full((3, 3), 1 / 6) + np.eye(3) / 2) @ np.eye(len(_NODES))[piece] for piece in _PIECES])
-"""(q, 6) linear functions of the nodes at the quadrature points of a face."""
+"""Linear functions (q, 6) of the nodes at the quadrature points of a face."""
 _WEIGHTS = np.full(len(_HATS), 0.5 / len(_HATS))
 _VALUES, _SLOPES = shape_functions(_HATS @ _NODES), shape_slopes(_HATS @ _NODES)
 _PRODUCTS = (_HATS[:, :, None] * _VALUES[:, None, :]).reshape(len(_HATS), -1)
-"""(q, 36) products of each linear function and each shape function."""
+"""Products (q, 36) of each linear function and each shape function."""
 
 
 class ContactState(NamedTuple):
@@ -67,12 +67,12 @@ class ContactState(NamedTuple):
 
     @property
     def force(self) -> np.ndarray:
-        """(3,) N, total force of the indenter on the faces."""
+        """Total force (3,) in N of the indenter on the faces."""
         return self.nodal_forces.sum(axis=0)
 
     @property
     def nodal_forces(self) -> np.ndarray:
-        """(N, 3) N, forces of the indenter on the nodes."""
+        """Forces (N, 3) in N of the indenter on the nodes."""
         return (self.rate.T @ self.pressure).reshape(-1, 3) + self.friction_forces
 
 
@@ -124,7 +124,7 @@ class Indentation:
 
     @cached_property
     def carried(self) -> sparse.csr_array:
-        """(m, N) mm², weights of nodal values in their integral with the linear function of each pressure."""
+        """Weights (m, N) in mm² of nodal values in their integral with the linear function of each pressure."""
         weights = np.einsum("bqh,qa->bha", self._weights, _VALUES)
         columns = np.broadcast_to(self.faces[:, None, :], weights.shape)
         rows = np.broadcast_to(self.numbers[:, :, None], weights.shape)
@@ -158,7 +158,7 @@ class Indentation:
         return nodal.reshape(2, -1, 3)[self.outside, self.node]
 
     def _over_nodes(self, of_faces: np.ndarray) -> np.ndarray:
-        """(m,) sums of values (B, 6) of faces at their nodes."""
+        """Sums (m,) of values (B, 6) of faces at their nodes."""
         return np.bincount(self.numbers.ravel(), of_faces.ravel(), len(self.node))
 
     def contact_state(
@@ -202,7 +202,7 @@ class Indentation:
         return ContactState(gaps, gap, rate, lift, pressure, 0.0 if traction is None else self.carried.T @ traction)
 
     def rate(self, contact: ContactState, direction: np.ndarray, active: np.ndarray) -> np.ndarray:
-        """(N, 3) N/mm, rate of the nodal forces as the indenter moves along a ``direction`` (3,), where the pressures
+        """Rate (N, 3) in N/mm of the nodal forces as the indenter moves along a ``direction`` (3,), where the pressures
         with the numbers ``active`` follow the gaps."""
         pressure_rate = contact.area_normal[active] @ direction / self.slack[active]
         nodal = (contact.rate[active].T @ pressure_rate).reshape(-1, 3)
@@ -210,14 +210,14 @@ class Indentation:
         return nodal
 
     def force_rate(self, contact: ContactState, direction: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """(3,) rate of the total force as the indenter moves along ``direction`` (3,) and the nodes at a ``rate``
+        """Rate (3,) of the total force as the indenter moves along ``direction`` (3,) and the nodes at a ``rate``
         (N, 3)."""
         pressure_rate = (contact.area_normal @ direction - contact.rate @ rate.ravel()) / self.slack
         turning_force = np.einsum("bqij,bqj->i", self._turning(contact), _VALUES @ rate[self.faces] - direction)
         return np.where(contact.pressure > 0, pressure_rate, 0.0) @ contact.area_normal + turning_force
 
     def force_gradient(self, contact: ContactState) -> np.ndarray:
-        """(N, 3) derivative of the total force along z with respect to the displacement of each node, N/mm."""
+        """Derivative (N, 3) of the total force along z with respect to the displacement of each node, N/mm."""
         pressure_rate = np.where(contact.pressure > 0, contact.area_normal[:, 2] / self.slack, 0.0)
         nodal = -(contact.rate.T @ pressure_rate).reshape(-1, 3)
         np.add.at(nodal, self.faces, np.einsum("bqj,qa->baj", self._turning(contact)[:, :, 2], _VALUES))
@@ -266,7 +266,7 @@ class Indentation:
         return self.faces[active], matrices.reshape(-1, 18, 18)
 
     def _turning(self, contact: ContactState) -> np.ndarray:
-        """(B, q, 3, 3) N/mm, derivative of the force at each quadrature point with respect to its position, due to the
-        change of the normal."""
+        """Derivative (B, q, 3, 3) in N/mm of the force at each quadrature point with respect to its position, due to
+        the change of the normal."""
         force = np.einsum("bqh,bh->bq", self._weights, contact.pressure[self.numbers])
         return force[:, :, None, None] * contact.gaps.curvature.reshape(*force.shape, 3, 3)

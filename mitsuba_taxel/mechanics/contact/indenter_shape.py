@@ -287,7 +287,7 @@ class IndenterShape(Kind, family="indenter"):
 
     @cached_property
     def turn(self) -> np.ndarray:
-        """(3, 3) rotation of the body: first by its tilt about y, then by its angle about z."""
+        """Rotation (3, 3) of the body: first by its tilt about y, then by its angle about z."""
         angles = [self.indenter.angle or 0.0, self.indenter.tilt or 0.0]
         return Rotation.from_euler("ZY", angles, degrees=True).as_matrix()
 
@@ -298,7 +298,7 @@ class IndenterShape(Kind, family="indenter"):
 
     @property
     def up(self) -> np.ndarray:
-        """(3,) unit vector along the axis of the body."""
+        """Unit vector (3,) along the axis of the body."""
         return self.turn[:, 2]
 
     def _in_own_frame(self, points: np.ndarray) -> np.ndarray:
@@ -345,8 +345,8 @@ class RoundBody(IndenterShape):
         return Gap(size, normal, curvature)
 
     def contact_radius(self, depth: float) -> float:
-        """Half the width of the contact, by Hertz for a ball. A rod has the value of a ball: on a half-space the depth
-        of a rod is not determined by its contact."""
+        """Half the width of the contact, by Hertz's theory for a ball. The value of a ball is used for a rod as well,
+        because on a half-space the contact does not determine the depth of a rod."""
         radius = self.indenter.radius
         return math.sqrt(radius * min(depth, self.deepest * radius))
 

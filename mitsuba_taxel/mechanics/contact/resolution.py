@@ -41,7 +41,7 @@ _QUARTERS = np.array(
         [[1, 1, 0], [0, 1, 1], [1, 0, 1]],
     ]
 ) / 2  # fmt: skip
-"""(4, 3, 3) barycentric coordinates of the corners of the four quarters of a triangle."""
+"""Barycentric coordinates (4, 3, 3) of the corners of the four quarters of a triangle."""
 
 
 class Unresolved(ComputationError):
@@ -68,7 +68,7 @@ class Resolution(NamedTuple):
 
     @property
     def suffices(self) -> bool:
-        """Whether the force on the body is right to some 8 %."""
+        """Whether elements are small enough for a force on the body that is right to about 8 %."""
         return self.depth <= self.deepest and self.size <= LARGEST
 
 

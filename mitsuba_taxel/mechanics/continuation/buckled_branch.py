@@ -188,7 +188,7 @@ class BuckledBranch:
 
     @property
     def place(self) -> np.ndarray:
-        """(3,) mm, point of contact where the branch ends; NaN without contact."""
+        """Point (3,) in mm of contact where the branch ends; NaN without contact."""
         return self._last.place
 
     @property
@@ -273,7 +273,7 @@ class BuckledBranch:
 
     @property
     def solved_to(self) -> float:
-        """Distance along the segment of the last state that is solved for an amplitude."""
+        """Distance along the segment of the last state that was solved with a prescribed amplitude."""
         return float(self.curve.nodes[-1].unknowns[-1])
 
     def _amplitude(self, s: float) -> float:

@@ -121,9 +121,9 @@ class LoadSegment:
     ) -> None:
         """Solve nodes up to the first at or beyond a distance, by a predictor and Newton's method as the corrector.
 
-        The continuation of a segment depends on its nodes alone, so that they are the same whichever states are asked
-        for (E. L. Allgower and K. Georg, Introduction to Numerical Continuation Methods, 2003, chapters 2 and 6). It
-        ends at its `limit`: where no stable state is found beyond, or the pad touches itself or the board.
+        The continuation of a segment depends on its nodes alone, so the nodes do not depend on the requested states (E.
+        L. Allgower and K. Georg, Introduction to Numerical Continuation Methods, 2003, chapters 2 and 6). A segment
+        ends at its `limit`: no stable state is found beyond it, or the pad touches itself or the board.
 
         Parameters
         ----------
@@ -311,7 +311,7 @@ class LoadSegment:
         return free, first_contact
 
     def at(self, pad: LoadedPad, s: float) -> Interpolated:
-        """The interpolated state at a distance, up to which the segment must have been extended.
+        """The interpolated state at a distance along the segment, which must have been extended this far.
 
         Parameters
         ----------
@@ -341,7 +341,7 @@ class LoadSegment:
         return hermite(*self.interval(s), s)
 
     def seconds_to(self, s: float) -> float:
-        """Time of the nodes up to the first at or beyond distance ``s``."""
+        """Time, in s, of the solution of all nodes up to the first one at or beyond the distance ``s``."""
         return sum(node.seconds for node in self.nodes[: self._first_from(s) + 1])
 
     def solved(self, pad: Followed, s: float) -> Node:

@@ -50,8 +50,8 @@ class Onset(NamedTuple):
 def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
     """The onset of buckling within a tick beyond the last node of a segment.
 
-    In most cases the mode lacks the symmetry of the state. Bodies that the pad does not touch yet may leave it less
-    symmetry than its state has, so that the mode has that of the state.
+    In most cases the mode lacks the symmetry of the state. It may have the symmetry of the state if bodies, which the
+    pad does not touch yet, have less symmetry than the state.
 
     Parameters
     ----------

@@ -197,8 +197,8 @@ class PadPath(PathStates):
     def force(
         self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, fraction: float = 1
     ) -> np.ndarray:
-        """Force of a canonical state on the plate or indenter whose displacement is prescribed; for other loads, on the
-        board.
+        """Force of the pad in a canonical state: on the plate or indenter whose displacement is prescribed or, under
+        other loads, on the board.
 
         Parameters
         ----------
@@ -232,14 +232,14 @@ class PadPath(PathStates):
         value : (3,) ndarray
             Value of the load.
         displacement : (N, 3) ndarray or None
-            In mm; None before the state is solved, where the size of the elements alone is judged.
+            Displacement in mm; None before the state is solved, when only the size of the elements is tested.
         largest : float
             Allowed size of faces, relative to half the width of the contact.
 
         Raises
         ------
         ComputationError
-            if they are too large.
+            if elements are too large.
         """
         size = min(self.mesh_size, self.pad.default_mesh_size)  # larger elements are refined to this size under a body
         if self.load.indenter is None or (self.load.driven is not None and displacement is None):

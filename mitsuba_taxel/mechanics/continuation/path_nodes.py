@@ -68,7 +68,7 @@ def hermite(start: Node, end: Node, s: float) -> np.ndarray:
     Returns
     -------
     (unknowns,) ndarray
-        Exactly those of a node at the node.
+        The unknowns; at a node, exactly those of the node.
     """
     if s == end.s:
         return end.unknowns

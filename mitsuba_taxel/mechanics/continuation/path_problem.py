@@ -33,7 +33,7 @@ _OF_LOCKS = threading.Lock()
 def lock_of(pad: Pad | PadFile) -> Any:
     """The lock of a pad. Its paths share meshes, factors and states, to which only one thread may add at a time.
 
-    Paths of different pads share nothing that changes, so that threads solve them at once.
+    Paths of different pads share no data that changes, so threads can solve them concurrently.
 
     Parameters
     ----------

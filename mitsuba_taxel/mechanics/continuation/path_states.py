@@ -31,14 +31,15 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 
 
 class PathStates(PathProblem):
-    """Canonical states of one problem: those under loads on the kept side of all mirrors of the pad.
+    """Canonical states of one problem: states under loads that lie on the kept side of all mirrors of the pad.
 
     Parameters
     ----------
     pad, material, load, mesh_size, judged, bodies, step_tolerance, refinement
         See :class:`PathProblem`.
     by_tangent : bool
-        Whether small tangential forces are solved by the tangent of the normal force, if that leads there.
+        Whether states under small tangential forces are solved with the tangent under the normal force, if this
+        converges.
     """
 
     def __init__(

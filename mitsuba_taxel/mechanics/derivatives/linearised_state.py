@@ -85,7 +85,7 @@ class LinearisedState:
         self.displacement, self.pressure = pad.split(unknowns)
 
     def by_value(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
-        """(N, 3) derivative of the displacement with respect to the load's value along ``direction``, by one
+        """Derivative (N, 3) of the displacement with respect to the load's value along ``direction``, by one
         back-solve.
 
         Parameters
@@ -113,7 +113,7 @@ class LinearisedState:
         return self._response({block: np.zeros(block.model.assembly.unknowns) for block in gaps}, gaps)
 
     def by_material(self, name: str) -> np.ndarray:
-        """(N, 3) derivative of the displacement with respect to a parameter of the material, by one back-solve.
+        """Derivative (N, 3) of the displacement with respect to a parameter of the material, by one back-solve.
 
         Parameters
         ----------
@@ -136,7 +136,7 @@ class LinearisedState:
         return self._response(self._push_of_material(name))
 
     def by_shape(self, velocity: np.ndarray) -> np.ndarray:
-        """(N, 3) derivative of the displacement with respect to a movement of the undeformed nodes, by one back-solve.
+        """Derivative (N, 3) of the displacement with respect to a movement of the undeformed nodes, by one back-solve.
 
         The load does not change: a spread force keeps its total, a patch its position in space, a plate its
         displacement; a pressure follows the surface. The position of a node changes by ``velocity`` plus this.
@@ -159,7 +159,7 @@ class LinearisedState:
         return self._response(self._push_of_shape(array_of("velocity", velocity, self.displacement.shape)))
 
     def by_place(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
-        """(N, 3) derivative of the displacement with respect to the position of a patch or an indenter on the
+        """Derivative (N, 3) of the displacement with respect to the position of a patch or an indenter on the
         undeformed pad.
 
         Parameters
@@ -238,7 +238,7 @@ class LinearisedState:
         return Gradient(value, material, {name: along(push) for name, push in pushes.items()})
 
     def _response(self, push: Push, gaps: Push | None = None) -> np.ndarray:
-        """(N, 3) rate of the displacement under forces; a prescribed plate moves by ``gaps``, or is fixed."""
+        """Rate (N, 3) of the displacement under forces; a prescribed plate moves by ``gaps``, or is fixed."""
         total = np.zeros_like(self.displacement)
         for block, forces in push.items():
             total += block.displacement(self._solved(block, forces, gaps[block] if gaps else None))
@@ -301,7 +301,7 @@ class LinearisedState:
 
     @cached_property
     def _barrier_forces(self) -> np.ndarray:
-        """(N, 3) N, forces of contact with walls, board and bodies."""
+        """Forces (N, 3) in N of contact with walls, board and bodies."""
         contacts = self._pad.contacts
         return contacts.all_forces(self.displacement) if contacts else np.zeros_like(self.displacement)
 
@@ -360,7 +360,7 @@ class PressedState(LinearisedState):
         return Gradient(np.array([np.nan, np.nan, by_force]), material, shape)
 
     def _under_force(self, rate: np.ndarray, gain: float) -> np.ndarray:
-        """(N, 3) rate of the nodes' displacements at a constant force of the indenter, from that at a constant depth.
+        """Rate (N, 3) of the nodes' displacements at a constant force of the indenter, from that at a constant depth.
 
         ``gain`` is the rate of the force while the nodes do not move.
         """
@@ -387,7 +387,7 @@ class PressedState(LinearisedState):
 
     @cached_property
     def _by_height(self) -> np.ndarray:
-        """(N, 3) derivative of the displacement with respect to the height of the indenter."""
+        """Derivative (N, 3) of the displacement with respect to the height of the indenter."""
         return super().by_value((0.0, 0.0, 1.0))
 
     @cached_property

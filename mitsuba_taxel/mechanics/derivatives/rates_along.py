@@ -66,13 +66,13 @@ def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequen
 
 
 def _largest(answers: Iterable[np.ndarray]) -> np.ndarray:
-    """(K,) largest absolute value of each derivative."""
+    """Largest absolute value (K,) of each derivative."""
     sizes = np.abs(np.array(list(answers)))
     return sizes.max(axis=(0, *range(2, sizes.ndim)))
 
 
 def _along(values: np.ndarray) -> np.ndarray:
-    """(S,) positions of loads (S, c) along the straight line through them; raises `InputError` if they lie on none."""
+    """Positions (S,) of loads (S, c) along the straight line through them; raises `InputError` if they lie on none."""
     from_first = values - values[0]
     length = np.linalg.norm(from_first, axis=1).max()
     if length == 0:

@@ -119,7 +119,7 @@ class Assembly:
         return self._pattern.matrix(entries)
 
     def over_unknowns(self, forces: np.ndarray, volumes: np.ndarray) -> np.ndarray:
-        """(unknowns,) sum of element forces (m, 10, 3) and volumes (m, 4) on each unknown."""
+        """Sum (unknowns,) of element forces (m, 10, 3) and volumes (m, 4) on each unknown."""
         degrees = 3 * self.elements.nodes[:, :, None] + np.arange(3)
         displacements = np.bincount(degrees.ravel(), forces.ravel(), 3 * self._nodes)
         corners = len(self.numbering.unknown) - 3 * self._nodes

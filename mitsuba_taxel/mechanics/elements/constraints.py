@@ -59,30 +59,30 @@ class Numbering:
         return unknowns
 
     def summed(self, forces: np.ndarray) -> np.ndarray:
-        """(unknowns,) sum of nodal forces (N, 3) on each unknown."""
+        """Sum (unknowns,) of nodal forces (N, 3) on each unknown."""
         return self.over_unknowns(np.concatenate([forces.ravel(), np.zeros(len(self.unknown) - forces.size)]))
 
     def over_unknowns(self, residual: np.ndarray) -> np.ndarray:
-        """(unknowns,) sum of forces and volumes (3 N + corners,) on each unknown."""
+        """Sum (unknowns,) of forces and volumes (3 N + corners,) on each unknown."""
         free = self.unknown >= 0
         total = self.displacements + self.pressures
         return np.bincount(self.unknown[free], (self.sign * residual)[free], total)
 
     @property
     def plate_unknowns(self) -> np.ndarray:
-        """(k,) unknowns that move the plate."""
+        """Unknowns (k,) that move the plate."""
         assert self.plate is not None
         return np.unique(self.plate[self.plate >= 0])
 
     def on_plate(self, force: np.ndarray) -> np.ndarray:
-        """(unknowns,) component of a force (3,) on the plate along each unknown."""
+        """Component (unknowns,) of a force (3,) on the plate along each unknown."""
         assert self.plate is not None and self.plate_sign is not None
         moving = self.plate >= 0
         weights = (self.plate_sign * force)[moving]
         return np.bincount(self.plate[moving], weights=weights, minlength=self.displacements + self.pressures)
 
     def of_plate(self, forces: np.ndarray) -> np.ndarray:
-        """(3,) force on the plate that is equivalent to ``forces`` on the unknowns; the inverse of :meth:`on_plate`."""
+        """Force (3,) on the plate that is equivalent to ``forces`` on the unknowns; the inverse of :meth:`on_plate`."""
         assert self.plate is not None and self.plate_sign is not None
         sharing = np.array([np.count_nonzero(self.plate == unknown) for unknown in self.plate])
         return np.where(self.plate >= 0, self.plate_sign * forces[self.plate] / sharing, 0.0)

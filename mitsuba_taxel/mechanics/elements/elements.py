@@ -82,7 +82,7 @@ class SmallStrain:
 
     @property
     def growth(self) -> np.ndarray:
-        """(n,) relative change of volume."""
+        """Relative change (n,) of volume."""
         return np.trace(self.gradient, axis1=1, axis2=2)
 
     def stress(self, shear_modulus: float) -> np.ndarray:
@@ -239,7 +239,7 @@ class Elements:
         return np.where(at[..., None, None], np.eye(3), gradient), SmallStrain(at, gradient[at] - np.eye(3))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
-        """(m, q, 6) MPa, second Piola-Kirchhoff stress of the material at a displacement (N, 3); where the law is
+        """Second Piola-Kirchhoff stress (m, q, 6) in MPa of the material at a displacement (N, 3); where the law is
         linear, that of small strain."""
 
         def stress(start: int) -> np.ndarray:
@@ -256,7 +256,8 @@ class Elements:
         return np.concatenate(in_turns(stress, len(self.nodes)))
 
     def isochoric_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """(m, q, 6) MPa/s, rate of the isochoric stress with a ``velocity`` (N, 3) in mm/s, by a central difference."""
+        """Rate (m, q, 6) in MPa/s of the isochoric stress with a ``velocity`` (N, 3) in mm/s, by a central
+        difference."""
         fastest = float(np.abs(self.gradient(slice(None), velocity)).max())
         if not fastest > 0:
             return np.zeros((*self.weight.shape, 6))
@@ -265,13 +266,13 @@ class Elements:
         return fastest / (2 * SMALL_STRAIN) * change
 
     def pulled(self, displacement: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """(m, 10, 3) N, forces of second Piola-Kirchhoff stresses (m, q, 6) in MPa at a displacement (N, 3)."""
+        """Forces (m, 10, 3) in N of second Piola-Kirchhoff stresses (m, q, 6) in MPa at a displacement (N, 3)."""
         every = slice(None)
         gradient = self.at_rest(every, self.gradient(every, displacement) + np.eye(3))[0]
         return self.on_nodes(every, gradient @ tensors(stress))
 
     def on_nodes(self, here: slice, stress: np.ndarray) -> np.ndarray:
-        """(m, 10, 3) N, forces of first Piola-Kirchhoff stresses (m, q, 3, 3) of a slice of elements."""
+        """Forces (m, 10, 3) in N of first Piola-Kirchhoff stresses (m, q, 3, 3) of a slice of elements."""
         return self._by_node[here] @ _columns(self.weight[here], stress)
 
     def on_corners(self, here: slice, excess: np.ndarray) -> np.ndarray:
@@ -280,17 +281,17 @@ class Elements:
         return (self.weight[here] * excess) @ _PRESSURE_SHAPES
 
     def pressures(self, here: slice, pressure: np.ndarray) -> np.ndarray:
-        """(m, q) MPa, pressure at the quadrature points of a slice of elements, from that at the corners (C,)."""
+        """Pressure (m, q) in MPa at the quadrature points of a slice of elements, from that at the corners (C,)."""
         return pressure[self.corners[here]] @ _PRESSURE_SHAPES.T
 
     def gradient(self, here: slice | np.ndarray, field: np.ndarray) -> np.ndarray:
-        """(m, q, 3, 3) gradient of a field (N, 3) at the quadrature points of selected elements."""
+        """Gradient (m, q, 3, 3) of a field (N, 3) at the quadrature points of selected elements."""
         gradient = np.swapaxes(field[self.nodes[here]], 1, 2) @ self._by_node[here]
         return np.swapaxes(gradient.reshape(len(gradient), 3, -1, 3), 1, 2)
 
 
 def quadrature_places(mesh: VolumeMesh) -> np.ndarray:
-    """(m, q, 3) mm, quadrature points of the undeformed elements."""
+    """Quadrature points (m, q, 3) in mm of the undeformed elements."""
     return shape_functions(_PRESSURE_SHAPES) @ mesh.points[mesh.tets]
 
 
@@ -300,7 +301,7 @@ def in_turns(work: Callable[[int], Result], count: int) -> list[Result]:
 
 
 def _columns(weight: np.ndarray, tensors: np.ndarray) -> np.ndarray:
-    """(m, 3 q, 3) transposes of tensors (m, q, 3, 3) times weights (m, q), stacked."""
+    """Transposes (m, 3 q, 3) of tensors (m, q, 3, 3) times weights (m, q), stacked."""
     return np.swapaxes(weight[..., None, None] * tensors, -1, -2).reshape(len(weight), -1, 3)
 
 

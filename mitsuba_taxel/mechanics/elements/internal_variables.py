@@ -143,16 +143,16 @@ class InternalVariables:
         return material.shares * (first - square), material.shares * square
 
     def _initial_change(self, growth: Growth) -> np.ndarray:
-        """(m, q, 6) MPa, change of S over a whole growth if its rate stayed constant at the rate at the start."""
+        """Change (m, q, 6) in MPa of S over a whole growth if its rate stayed constant at the rate at the start."""
         assert self.rate is not None
         return self.rate / growth.rate(0.0)
 
     def mid_stress(self, stress: np.ndarray, growth: Growth) -> np.ndarray:
-        """(m, q, 6) MPa, S in the middle of a growth, on the parabola that ends with a ``stress``."""
+        """S (m, q, 6) in MPa in the middle of a growth, on the parabola that ends with a ``stress``."""
         return self.stress + 0.25 * (stress - self.stress + self._initial_change(growth))
 
     def rate_by_duration(self, material: Viscoelastic, growth: Growth, stress: np.ndarray) -> np.ndarray:
-        """(m, q, 6) MPa/s, derivative of the stress at the end of the next step with respect to the duration of that
+        """Derivative (m, q, 6) in MPa/s of the stress at the end of the next step with respect to the duration of that
         step.
 
         The ``stress`` (m, q, 6) of the law at the end stays constant.
@@ -163,7 +163,7 @@ class InternalVariables:
         return weight * growth.rate(growth.duration) * slope - end.relaxation_rate(material)
 
     def relaxation_rate(self, material: Viscoelastic) -> np.ndarray:
-        """(m, q, 6) MPa/s, rate at which the terms relax: the sum of Q_i / tau_i."""
+        """Rate (m, q, 6) in MPa/s at which the terms relax: the sum of Q_i / tau_i."""
         return np.tensordot(1 / material.times, self.term_stress, axes=1)
 
     def curvature(self, before: InternalVariables) -> np.ndarray:
@@ -172,12 +172,12 @@ class InternalVariables:
         return (self.rate - before.rate) / (0.5 * (self.step + before.step))
 
     def linear_step_error(self, material: Viscoelastic, curvature: np.ndarray) -> np.ndarray:
-        """(k, m, q, 6) MPa, error of the terms by the last step, in which S was linear in time, from the second time
+        """Error (k, m, q, 6) in MPa of the terms by the last step, in which S was linear in time, from the second time
         derivative of S (m, q, 6)."""
         return _scaled(material.shares * material.over(self.step).curvature * self.step**2, curvature)
 
     def parabolic_step_error(self, material: Viscoelastic, growth: Growth, cubic: np.ndarray) -> np.ndarray:
-        """(k, m, q, 6) MPa, error of the terms by a step in which S was a parabola over a growth g, if S has in
+        """Error (k, m, q, 6) in MPa of the terms by a step in which S was a parabola over a growth g, if S has in
         addition ``cubic`` (m, q, 6) times g³ - g²."""
         _, square, cube = growth.moments(material.times).T
         return _scaled(material.shares * (cube - square), cubic)
@@ -195,11 +195,11 @@ class InternalVariables:
         return replace(self, error=self.error + _scaled(by_change, law_error), law_error=law_error)
 
     def stress_error(self, material: Viscoelastic) -> np.ndarray:
-        """(m, q, 6) MPa, estimated error of the stress."""
+        """Estimated error (m, q, 6) in MPa of the stress."""
         return self.error.sum(axis=0) + (1 - float(material.shares.sum())) * self.law_error
 
     def overstress(self, material: Viscoelastic) -> np.ndarray:
-        """(m, q, 6) MPa, stress in addition to that of the law."""
+        """Stress (m, q, 6) in MPa in addition to that of the law."""
         return self.term_stress.sum(axis=0) - float(material.shares.sum()) * self.stress
 
     def on(self, part: SymmetricPart, whole: VolumeMesh, own: SymmetricPart) -> InternalVariables:
@@ -239,5 +239,5 @@ def expand_stress(stress: np.ndarray, part: SymmetricPart, whole: VolumeMesh) ->
 
 
 def _scaled(factors: np.ndarray, fields: np.ndarray) -> np.ndarray:
-    """(k, m, q, 6) fields, or one field (m, q, 6), times factors (k,)."""
+    """Fields (k, m, q, 6), or one field (m, q, 6), times factors (k,)."""
     return factors[:, None, None, None] * fields

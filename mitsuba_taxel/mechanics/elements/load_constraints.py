@@ -31,7 +31,7 @@ class LoadConstraints:
     slack: np.ndarray
 
     def flexibility(self, factor: Factorisation) -> np.ndarray:
-        """(k, k) response of the constrained combinations to the multipliers, from the factored matrix of the pad."""
+        """Response (k, k) of the constrained combinations to the multipliers, from the factored matrix of the pad."""
         return responses(factor, self.rows, self.rows) + np.diag(self.slack)
 
     def negative(self, factor: Factorisation) -> int:

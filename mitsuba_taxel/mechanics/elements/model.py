@@ -179,7 +179,7 @@ class Model:
 
     @cached_property
     def may_press(self) -> np.ndarray:
-        """(m,) whether the node of each contact pressure can move along z.
+        """Mask (m,): whether the node of each contact pressure can move along z.
 
         In antisymmetric states, nodes on the mirror plane cannot.
         """
@@ -191,7 +191,7 @@ class Model:
 
     @cached_property
     def _displacements_of_unknowns(self) -> sparse.csr_array:
-        """(3 n, unknowns) nodal displacements of each unknown."""
+        """Nodal displacements (3 n, unknowns) of each unknown."""
         degrees = 3 * len(self.mesh.points)
         free = np.flatnonzero(self.numbering.unknown[:degrees] >= 0)
         entries = self.numbering.sign[free], (free, self.numbering.unknown[free])
@@ -296,7 +296,7 @@ class Model:
 
     @cached_property
     def _nodal_fractions(self) -> np.ndarray:
-        """(n,) fraction of the whole pad's force on each node of the part."""
+        """Fraction (n,) of the whole pad's force on each node of the part."""
         nodal = self.load.nodal(self.mesh)
         return nodal / (self.part.copies * nodal.sum())
 

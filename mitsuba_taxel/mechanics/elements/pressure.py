@@ -25,18 +25,18 @@ _VALUES, (_BY_XI, _BY_ETA) = shape_functions(_BARYCENTRIC), shape_slopes(_BARYCE
 
 
 def wet_faces(mesh: VolumeMesh) -> np.ndarray:
-    """(B, 6) nodes of the faces that the pressure acts on: top and outside."""
+    """Nodes (B, 6) of the faces that the pressure acts on: top and outside."""
     return np.concatenate([mesh.faces[mesh.face_region == REGIONS[name]] for name in ("top", "outer")])
 
 
 def pressure_forces(positions: np.ndarray) -> np.ndarray:
-    """(B, 6, 3) nodal forces of a unit pressure on outward-oriented faces with nodes at ``positions`` (B, 6, 3)."""
+    """Nodal forces (B, 6, 3) of a unit pressure on outward-oriented faces with nodes at ``positions`` (B, 6, 3)."""
     normal = np.cross(_BY_XI @ positions, _BY_ETA @ positions)
     return -np.einsum("q,qa,bqi->bai", _WEIGHTS, _VALUES, normal)
 
 
 def pressure_stiffness(positions: np.ndarray) -> np.ndarray:
-    """(B, 18, 18) symmetric part of the derivative of :func:`pressure_forces` by the positions of the nodes."""
+    """Symmetric part (B, 18, 18) of the derivative of :func:`pressure_forces` by the positions of the nodes."""
     along_xi, along_eta = _BY_XI @ positions, _BY_ETA @ positions
     cross_xi, cross_eta = (_cross_matrices(v) for v in (along_xi, along_eta))
     weighted = _WEIGHTS[:, None] * _VALUES
@@ -48,7 +48,7 @@ def pressure_stiffness(positions: np.ndarray) -> np.ndarray:
 
 
 def _cross_matrices(v: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) matrices of the cross product with v."""
+    """Matrices (..., 3, 3) of the cross product with v."""
     matrices = np.zeros((*v.shape, 3))
     matrices[..., 2, 1], matrices[..., 0, 2], matrices[..., 1, 0] = v[..., 0], v[..., 1], v[..., 2]
     return matrices - np.swapaxes(matrices, -1, -2)

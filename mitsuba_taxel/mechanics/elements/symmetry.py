@@ -105,7 +105,7 @@ class SymmetricPart:
 
     @cached_property
     def components(self) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 3) index of the displacement component of the part for each component of the whole, and its sign."""
+        """Index (N, 3) of the displacement component of the part for each component of the whole, and its sign."""
         return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2)
 
     def element_images(self, whole: VolumeMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -191,7 +191,7 @@ def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors:
 
 
 def _turns(position: np.ndarray, group: Sequence[Mirror]) -> np.ndarray:
-    """(N, 3, 3) orthogonal matrices from vectors at the image on the kept side of a group to vectors at each position
+    """Orthogonal matrices (N, 3, 3) from vectors at the image on the kept side of a group to vectors at each position
     (N, 3)."""
     turn = np.broadcast_to(np.eye(3), (len(position), 3, 3)).copy()
     for mirror in group:

@@ -48,7 +48,7 @@ def where_linear(mesh: VolumeMesh, load: Load, fraction: float = 1.0) -> np.ndar
 
 
 def near_feet(mesh: VolumeMesh, fraction: float = 1.0) -> np.ndarray:
-    """(m, q) whether the quadrature points of the elements are near a foot."""
+    """Mask (m, q): whether the quadrature points of the elements are near a foot."""
     return are_at_feet(mesh, quadrature_places(mesh), fraction)
 
 
@@ -119,7 +119,7 @@ def couple_held(
 
 
 def are_at_feet(mesh: VolumeMesh, places: np.ndarray, fraction: float = 1.0) -> np.ndarray:
-    """(...) whether places (..., 3) in mm are within a ``fraction`` of :data:`RADIUS` of a foot."""
+    """Mask (...): whether places (..., 3) in mm are within a ``fraction`` of :data:`RADIUS` of a foot."""
     inside, radius = np.zeros(places.shape[:-1], dtype=bool), fraction * RADIUS * float(np.ptp(mesh.points[:, 2]))
     for foot in mesh.points[rim_corners(mesh, "bottom", SHARP)]:
         inside |= np.linalg.norm(places - foot, axis=-1) < radius

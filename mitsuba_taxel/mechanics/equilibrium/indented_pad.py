@@ -77,7 +77,7 @@ class IndentedPad(LoadedPad):
     def _own_traction(
         self, displacement: np.ndarray, value: np.ndarray, contact_state: ContactState, history: History
     ) -> np.ndarray:
-        """(m, 3) MPa, tractions due to slip at the contact ``contact_state``; raises without friction."""
+        """Tractions (m, 3) in MPa due to slip at the contact ``contact_state``; raises without friction."""
         assert self.friction is not None
         tangents, slip_position = (
             self.friction.tangents(contact_state),
@@ -220,7 +220,7 @@ class IndentedPad(LoadedPad):
         )
 
     def _slip(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, history: History) -> np.ndarray:
-        """(m, 2) mm³, slip along the tangents since the history; (m, 0) without friction."""
+        """Slip (m, 2) in mm³ along the tangents since the history; (m, 0) without friction."""
         if self.friction is None:
             return np.zeros((len(self.model.indentation.node), 0))
         slip_position = self.friction.slip_position(self.numbering.split(unknowns)[0], value)
@@ -251,7 +251,7 @@ class IndentedPad(LoadedPad):
         return float(np.abs(gap / body.area)[self.model.may_press].max(initial=0.0)) / self.height
 
     def _initial_pressures(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> np.ndarray:
-        """(m, 3) MPa, pressures that best balance the pad at a displacement out of equilibrium, without tractions."""
+        """Pressures (m, 3) in MPa that best balance the pad at a displacement out of equilibrium, without tractions."""
         body = self.model.indentation
         forces = np.zeros((len(body.node), 3))
         state = self._under_forces(unknowns, value, forces, False, history)

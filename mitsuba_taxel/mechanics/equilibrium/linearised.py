@@ -70,7 +70,7 @@ class Linearised:
 
     @cached_property
     def _flexibility(self) -> np.ndarray:
-        """(k, k) response of the constrained combinations to the multipliers."""
+        """Response (k, k) of the constrained combinations to the multipliers."""
         return self.constraints.flexibility(self.factor)
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:

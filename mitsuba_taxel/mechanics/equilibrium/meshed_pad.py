@@ -78,7 +78,8 @@ class MeshedPad:
         return None
 
     def _linear(self) -> np.ndarray | None:
-        """(M, q) whether the law is linear at the quadrature points of the whole pad; None if it is linear nowhere."""
+        """Mask (M, q): whether the law is linear at the quadrature points of the whole pad; None if it is linear
+        nowhere."""
         return None
 
     @property
@@ -116,7 +117,7 @@ class MeshedPad:
         return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split(response)[0]))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
-        """(m, q, 6) MPa, second Piola-Kirchhoff stress of the law in the part, at a displacement of the whole pad."""
+        """Second Piola-Kirchhoff stress (m, q, 6) in MPa of the law in the part, at a displacement of the whole pad."""
         return self.model.assembly.elements.isochoric_stress(displacement[self.part.nodes])
 
     def isochoric_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
@@ -250,7 +251,7 @@ class MeshedPad:
         return self.model.assembly.over_unknowns(forces, np.zeros((len(forces), 4)))
 
     def plate_force(self, unknowns: np.ndarray) -> np.ndarray:
-        """(3,) force in N on the bonded plate of the whole pad in equilibrium."""
+        """Force (3,) in N on the bonded plate of the whole pad in equilibrium."""
         residual = self._evaluate(unknowns, np.zeros(3), with_tangent=False).residual
         return self.part.copies * self.numbering.of_plate(residual)
 

@@ -62,7 +62,7 @@ class SelfTouchingPad(LoadedPad):
 
     @cached_property
     def _expansion(self) -> sparse.csr_array:
-        """(3 N, unknowns) displacements of the whole pad."""
+        """Displacements (3 N, unknowns) of the whole pad."""
         component, sign = self.part.components
         entries = sign.ravel(), (np.arange(component.size), component.ravel())
         of_part = sparse.csr_array(entries, shape=(component.size, 3 * len(self.part.mesh.points)))
@@ -101,8 +101,8 @@ class SelfTouchingPad(LoadedPad):
     def is_stable(
         self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> bool:
-        """See :meth:`LoadedPad.is_stable`; forces that turn about corners are left out, as corners of cut faces and of
-        bodies are sharper than the elements."""
+        """See :meth:`LoadedPad.is_stable`. The negative stiffness of forces that turn about corners is left out,
+        because corners of cut faces and of bodies are sharper than the elements."""
         try:
             return super().is_stable(linearised, unknowns, value, history)
         except Rejected:

@@ -209,6 +209,6 @@ def _block(model: Model, part: SymmetricPart, signs: Mapping[Mirror, int], solve
 
 
 def _faces_on(mesh: VolumeMesh, wall: Mirror) -> np.ndarray:
-    """(F, 6) nodes of the outward-oriented element faces in a mirror's plane that bounds the mesh."""
+    """Nodes (F, 6) of the outward-oriented element faces in a mirror's plane that bounds the mesh."""
     faces = mesh.tets[:, np.array(TET_FACES)].reshape(-1, 6)
     return faces[(wall.side(mesh.points)[faces[:, :3]] == 0).all(axis=1)]

@@ -83,11 +83,11 @@ class TangentBlock:
         return field[self.model.part.nodes]
 
     def forces(self, field: np.ndarray) -> np.ndarray:
-        """(unknowns,) component of this symmetry type of nodal forces (N, 3) on the whole pad."""
+        """Component (unknowns,) of this symmetry type of nodal forces (N, 3) on the whole pad."""
         return self.model.numbering.summed(self._shares[:, None] * self.of_field(field))
 
     def displacement(self, unknowns: np.ndarray) -> np.ndarray:
-        """(N, 3) displacement of the whole pad."""
+        """Displacement (N, 3) of the whole pad."""
         symmetric_part = self.model.part
         of_part = self.model.numbering.split(unknowns)
         return self._image(self._sign * symmetric_part.expand(*of_part)[0])
@@ -186,12 +186,12 @@ class TangentBlock:
 
     @cached_property
     def _shares(self) -> np.ndarray:
-        """(n,) fraction of each node that belongs to the part: nodes on its walls belong to other parts too."""
+        """Fraction (n,) of each node that belongs to the part: nodes on its walls belong to other parts too."""
         return np.bincount(self.model.part.source) / self.model.part.copies
 
     @cached_property
     def _sign(self) -> np.ndarray:
-        """(N, 1) sign of each node's displacement relative to that of its image in the part."""
+        """Sign (N, 1) of each node's displacement relative to that of its image in the part."""
         position, sign = self._whole.points, np.ones((len(self._whole.points), 1))
         for mirror, own in self._signs:
             beyond = (mirror.side(position) < 0)[:, None]
@@ -257,14 +257,14 @@ class _Share(NamedTuple):
 
 
 class SplitTangent:
-    """The tangent at a symmetric state, over the larger part of a ``pad`` that states of less symmetry need.
+    """The tangent at a symmetric state, over the larger part of a ``pad`` that less symmetric states need.
 
     Parameters
     ----------
     blocks : Sequence[TangentBlock]
         Blocks of the tangent of the symmetric state.
     factor : Callable[[TangentBlock], Factorisation]
-        Factor of the tangent of each.
+        Returns the factorisation of a block's tangent.
     images : Mapping[Mirror, ndarray]
         Images of the nodes.
     """

@@ -136,7 +136,7 @@ class RoofComparison:
 
     @cached_property
     def _walls_there(self) -> tuple[np.ndarray, sparse.csr_array]:
-        """(W,) nodes of the walls of cells, and (W, N') weights of the other mesh's nodal values for those there."""
+        """Nodes (W,) of the walls of cells, and (W, N') weights of the other mesh's nodal values for those there."""
         nodes = np.unique(self._mesh.faces[self._mesh.face_cell > 0])
         for mirror in self._images:
             nodes = nodes[mirror.side(self._mesh.points[nodes]) >= 0]
@@ -234,12 +234,12 @@ class RoofComparison:
         return -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square if square else 0.0
 
     def _normals(self, slopes: Sequence[np.ndarray]) -> np.ndarray:
-        """(P, 3) unnormalised normals of the deformed roof, from the displacement's slopes along it."""
+        """Unnormalised normals (P, 3) of the deformed roof, from the displacement's slopes along it."""
         return np.cross(*(self._along + slopes))
 
 
 def _on_roofs(location: Location, along: Sequence[np.ndarray]) -> sparse.csr_array:
-    """(3 P, N) weights of nodal values for the values at the points, and their derivatives ``along`` two tangents."""
+    """Weights (3 P, N) of nodal values for the values at the points, and their derivatives ``along`` two tangents."""
     return sparse.vstack([location.weights, *(location.slope_weights(tangent) for tangent in along)], format="csr")
 
 

@@ -207,7 +207,7 @@ def _comparison(path: PadPath, state: State) -> StateComparison:
 
 
 def _mirrored(path: PadPath, deviate: Callable[[], np.ndarray], mirrors: list[Mirror]) -> np.ndarray:
-    """(2, N, 3) deviations of the state that ``mirrors`` map to the canonical state."""
+    """Deviations (2, N, 3) of the state that ``mirrors`` map to the canonical state."""
     deviations = deviate()
     for mirror in reversed(mirrors):
         deviations = mirror.image(deviations[:, path.images[mirror]])

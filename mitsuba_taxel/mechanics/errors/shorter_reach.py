@@ -34,7 +34,7 @@ class _Closer(NamedTuple):
 def with_reach(
     path: PadPath, comparison: StateComparison, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
 ) -> StateComparison:
-    """Add the error by the reach to the comparison of a canonical state with a second mesh.
+    """Add the error by the reach of the barriers to the comparison of a canonical state with a second mesh.
 
     Parameters
     ----------

@@ -122,7 +122,7 @@ class PushedPath(TimedPath):
         raise ComputationError(f"the indenter slips: the load path ends at force = ({reached}) N.")
 
     def _without_friction(self, force: np.ndarray) -> np.ndarray:
-        """(3,) mm, movement of the body under the normal part of a force."""
+        """Movement (3,) in mm of the body under the normal part of a force."""
         path = self._path
         load: Any = path.load
         load = replace(load, indenter=replace(load.indenter, friction=0.0))
@@ -132,11 +132,11 @@ class PushedPath(TimedPath):
         return free.driven_to(-force[2] * _DOWN, None)
 
     def _pressed(self, rows: LoadHistory, at: TimeState) -> np.ndarray:
-        """(3,) N, force on the pad."""
+        """Force (3,) in N on the pad."""
         return -self._board_force(rows, at)
 
 
 def _sideways(force: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """(n, 3) orthonormal directions of the sideways parts of two forces (3,): at most two."""
+    """Orthonormal directions (n, 3) of the sideways parts of two forces (3,): at most two."""
     _, sizes, ways = np.linalg.svd(np.stack([force, before]) * [1.0, 1.0, 0.0])
     return ways[:2][sizes > PARALLEL * sizes[0]]

@@ -92,9 +92,9 @@ class StepControl:
     Attributes
     ----------
     next_length : float
-        In s, as far as errors allow; 0 where a step must not lead beyond a row.
+        Length of the next step that errors allow, in s; 0 if a step must not span several rows.
     stress_scale : float
-        MPa, largest stress so far, root mean square over the pad.
+        Largest stress so far, root mean square over the pad, in MPa.
     unchecked : float
         Largest displacement in mm since displacements without the symmetry of the load were last checked.
     """
@@ -213,7 +213,7 @@ def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: flo
 
 
 def without_cancelling(error: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """The sum of two estimated errors, of which the second may have either sign, so that they do not cancel."""
+    """Sum of two estimated errors; the sign of the second is unknown, and is chosen so that they do not cancel."""
     return error + (other if np.vdot(error, other) >= 0 else -other)
 
 

@@ -94,8 +94,8 @@ class RowSteps:
     def run(self, touch: Touch) -> StepState:
         """The state at the end of the interval, in as many steps as the error requires.
 
-        Where stress is linear in time, after a change of the load's rate the error of the first step is estimated
-        together with the second, and both are repeated if it is too large.
+        If stress is linear in time within steps, the error of the first step after a change of the load's rate is
+        estimated together with that of the second step, and both are repeated if it is too large.
 
         Parameters
         ----------
@@ -365,7 +365,7 @@ class RowSteps:
 
 
 def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:
-    """Whether steps may lead beyond rows.
+    """Whether steps may span several rows.
 
     Parameters
     ----------
@@ -377,7 +377,7 @@ def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:
     Returns
     -------
     bool
-        Whether they may.
+        True if they may.
     """
     return bool(material.prony) and not pad.solves_between
 

@@ -199,7 +199,7 @@ class TimedPath(TimedStates):
         return expand_stress(at.variables.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
 
     def _board_force(self, rows: LoadHistory, at: TimeState) -> np.ndarray:
-        """(3,) N, force of the board on the pad."""
+        """Force (3,) in N of the board on the pad."""
         self_contact = self._path.load.self_contact  # where the board may hold the pad beside the glue, too
         if self_contact and self._moving.indenter is not None:
             body = Indentation(self._path.mesh, self._moving.indenter, self._path.material.youngs_modulus)

@@ -30,7 +30,7 @@ def rubs(load: Load) -> bool:
     Returns
     -------
     bool
-        Whether it has.
+        True if it has.
     """
     return load.indenter is not None and load.indenter.friction > 0
 
@@ -147,7 +147,7 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
 
 
 def rate_is_new(rows: LoadHistory) -> bool:
-    """Whether the last rate of the load lasted for one row only, so that the next rate may do so too."""
+    """Whether the last rate of the load lasted for one row only. The next rate may then last for one row, too."""
     if not rows or rows[-1][0] == (rows[-2][0] if len(rows) > 1 else 0.0):
         return False  # no rate yet, or a jump
     points = [(0.0, np.zeros(len(rows[0][1]))), *(rows[k] for k in range(max(len(rows) - 3, 0), len(rows)))][-3:]

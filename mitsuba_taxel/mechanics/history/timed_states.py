@@ -70,7 +70,7 @@ class TimedStates:
     coarsening : int
         See :class:`RowSteps`.
     fraction : float
-        Fraction of the reach of contact, as of a :class:`SelfTouchingPad`.
+        Reach of the barriers, relative to the default; see :class:`SelfTouchingPad`.
     """
 
     def __init__(self, path: PadPath, material: Viscoelastic, coarsening: int = 1, fraction: float = 1.0) -> None:

@@ -127,7 +127,7 @@ def _monomials(points: np.ndarray, degree: int, power: float) -> tuple[np.ndarra
 
 
 def _orthonormal(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """(m, n) coefficients of orthonormal combinations of functions (n, q)."""
+    """Coefficients (m, n) of orthonormal combinations of functions (n, q)."""
     eigenvalues, vectors = np.linalg.eigh((values * weight) @ values.T)
     significant = eigenvalues > 1e-11 * eigenvalues[-1]
     return (vectors[:, significant] / np.sqrt(eigenvalues[significant])).T

@@ -74,7 +74,7 @@ class CreepResponse:
         return cls(1 / remaining, rates, -amplitudes, creeps)
 
     def at_rest(self, components: int) -> np.ndarray:
-        """(k, C) memory of a load of C components that was always 0: for each rate l, the integral of exp(-l (t - s))
+        """Memory (k, C) of a load of C components that was always 0: for each rate l, the integral of exp(-l (t - s))
         dF(s)."""
         return np.zeros((len(self.rates), components))
 

@@ -14,7 +14,7 @@ PAIRS = (_A, _B)
 
 
 def _block_indices(row: np.ndarray, i: np.ndarray, column: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """(pairs * 9,) indices of the 3 x 3 blocks of all pairs in a flattened matrix (nodes * 3, nodes * 3)."""
+    """Indices (pairs * 9,) of the 3 x 3 blocks of all pairs in a flattened matrix (nodes * 3, nodes * 3)."""
     return (3 * NODES * (3 * row[:, None] + i) + 3 * column[:, None] + k).ravel()
 
 
@@ -133,6 +133,6 @@ class Moduli:
 
 
 def _product(factors: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """(m, 30 * 30) sum over factors and points q of the dyads of left and right, each (m, q, 30)."""
+    """Sum (m, 30 * 30) over factors and points q of the dyads of left and right, each (m, q, 30)."""
     first, second = (side[0] if len(side) == 1 else np.concatenate(side, axis=1) for side in zip(*factors, strict=True))
     return (np.swapaxes(first, 1, 2) @ second).reshape(len(first), -1)

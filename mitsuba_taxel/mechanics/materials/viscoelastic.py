@@ -40,7 +40,7 @@ _COMPONENTS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 
 
 def tensors(components: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) symmetric tensors from their components (..., 6): xx, yy, zz, xy, yz, xz."""
+    """Symmetric tensors (..., 3, 3) from their components (..., 6): xx, yy, zz, xy, yz, xz."""
     return components[..., _COMPONENTS]
 
 
@@ -94,12 +94,12 @@ class Viscoelastic(Displayed):
 
     @property
     def shares(self) -> np.ndarray:
-        """(k,) weights g."""
+        """Weights g (k,)."""
         return np.array([weight for weight, _ in self.prony])
 
     @property
     def times(self) -> np.ndarray:
-        """(k,) relaxation times tau in s."""
+        """Relaxation times tau (k,) in s."""
         return np.array([time for _, time in self.prony])
 
     def relaxation(self, time: float | np.ndarray) -> np.ndarray:

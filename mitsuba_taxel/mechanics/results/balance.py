@@ -119,7 +119,7 @@ def reactions(state: State) -> Reactions:
 
 
 def _applied_forces(state: State, positions: np.ndarray, internal: np.ndarray) -> np.ndarray:
-    """(N, 3) N, force of the load at each node, including nodes on the rim of the board."""
+    """Force (N, 3) in N of the load at each node, including nodes on the rim of the board."""
     mesh, load = state.mesh, state.load
     if load.dead:
         nodal_area = load.nodal(mesh)

@@ -45,7 +45,7 @@ class NodalFields:
 
     @cached_property
     def principal_stretches(self) -> np.ndarray:
-        """(N, 3) singular values of F, the largest first."""
+        """Singular values (N, 3) of F, the largest first."""
         return np.linalg.svd(self.deformation_gradient, compute_uv=False)
 
     @cached_property
@@ -113,7 +113,7 @@ def nodal_fields(
 
 
 def _around_nodes(mesh: VolumeMesh, tensors: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) mean over the elements around each node of their tensors (m, 3, 3)."""
+    """Mean (N, 3, 3) over the elements around each node of their tensors (m, 3, 3)."""
     total = np.zeros((len(mesh.points), 3, 3))
     np.add.at(total, mesh.tets, tensors[:, None])
     return total / np.bincount(mesh.tets.ravel(), minlength=len(total))[:, None, None]

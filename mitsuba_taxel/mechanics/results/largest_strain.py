@@ -77,13 +77,13 @@ class LargestStrain:
         return float(sum_of_rates - mean_dilatation * (self.value - self._strain[-1]))
 
     def _at_points(self, field: np.ndarray) -> np.ndarray:
-        """(K, 3, 3) gradient of a field (N, 3) at the averaged quadrature points."""
+        """Gradient (K, 3, 3) of a field (N, 3) at the averaged quadrature points."""
         elements, index = np.unique(self._element, return_inverse=True)
         return self._elements.gradient(elements, field)[index, self._point]
 
 
 def _largest_eigenvalue(matrices: np.ndarray) -> np.ndarray:
-    """(...) largest eigenvalues of symmetric matrices (..., 3, 3), in closed form (O. K. Smith, Comm. ACM 4, 1961)."""
+    """Largest eigenvalues (...) of symmetric matrices (..., 3, 3), in closed form (O. K. Smith, Comm. ACM 4, 1961)."""
     mean = np.trace(matrices, axis1=-2, axis2=-1) / 3
     deviator = matrices - mean[..., None, None] * np.eye(3)
     spread = np.sqrt((deviator**2).sum(axis=(-1, -2)) / 6)

@@ -111,7 +111,7 @@ class Corners:
         return offset
 
     def _bulge(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """(P,) mm, mean distance of the wall from the triangles around each point, along its normal.
+        """Mean distance (P,) in mm of the wall from the triangles around each point, along its normal.
 
         The mean bulge of a triangle follows from the products of its edge vectors with the changes of the normal along
         them.

@@ -59,9 +59,10 @@ class Finish(Hashable, Protocol):
 class LayerSteps(Checked):
     """The steps of a mould printed in layers.
 
-    Layer k fills the heights k to k + 1 times the layer height along the direction, counted from the offset, with the
-    cell's cross-section at its middle. A tread thus lies at the level nearest to the smooth wall (half-way: the next
-    higher). Walls along the direction do not change; a flat roof across it moves to the nearest level.
+    Layer k extends from k to k + 1 times the layer height along the direction, counted from the offset, and has the
+    cell's cross-section at the middle of the layer. A tread thus lies at the level nearest to the smooth wall
+    (half-way, at the higher level). Walls along the direction do not change; a flat roof across it moves to the nearest
+    level.
 
     """
 
@@ -112,9 +113,9 @@ class LayerSteps(Checked):
 class Grooves(Checked):
     """V-shaped grooves, half above and half below the smooth wall.
 
-    Ridges, which protrude from the silicone by half the depth, are where the distance from the centre of the pad's
-    bottom along the direction is a multiple of the pitch; valleys are midway. A wall across the direction has no
-    grooves, and moves to the height for its position.
+    Ridges protrude from the silicone by half the depth. They lie where the distance from the centre of the pad's
+    bottom, along the direction, is a multiple of the pitch; valleys lie midway. A wall across the direction has no
+    grooves; it moves to the height of the groove at its position.
 
     """
 

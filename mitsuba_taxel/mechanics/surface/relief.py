@@ -34,12 +34,12 @@ class SmoothSurface:
 
     @cached_property
     def rough(self) -> np.ndarray:
-        """(T,) whether each triangle belongs to a wall that gets a finish."""
+        """Mask (T,): whether each triangle belongs to a wall that gets a finish."""
         return np.isin(self.region, [REGIONS[wall] for wall in self.walls])
 
     @cached_property
     def unit_offset(self) -> np.ndarray:
-        """(V, 3) movement of each vertex of the rough walls if they move by 1 out of the silicone; 0 elsewhere.
+        """Movement (V, 3) of each vertex of the rough walls if they move by 1 out of the silicone; 0 elsewhere.
 
         On a smooth wall it is the angle-weighted normal; at an edge both walls stay plane. The edge at the board moves
         along the board.
@@ -76,9 +76,9 @@ class Relief:
     triangles : (T, 3) ndarray
         Vertex numbers.
     parents : (T,) ndarray
-        Triangle of the smooth surface of which each has the region and cell.
+        Triangle of the smooth surface from which each triangle takes its region and cell.
     base : Relief, optional
-        The relief of whose vertices ``low`` and ``high`` are numbers; by default those of the smooth surface.
+        Relief to whose vertices ``low`` and ``high`` refer; by default they refer to the smooth surface.
     """
 
     low: np.ndarray

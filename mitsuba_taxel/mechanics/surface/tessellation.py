@@ -72,12 +72,12 @@ class Surface:
 
     @property
     def shut(self) -> np.ndarray:
-        """(T,) whether all corners of each triangle touch a package."""
+        """Mask (T,): whether all corners of each triangle touch a package."""
         return self.touches[self.triangles].all(axis=1)
 
     @property
     def facing(self) -> np.ndarray:
-        """(V, 3) mm, vertices for light transport, with the mean position of the curved walls."""
+        """Vertices (V, 3) in mm for light transport, with the mean position of the curved walls."""
         return self.vertices + self.offsets
 
 
@@ -250,7 +250,7 @@ def _relief(mesh: VolumeMesh, subdivision: int, finish: Finish | SeparateFinish,
 
 
 def _on_walls(mesh: VolumeMesh) -> np.ndarray:
-    """(N,) whether each node is on a roof or side."""
+    """Mask (N,): whether each node is on a roof or side."""
     nodes = np.zeros(len(mesh.points), dtype=bool)
     nodes[mesh.faces[in_cells(mesh, None)]] = True
     return nodes
@@ -275,7 +275,7 @@ class _Walls:
     normals: np.ndarray
 
     def deformed_normals(self, gradient: np.ndarray) -> np.ndarray:
-        """(P, 3) unit normals of the deformed walls, from the gradient of the displacement at the vertices (V, 3, 3).
+        """Unit normals (P, 3) of the deformed walls, from the gradient of the displacement at the vertices (V, 3, 3).
 
         Normals transform with the cofactors of the deformation gradient (E. J. Nanson). The mean gradient of the
         elements around is more accurate than that of each: normals of faces are discontinuous.
@@ -383,7 +383,7 @@ def have_edges(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile) -> bool
 
 
 def _side_normals(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | None) -> np.ndarray:
-    """(F, 3, 3) unit normals of the ``chosen`` faces at the middles of their sides."""
+    """Unit normals (F, 3, 3) of the ``chosen`` faces at the middles of their sides."""
     middles = 0.5 * (np.eye(3) + np.roll(np.eye(3), -1, axis=0))
     normals = []
     for middle in middles[:, None]:

@@ -58,7 +58,7 @@ class WallPatches:
 
     @cached_property
     def shift(self) -> np.ndarray:
-        """(3,) mm, vector from the cell of the faces to the represented cell."""
+        """Vector (3,) in mm from the cell of the faces to the represented cell."""
         return self._shift(self.pad)
 
     @cached_property
@@ -67,7 +67,7 @@ class WallPatches:
         return self.pattern + self.shift
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """(F, K, 3) displacement or its rate at the points, from that of the elements' nodes (N, 3)."""
+        """Displacement or its rate (F, K, 3) at the points, from that of the elements' nodes (N, 3)."""
         return self._location.interpolate(nodal).reshape(self.rest.shape)
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:

@@ -176,13 +176,13 @@ class RimFillet(Fillet):
         return solid.Move(Vec(x, y, 0))
 
     def _roof_points(self) -> np.ndarray:
-        """(M, 2) points of the roof from the crown, without its border."""
+        """Points (M, 2) of the roof from the crown, without its border."""
         points = self.roof.at(np.linspace(0.0, 1.0, SAMPLES))[0]
         points[0, 0] = 0.0
         return points[points[:, 0] < self.arc.at(self.arc.ends[1:])[0][0, 0] * (1 - 1 / SAMPLES)]
 
     def _towards_roof(self, in_plane: np.ndarray) -> np.ndarray:
-        """(N,) whether points (N, 2) lie on the roof's side of the ray from the centre to the sharp rim."""
+        """Mask (N,): whether points (N, 2) lie on the roof's side of the ray from the centre to the sharp rim."""
         to_rim = self.rim - self.arc.centre
         return _cross(np.broadcast_to(to_rim, in_plane.shape), in_plane - self.arc.centre) >= 0
 

@@ -113,7 +113,7 @@ class Rays:
     outside: np.ndarray
 
     def at(self, distance: np.ndarray) -> np.ndarray:
-        """(N, 3) positions at distances (N,) from the origin, mm."""
+        """Positions (N, 3) at distances (N,) from the origin, mm."""
         return self.origin + distance[:, None] * self.direction
 
 

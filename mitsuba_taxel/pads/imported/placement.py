@@ -51,7 +51,7 @@ class Placement(NamedTuple):
 
     @property
     def turn(self) -> np.ndarray:
-        """(3, 3) rotation that takes the direction in the file to z by the smallest angle; about x for -z."""
+        """Rotation (3, 3) that takes the direction in the file to z by the smallest angle; about x for -z."""
         if self.up == AS_DRAWN:
             return np.eye(3)
         up = np.eye(3)["xyz".index(self.up[-1])] * (-1 if self.up.startswith("-") else 1)

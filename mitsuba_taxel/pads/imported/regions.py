@@ -164,7 +164,7 @@ def _tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, n
 
 
 def _smooth_patches(surface: FacedSurface, pairs: np.ndarray) -> np.ndarray:
-    """(T,) number of the smooth patch of each triangle.
+    """Number (T,) of the smooth patch of each triangle.
 
     Neighbours without a crease between them are in one patch; but an upright wall ends where the surface starts to
     lean, so that a dome and the wall below it are two patches."""
@@ -176,7 +176,7 @@ def _smooth_patches(surface: FacedSurface, pairs: np.ndarray) -> np.ndarray:
 
 
 def _looks_down(surface: FacedSurface, group: np.ndarray) -> np.ndarray:
-    """(T,) whether enough of the area of a triangle's group (T,) faces down, such as the middle of a dome."""
+    """Mask (T,): whether enough of the area of a triangle's group (T,) faces down, such as the middle of a dome."""
     vector = area_normals(surface.vertices, surface.triangles)
     area = np.linalg.norm(vector, axis=1)
     area_facing_down = vector[:, 2] < -math.cos(math.radians(ROOF_ANGLE)) * area
@@ -209,7 +209,7 @@ class _Faces:
         self.at_top = (lowest >= height - tolerance) & (self.normal[:, 2] >= level)
 
     def meet(self, rule: Rule) -> np.ndarray:
-        """(F,) whether each face matches all conditions of a rule."""
+        """Mask (F,): whether each face matches all conditions of a rule."""
         matches = np.ones(len(self.normal), dtype=bool)
         if rule.face is not None:
             matches &= self.names == rule.face
@@ -239,7 +239,7 @@ def _check_ends(surface: FacedSurface, region: np.ndarray) -> None:
 
 
 def _hollow(count: int, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
-    """(T,) whether a triangle is part of a hollow; ``region`` (T,) is 0 where it is not assigned yet."""
+    """Mask (T,): whether a triangle is part of a hollow; ``region`` (T,) is 0 where it is not assigned yet."""
     bottom, top = region == REGIONS["bottom"], region == REGIONS["top"]
     between = ~(bottom | top)
     component = components(count, pairs[np.all(between[pairs], axis=1)])
@@ -248,7 +248,7 @@ def _hollow(count: int, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
 
 
 def _cells(surface: FacedSurface, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
-    """(T,) number of the cell that each triangle belongs to, 0 for none."""
+    """Number (T,) of the cell that each triangle belongs to, 0 for none."""
     in_cell = np.isin(region, (REGIONS["roof"], REGIONS["side"]))
     if not in_cell.any():
         raise GeometryError("it has no cell: no hollow is open towards the board, and no rule names a roof")

@@ -201,7 +201,7 @@ def _symmetric_mesh(pad: DrawnPad, mesh_size: float, refinement: float) -> Volum
 
 
 def _narrowed(mesh: VolumeMesh, wide: DrawnPad, pad: DrawnPad) -> np.ndarray:
-    """(N, 3) nodes of a mesh moved from the pad with wide fillets. Midpoints of straight edges remain midpoints."""
+    """Nodes (N, 3) of a mesh moved from the pad with wide fillets. Midpoints of straight edges remain midpoints."""
     points = mesh.points + wide.shape.shifts(pad.shape, mesh.points, lambda _: np.zeros(0))
     ends = edge_ends(mesh.tets)
     middles = mesh.points[ends].mean(axis=1)

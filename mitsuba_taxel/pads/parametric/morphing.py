@@ -63,7 +63,7 @@ def moved_onto(pad: DrawnPad, origin: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
 
 
 def _morphed_nodes(origin: DrawnPad, pad: DrawnPad, sharp: np.ndarray) -> np.ndarray:
-    """(N, 3) nodes of the target with upright cells and sharp rims.
+    """Nodes (N, 3) of the target with upright cells and sharp rims.
 
     Mirror images of nodes move to mirror images, to the last bit."""
     sign = np.where(sharp < 0, -1.0, 1.0)

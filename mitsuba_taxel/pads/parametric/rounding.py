@@ -79,7 +79,7 @@ def with_round_rims(mesh: VolumeMesh, pad: DrawnPad, at_sharp_edges: float, mark
 
 
 def _with_round_mouths(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
-    """(N, 3) nodes, with those on the mouths of cells moved exactly onto them."""
+    """Nodes (N, 3), with those on the mouths of cells moved exactly onto them."""
     points, mouth = mesh.points.copy(), on_region(mesh, "side") & on_region(mesh, "bottom")
     points[mouth] = _on_circle(pad, points[mouth], 0.5 * pad.cell_size, 0.0)
     return points
@@ -186,5 +186,5 @@ def _within_cells(pad: DrawnPad, points: np.ndarray) -> np.ndarray:
 
 
 def _on_rims(pad: DrawnPad, points: np.ndarray) -> np.ndarray:
-    """(N,) whether points (N, 3) of the pad with sharp rims lie on one."""
+    """Mask (N,): whether points (N, 3) of the pad with sharp rims lie on one."""
     return _rim(pad).from_rim(_within_cells(pad, points)) <= ON_RIM * pad.cell_size

@@ -29,7 +29,7 @@ profile."""
 
 
 def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
-    """(N, 3) velocities of the nodes of a pad's undeformed mesh, in mm per mm of one of its dimensions.
+    """Velocities (N, 3) of the nodes of a pad's undeformed mesh, in mm per mm of one of its dimensions.
 
     The other dimensions are fixed; a height of cells that is not set keeps its default at any size. A node on a wall
     stays on it at the same relative position. Inside, velocities are interpolated: linearly between the walls of cuboid

@@ -237,14 +237,14 @@ class _CellRates:
         return _CellDerivatives(fine.reading, values, light, comparison, fine.flows())
 
     def _change_by_wider_horizon(self, coarse: Cell, gradient: np.ndarray) -> np.ndarray:
-        """(P,) changes of the derivatives if the horizon is twice as wide; only isotropic light has a horizon."""
+        """Changes (P,) of the derivatives if the horizon is twice as wide; only isotropic light has a horizon."""
         if not self._scene.cells.cells[self._number].isotropic.any():
             return np.zeros(len(self._velocities))
         change = coarse.gradient(wider=2) - gradient
         return np.array([(change * velocity).sum() for velocity in self._velocities])
 
     def _conservation_error(self, cell: Cell, values: np.ndarray) -> np.ndarray:
-        """(P,) errors of the derivatives by the light between the walls and LED and phototransistor, and by quadrature.
+        """Errors (P,) of the derivatives by the light between the walls and LED and phototransistor, and by quadrature.
 
         Raises
         ------
@@ -260,7 +260,7 @@ class _CellRates:
         return np.hypot(moving, relative * values)
 
     def _difference_of_sides(self, cell: Cell) -> np.ndarray:
-        """(P,) half the difference of the one-sided derivatives at a kink, where the mean of both is stated."""
+        """Half the difference (P,) of the one-sided derivatives at a kink, where the mean of both is stated."""
         return np.array(
             [
                 0.0 if side else np.ptp(self._bent(cell, velocity, side).sum(axis=1)) / 2
@@ -269,7 +269,7 @@ class _CellRates:
         )
 
     def _bent(self, cell: Cell, velocity: np.ndarray, side: int) -> np.ndarray:
-        """(S, F) derivatives of the light between points that lie in one plane while the pad is at rest: for a movement
+        """Derivatives (S, F) of the light between points that lie in one plane while the pad is at rest: for a movement
         to the side on which the pad is pressed, or to both sides."""
         if self._scene.state.displacement.any():
             return np.zeros((1, len(self._rest)))
@@ -292,13 +292,13 @@ class _CellRates:
         return cells.solved(self._number, cells.light_mesh(self._number, degree), self._at)
 
     def _velocity(self, nodal: Nodal, displaced: np.ndarray) -> np.ndarray:
-        """(F, 15, 3) velocity of the deformed walls."""
+        """Velocity (F, 15, 3) of the deformed walls."""
         displacement = self._scene.state.displacement
         dimensions = (rate * self._patches.moved(name, displacement) for name, rate in nodal.dimensions.items())
         return sum(dimensions, start=displaced)
 
     def _by_patch(self, cell: Cell, gradient: np.ndarray) -> np.ndarray:
-        """(P, F + 1) derivatives with respect to the movement of each patch of walls, and to changes of other parts."""
+        """Derivatives (P, F + 1) with respect to the movement of each patch of walls, and to changes of other parts."""
         by_walls = [
             (gradient * velocity).sum(axis=(1, 2)) + self._bent(cell, velocity, side).mean(axis=0)
             for velocity, side in zip(self._velocities, self._sides, strict=True)

@@ -183,6 +183,6 @@ class _Touching:
 
 
 def _package_triangles(live: mi.Scene) -> np.ndarray | None:
-    """(K, 3, 3) triangles of all packages of a scene; None without packages."""
+    """Triangles (K, 3, 3) of all packages of a scene; None without packages."""
     bodies = packages(live)
     return np.concatenate(bodies) if bodies else None

@@ -96,7 +96,7 @@ class LinearisedPad:
         return strain.value, np.array([strain.rate(rate.displacement, rate.velocity) for rate in nodal])
 
     def _by_load(self, load: np.ndarray) -> np.ndarray:
-        """(N, 3) first-order displacement for a change of the load. Along the load path, the state contains it."""
+        """First-order displacement (N, 3) for a change of the load. Along the load path, the state contains it."""
         ahead = self.state.path_rate()
         if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
             return (load @ ahead.direction) * ahead.displacement

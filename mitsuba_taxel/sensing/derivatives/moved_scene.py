@@ -110,7 +110,7 @@ class MovedScene:
         return [float(WALLS_MOVE * np.ptp(mesh.points[:, 2]) / speed)] if speed else []
 
     def power(self, offset: float, walls: MovingWalls | None, seed: int, points: int) -> np.ndarray:
-        """(R, T) W, readings of R replicates with the parameter changed by ``offset``; the pad stays moved.
+        """Readings (R, T) in W of R replicates with the parameter changed by ``offset``; the pad stays moved.
 
         Raises
         ------

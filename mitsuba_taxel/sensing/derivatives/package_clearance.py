@@ -18,7 +18,7 @@ from mitsuba_taxel.sensing.scene.clearance import packages
 
 WALLS = (REGIONS["roof"], REGIONS["side"])
 _SAMPLES = shape_functions(np.array([[6 - i - j, i, j] for i in range(7) for j in range(7 - i)]) / 6)
-"""(28, 6) shape functions at the points of a face whose distance is computed."""
+"""Shape functions (28, 6) at the points of a face whose distance is computed."""
 _AT_ONCE = 32
 """Points whose distance from a body is computed at once."""
 

@@ -141,7 +141,7 @@ class _Along:
         self._scene = MovedScene(effort.ready, change)
 
     def estimate(self, lit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(T,) derivatives in W per unit of the parameter, and their errors.
+        """Derivatives (T,) in W per unit of the parameter, and their errors.
 
         Errors of the shape are averaged over the taxels with light, ``lit`` (T,).
         """
@@ -249,7 +249,7 @@ class _AlongWithPad(_Along):
         return math.hypot(error, mean(differences.over(chosen.step, bent) - derivative))
 
     def _through_displacement(self, chosen: _Chosen, derivative: np.ndarray) -> np.ndarray:
-        """(R, T) derivative through the displacement of the pad alone."""
+        """Derivative (R, T) through the displacement of the pad alone."""
         displacement = self._moving.nodal.displacement
         if not displacement.any():
             return np.zeros_like(derivative)
@@ -275,7 +275,7 @@ class _Differences:
         self._powers: dict[tuple[float, MovingWalls | None], np.ndarray] = {}
 
     def over(self, step: float, walls: MovingWalls | None) -> np.ndarray:
-        """(R, T) derivatives with a step, in W per unit of the parameter, by replicate and taxel."""
+        """Derivatives (R, T) with a step, in W per unit of the parameter, by replicate and taxel."""
         powers = np.array([self._power(offset * step, walls) for _, offset in self.stencil])
         return np.tensordot([weight / step for weight, _ in self.stencil], powers, axes=1)
 

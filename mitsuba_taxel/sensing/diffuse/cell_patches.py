@@ -45,13 +45,13 @@ class CellPatches:
 
     @property
     def pattern(self) -> np.ndarray:
-        """(F + G, 15, 3) rounded positions in mm, undeformed, the same for cells that differ by a translation only."""
+        """Rounded positions (F + G, 15, 3) in mm, undeformed, the same for cells that differ by a translation only."""
         grain = ROUNDED * np.ptp(self.faces.pattern)
         package = np.round((self.package - self.faces.shift) / grain) * grain
         return self._with_package(self.faces.pattern, package) + 0.0  # no negative zeros
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """(F + G, 15, 3) displacement of the patches, or its rate, from the displacement (N, 3) of the nodes."""
+        """Displacement (F + G, 15, 3) of the patches, or its rate, from the displacement (N, 3) of the nodes."""
         return self._with_package(self.faces.carried(nodal), np.zeros_like(self.package))
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:

@@ -185,7 +185,7 @@ class DiffuseCells:
         return CellWalls(number, faces, cuts, edged, package, *scattered.T)
 
     def _cuts(self, package: PackageFaces) -> np.ndarray:
-        """(R, 2) numbers of parts into which the faces of a package are divided along their two sides: no part is
+        """Numbers (R, 2) of parts into which the faces of a package are divided along their two sides: no part is
         larger than the patches of walls."""
         return package.faces.cuts(self.patch_size or self.pad.pad.default_mesh_size)
 
@@ -242,7 +242,7 @@ class DiffuseCells:
         return float(fraction[occluded].sum())
 
     def _occluded(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """(N,) whether anything but the package is between two points."""
+        """Mask (N,): whether anything but the package is between two points."""
         _, hit = self._first(start, end - start)
         occluded = hit.is_valid()
         for package in filter(is_package, self.scene.shapes()):
@@ -250,7 +250,7 @@ class DiffuseCells:
         return np.array(occluded)
 
     def _covered(self, start: np.ndarray, segment: np.ndarray, deepest: float) -> np.ndarray:
-        """(N, 1) fractions of segments up to where they leave the silicone, if that is within ``deepest`` mm; else
+        """Fractions (N, 1) of segments up to where they leave the silicone, if that is within ``deepest`` mm; else
         0."""
         ray, hit = self._first(start, segment)
         normal = hit.compute_surface_interaction(ray, mi.RayFlags.Minimal).n
@@ -479,7 +479,7 @@ def _with_package(of_walls: np.ndarray, of_package: np.ndarray) -> np.ndarray:
 
 
 def _hemisphere(count: int) -> np.ndarray:
-    """(N, 3) directions around +z, evenly distributed on a spiral."""
+    """Directions (N, 3) around +z, evenly distributed on a spiral."""
     z = (np.arange(count) + 0.5) / count
     turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
     across = np.sqrt(1 - z**2)
@@ -487,6 +487,6 @@ def _hemisphere(count: int) -> np.ndarray:
 
 
 def _frame(normal: np.ndarray) -> np.ndarray:
-    """(3, 3) rows: two directions across a normal, and the normal."""
+    """Rows (3, 3): two directions across a normal, and the normal."""
     across = np.linalg.svd(normal[None])[2][1:]
     return np.concatenate([across, normal[None]])

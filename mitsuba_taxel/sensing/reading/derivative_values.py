@@ -68,7 +68,7 @@ class Derivatives:
 
     @property
     def taxel(self) -> np.ndarray:
-        """(T,) numbers of the taxels, from 1."""
+        """Numbers (T,) of the taxels, from 1."""
         return np.arange(1, len(self.values) + 1)
 
     def to_xarray(self) -> xarray.Dataset:

@@ -84,7 +84,7 @@ def _square_share(scene: mi.Scene, end: mi.Endpoint) -> float:
 
 
 def _turning(pad: PadShape) -> np.ndarray:
-    """(regions,) fraction of the light of each region that turns with the normal of its wall, by code of the region."""
+    """Fraction (regions,) of the light of each region that turns with the normal of its wall, by code of the region."""
     wall = pad.bsdf()
     walls = wall.walls if is_region(wall) else dict.fromkeys(REGIONS, wall)
     turning = np.ones(max(REGIONS.values()) + 1)

@@ -183,12 +183,12 @@ class Readings(Displayed):
 
     @property
     def taxel(self) -> np.ndarray:
-        """(T,) numbers of the taxels, from 1."""
+        """Numbers (T,) of the taxels, from 1."""
         return np.arange(1, self.replicates.shape[1] + 1)
 
     @property
     def power(self) -> np.ndarray:
-        """(T,) optical power in W."""
+        """Optical power (T,) in W."""
         return self.replicates.mean(axis=0)
 
     @property
@@ -201,7 +201,7 @@ class Readings(Displayed):
 
     @property
     def mechanics_error(self) -> np.ndarray:
-        """(T,) W, one standard deviation of :attr:`power` due to the finite elements.
+        """One standard deviation (T,) in W of :attr:`power` due to the finite elements.
 
         It is the same share of every reading with any power, from the mean square of the :attr:`deviation` of these:
         meshes are irregular, and in one cell two meshes may agree by chance.
@@ -213,7 +213,7 @@ class Readings(Displayed):
 
     @property
     def geometry_error(self) -> np.ndarray:
-        """(T,) W, one standard deviation of :attr:`power` due to the flat triangles of curved walls.
+        """One standard deviation (T,) in W of :attr:`power` due to the flat triangles of curved walls.
 
         It is the same share of every reading, like the :attr:`mechanics_error`.
         """
@@ -228,7 +228,7 @@ class Readings(Displayed):
 
     @property
     def photocurrent(self) -> np.ndarray | None:
-        """(T,) current of each phototransistor, in A, or None if the responsivity is not known."""
+        """Current (T,) of each phototransistor, in A, or None if the responsivity is not known."""
         return None if self.responsivity is None else self.power * self.responsivity
 
     @property
@@ -276,12 +276,12 @@ class Crosstalk:
 
     @property
     def power(self) -> np.ndarray:
-        """(T, T) optical power in W: row LED, column phototransistor."""
+        """Optical power (T, T) in W: row LED, column phototransistor."""
         return self.replicates.mean(axis=0)
 
     @property
     def standard_error(self) -> np.ndarray:
-        """(T, T) one standard deviation of :attr:`power` due to the light, in W."""
+        """One standard deviation (T, T) of :attr:`power` due to the light, in W."""
         return or_dark(standard_error(self.replicates), self.power, self.dark_error)
 
     @property

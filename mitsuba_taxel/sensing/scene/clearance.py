@@ -38,7 +38,7 @@ def heed_packages(scene: mi.Scene) -> None:
 
 
 def packages(scene: mi.Scene) -> list[np.ndarray]:
-    """(K, 3, 3) triangles of the package of each `photo_reflector`, in the frame of the only pad of the scene, in
+    """Triangles (K, 3, 3) of the package of each `photo_reflector`, in the frame of the only pad of the scene, in
     mm."""
     (pad,) = deformed_pads(scene)
     return [_in_its_frame(pad, body) for body in _bodies(scene)]
@@ -49,7 +49,7 @@ def _bodies(scene: mi.Scene) -> list[np.ndarray]:
 
 
 def _triangles(body: mi.Mesh) -> np.ndarray:
-    """(K, 3, 3) corners of the triangles in world coordinates, in mm."""
+    """Corners (K, 3, 3) of the triangles in world coordinates, in mm."""
     parameters = mi.traverse(body)
     faces = np.array(parameters["faces"]).reshape(-1, 3)
     return np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)[faces]

@@ -53,7 +53,7 @@ def _is_one_sided(wall: mi.BSDF) -> bool:
 
 
 def _hits(scene: mi.Scene, led: LedEmitter) -> np.ndarray:
-    """(_RAYS,) numbers of the shapes whose black backs rays from LEDs meet first, 0 where they meet no black back."""
+    """Numbers (_RAYS,) of the shapes whose black backs rays from LEDs meet first, 0 where they meet no black back."""
     sampler = make_plugin("owen_sobol", sample_count=_RAYS)
     sampler.seed(0, _RAYS)
     index = sampler.index % dr.opaque(mi.UInt32, led.faces.count)

@@ -88,7 +88,7 @@ def test_the_page(tmp_path):
         "0 failed; as its steps gained no more), "
         "no allowed design (20 designs in 200 s, 5 failed; as no more was allowed)\n" in text
     )
-    assert "- leaning parallelepiped: tops of cells lie 0.25 mm off their axes along x, by" in text
+    assert "- leaning parallelepiped: tops of cells lie 0.25 mm off their axes along x; the" in text
     for cell in PROFILES:
         assert f"The best {cell} is 1.20 times as sensitive as the paper's parallelepiped cells, and 1.00 times" in text
     assert "{" not in text.replace("{cite}", "")

@@ -31,7 +31,7 @@ CLOSE = 0.99
 _QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 _FOURTHS = np.array([[4 - i - j, i, j] for i in range(5) for j in range(5 - i)]) / 4
 _POINTS = shape_functions(_FOURTHS)
-"""(15, 6) shape functions at the points of a face that are kept above the board."""
+"""Shape functions (15, 6) at the points of a face that are kept above the board."""
 
 
 class Barrier:
@@ -93,7 +93,7 @@ class Barrier:
         )
 
     def forces(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 3) nodal forces in N: of the pad on itself, and of the board on nodes that are not glued to it."""
+        """Nodal forces (N, 3) in N: of the pad on itself, and of the board on nodes that are not glued to it."""
         own, board = np.zeros_like(displacement), np.zeros_like(displacement)
         positions, collisions = self._near(displacement)
         own[self._nodes] = -self._potential.gradient(collisions, self._mesh, positions).reshape(-1, 3)
@@ -103,7 +103,7 @@ class Barrier:
         return own, board
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
-        """(3 N, 3 N) N/mm, negative derivative of the forces with respect to the displacement.
+        """Negative derivative (3 N, 3 N) in N/mm of the forces with respect to the displacement.
 
         Forces that turn about a corner have negative eigenvalues; if ``steady``, those of each pair are set to 0.
 
@@ -165,7 +165,7 @@ class Barrier:
         return first, second / self.reach
 
     def _height(self, displacement: np.ndarray) -> np.ndarray:
-        """(p,) mm, height of points of the faces above the board."""
+        """Height (p,) in mm of points of the faces above the board."""
         return self._over @ (self._points + displacement)[:, 2] - self._board
 
     def _places(self, displacement: np.ndarray) -> np.ndarray:

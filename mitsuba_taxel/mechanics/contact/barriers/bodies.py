@@ -20,7 +20,7 @@ coordinate: corners in a scene are in single precision."""
 
 
 def body_of_each(triangles: np.ndarray) -> np.ndarray:
-    """(K,) number of the body of each triangle; triangles that share a corner belong to one body.
+    """Number (K,) of the body of each triangle; triangles that share a corner belong to one body.
 
     Parameters
     ----------
@@ -52,14 +52,14 @@ class RigidBodies:
 
     @cached_property
     def triangles(self) -> np.ndarray:
-        """(K, 3, 3) corners in mm."""
+        """Corners (K, 3, 3) in mm."""
         return np.frombuffer(self.corners).reshape(-1, 3, 3)
 
     @cached_property
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
         """Points (P, 3) in mm and triangles (T, 3).
 
-        The faces of a convex body are divided anew, so that the triangles have the symmetries of the body.
+        The faces of a convex body are triangulated again, so that the triangles have the symmetries of the body.
         """
         points, triangles, count = [], [], 0
         for body in self._parts:

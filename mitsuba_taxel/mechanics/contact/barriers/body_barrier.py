@@ -91,7 +91,7 @@ class BodyBarrier:
         )
 
     def forces(self, displacement: np.ndarray) -> np.ndarray:
-        """(N, 3) nodal forces in N of the bodies on the pad."""
+        """Nodal forces (N, 3) in N of the bodies on the pad."""
         positions, collisions = self._near(displacement)
         if not len(collisions):
             return np.zeros_like(displacement)

@@ -26,7 +26,7 @@ class ContactAhead:
     displacement, rate : (N, 3) ndarray
         Displacement of the nodes, in mm, and its rate with a load.
     point : Place
-        In mm, where the deformed pad is expected to touch something.
+        Expected point of contact in the deformed pad, mm.
     """
 
     def __init__(self, mesh: VolumeMesh, displacement: np.ndarray, rate: np.ndarray, point: Place) -> None:

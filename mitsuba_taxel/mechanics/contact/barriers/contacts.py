@@ -47,12 +47,12 @@ class Contacts:
         return own, external if self._bodies is None else external + self._bodies.forces(displacement)
 
     def all_forces(self, displacement: np.ndarray) -> np.ndarray:
-        """(N, 3) N, sum of the forces of the pad on itself, and of the board and the bodies on it."""
+        """Sum (N, 3) in N of the forces of the pad on itself, and of the board and the bodies on it."""
         own, external = self.forces(displacement)
         return own + external
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
-        """(3 N, 3 N) N/mm, negative derivative of the forces with respect to the displacement; without negative
+        """Negative derivative (3 N, 3 N) in N/mm of the forces with respect to the displacement; without negative
         eigenvalues of any pair if ``steady``.
 
         Parameters

@@ -210,7 +210,7 @@ class _Neighbours:
 
 
 def _common_columns(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) columns of both arrays (n, 3) in which a row has the number that it has in common with the row of the
+    """Columns (n,) of both arrays (n, 3) in which a row has the number that it has in common with the row of the
     other."""
     i, j = np.divmod((first[:, :, None] == second[:, None]).reshape(-1, 9).argmax(axis=1), 3)
     return i, j
@@ -261,8 +261,8 @@ class _Obstacles:
 
 
 def _free_below(points: np.ndarray, patches: np.ndarray) -> np.ndarray:
-    """(K,) whether a ray from each of ``points`` (3, K) down along z certainly meets no patch, so that the point is
-    outside."""
+    """Mask (K,): whether a ray from each of ``points`` (3, K) down along z certainly meets no patch, so that the point
+    is outside."""
     low, high = patches.min(axis=1)[:, None], patches.max(axis=1)[:, None]
     x, y, z = points[:, :, None]
     beside = (x < low[0]) | (x > high[0]) | (y < low[1]) | (y > high[1])
@@ -270,7 +270,7 @@ def _free_below(points: np.ndarray, patches: np.ndarray) -> np.ndarray:
 
 
 def _within(points: np.ndarray, patches: np.ndarray, tree: BoxTree) -> np.ndarray:
-    """(K,) whether each of ``points`` (3, K) is inside the closed surface of ``patches``.
+    """Mask (K,): whether each of ``points`` (3, K) is inside the closed surface of ``patches``.
 
     A ray from an inner point crosses the surface an odd number of times. Each patch that the ray may meet is
     approximated by 16 flat triangles.

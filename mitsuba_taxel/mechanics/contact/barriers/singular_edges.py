@@ -91,7 +91,7 @@ def shared_edges(mesh: VolumeMesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _singular_edges(mesh: VolumeMesh) -> np.ndarray:
-    """(E, 3) corners and middle node of singular edges."""
+    """Corners (E, 3) and middle node of singular edges."""
     edges, faces = shared_edges(mesh)
     first, second = faces.T
     glued = mesh.face_region[first] == REGIONS["bottom"], mesh.face_region[second] == REGIONS["bottom"]

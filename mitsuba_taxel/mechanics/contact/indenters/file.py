@@ -45,7 +45,7 @@ class File(IndenterShape, name="file", rank=4):
 
     @cached_property
     def turn(self) -> np.ndarray:
-        """(3, 3) matrix that turns the tilted body about z."""
+        """Matrix (3, 3) that turns the tilted body about z."""
         return Rotation.from_euler("ZY", [self.indenter.angle, 0.0], degrees=True).as_matrix()
 
     def own_gap(self, points: np.ndarray) -> Gap:

@@ -19,9 +19,10 @@ from mitsuba_taxel.parameters import values_of
 
 @dataclass(frozen=True)
 class IndenterForce(Load, name="indenter_force", rank=6):
-    """A force on a rigid indenter, which does not rotate; its displacement follows.
+    """A force on a rigid indenter, which does not rotate; its displacement is unknown.
 
-    It moves along z, and along sideways parts of the force, which need friction; else it is guided.
+    The indenter is free to move along z and, with friction, in the directions of sideways forces. It is guided in all
+    other directions.
     """
 
     indenter: Indenter = field()  # type: ignore[misc]

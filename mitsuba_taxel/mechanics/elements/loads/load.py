@@ -121,7 +121,7 @@ class Load(Kind, family="load"):
         """Refuse values that are not possible; raises `InputError`."""
 
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
-        """(N,) mm², area of each node on which a dead force acts."""
+        """Area (N,) in mm² of each node on which a dead force acts."""
         raise NotImplementedError(f"{self} is not spread over nodes")
 
     def loaded_area(self, mesh: VolumeMesh) -> float:
@@ -197,7 +197,7 @@ class DeadForce(Load):
 
 
 def top_faces(mesh: VolumeMesh) -> np.ndarray:
-    """(B, 6) nodes of the faces of the top."""
+    """Nodes (B, 6) of the faces of the top."""
     return mesh.faces[mesh.face_region == REGIONS["top"]]
 
 

@@ -50,7 +50,7 @@ class PatchForce(DeadForce, name="patch_force", rank=1):
             object.__setattr__(self, name, pair)
 
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
-        """(N,) loaded area in mm² of each node, by exact integration over clipped triangles."""
+        """Loaded area (N,) in mm² of each node, by exact integration over clipped triangles."""
         top = top_faces(mesh)
         flat = mesh.points[top[:, :3], :2]
         middle, half = np.array(self.centre), 0.5 * np.array(self.size)

@@ -27,7 +27,7 @@ class SpreadForce(DeadForce, name="spread_force", rank=0):
     has_position = False
 
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
-        """(N,) loaded area in mm² of each node.
+        """Loaded area (N,) in mm² of each node.
 
         The consistent load of a flat six-node triangle lies on its mid-edge nodes, a third of the area each.
         """

@@ -56,7 +56,7 @@ class Material(Kind, Checked, Displayed, family="material"):
 
     @classmethod
     def own_parameters(cls) -> Mapping[str, Parameter]:
-        """The constants of a law but Poisson's ratio; those that state no range may be any finite number.
+        """The constants of a law except Poisson's ratio. A constant without a stated range may be any finite number.
 
         Returns
         -------

@@ -21,7 +21,7 @@ LOW = 25
 
 
 def radii(patches: Patches) -> np.ndarray:
-    """(P,) a low percentile of the smaller principal radius of curvature on each patch, in mm; infinite for planes."""
+    """A low percentile (P,) of the smaller principal radius of curvature on each patch, in mm; infinite for planes."""
     triangles, patch = patches.triangles, patches.patch
     edges, pairs = neighbours(triangles)
     inside = patch[pairs[:, 0]] == patch[pairs[:, 1]]
@@ -46,7 +46,7 @@ def radii(patches: Patches) -> np.ndarray:
 
 
 def _edge_curvature(patches: Patches, edges: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(E,) angle between the triangles (E, 2) at each edge, positive where concave, and (E, 3, 3), in mm, its
+    """Angle (E,) between the triangles (E, 2) at each edge, positive where concave, and (E, 3, 3), in mm, its
     contribution to the integral of the curvature tensor."""
     first, second = patches.normals[pairs.T]
     start, end = patches.vertices[edges.T]

@@ -70,7 +70,7 @@ class _Surface:
         self.fixed = self._kinks()
 
     def _kinks(self) -> np.ndarray:
-        """(V,) which vertices are corners, or kinks of a border."""
+        """Mask (V,): which vertices are corners, or kinks of a border."""
         fixed = np.zeros(len(self.points), dtype=bool)
         fixed[self.patches.corners] = True
         ends = np.concatenate([self.patches.curves, self.patches.curves[:, ::-1]])
@@ -90,7 +90,7 @@ class _Surface:
 
     @property
     def size(self) -> np.ndarray:
-        """(V,) target length of edges at each vertex; infinite for removed ones."""
+        """Target length (V,) of edges at each vertex; infinite for removed ones."""
         result = np.full(len(self.points), np.inf)
         used = np.unique(self.triangles)
         result[used] = self._size(self.points[used], self.belongs[used])
@@ -186,7 +186,7 @@ class _Surface:
         self.triangles, self.patch = triangles[kept], self.patch[kept]
 
     def _may_collapse(self, directed: np.ndarray, edges: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """(D,) whether the first vertex of each pair may be merged into the second, its neighbour."""
+        """Mask (D,): whether the first vertex of each pair may be merged into the second, its neighbour."""
         count = len(self.points)
         number = np.full(count, -1)
         number[directed[:, 0]] = np.arange(len(directed))
@@ -219,7 +219,7 @@ class _Surface:
         return good & (np.bincount(candidate[bad], minlength=len(directed)) == 0)
 
     def _corner_normals(self, triangles: np.ndarray, patch: np.ndarray) -> np.ndarray:
-        """(T, 3, 3) mean normal of a patch at the corners of triangles."""
+        """Mean normal (T, 3, 3) of a patch at the corners of triangles."""
         vectors = area_normals(self.points, self.triangles)
         keys = (self.triangles * self.patches.count + self.patch[:, None]).ravel()
         unique, number = np.unique(keys, return_inverse=True)
@@ -297,7 +297,7 @@ class _Surface:
 
 
 def _least_around(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """(V,) least value of each vertex and its neighbours."""
+    """Least value (V,) of each vertex and its neighbours."""
     result = values.copy()
     np.minimum.at(result, edges[:, 0], values[edges[:, 1]])
     np.minimum.at(result, edges[:, 1], values[edges[:, 0]])
@@ -305,7 +305,7 @@ def _least_around(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def _quality(corners: np.ndarray) -> np.ndarray:
-    """(...,) area of triangles (..., 3, 3) relative to their sides, 1 if equilateral."""
+    """Area (...,) of triangles (..., 3, 3) relative to their sides, 1 if equilateral."""
     a, b, c = (corners[..., k, :] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=-1)
     squares = ((b - a) ** 2 + (c - b) ** 2 + (a - c) ** 2).sum(axis=-1)

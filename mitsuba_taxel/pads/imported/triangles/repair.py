@@ -115,7 +115,7 @@ def _consistent(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def _runs_along(triangles: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """(E,) whether triangles (E, 3) run along their edges (E, 2) from the first vertex to the second."""
+    """Mask (E,): whether triangles (E, 3) run along their edges (E, 2) from the first vertex to the second."""
     here = triangles[:, [[0, 1], [1, 2], [2, 0]]] == edges[:, None]
     return np.any(np.all(here, axis=2), axis=1)
 
@@ -198,7 +198,8 @@ def _check_pairs(
 
 
 def _pierced(segments: np.ndarray, corners: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) whether segments (N, 2, 3) pass through triangles (N, 3, 3), and where (N, 3) they meet their planes."""
+    """Mask (N,): whether segments (N, 2, 3) pass through triangles (N, 3, 3), and where (N, 3) they meet their
+    planes."""
     a, b, c = (corners[:, k] for k in range(3))
     normal = unit(np.cross(b - a, c - a))
     height = np.einsum("nkj,nj->nk", segments - a[:, None], normal)
