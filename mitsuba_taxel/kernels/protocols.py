@@ -81,9 +81,9 @@ class PhototransistorSensor(TaxelEnd, Protocol):
     """A `phototransistor`, or an array of phototransistors.
 
     It also caches properties of its scene, which are None until they are computed: ``guided_emission`` is a
-    `GuidedEmission`; ``guide`` is the vertices of a mesh and the `Guide` for these, or None where a guide does not pay;
-    ``plane_mirrors`` is the same with the `PlaneMirrors`; ``recorded`` is the `RecordedPaths`; ``checked`` is the
-    `KnownScene` of the last check.
+    `GuidedEmission`; ``guide`` is the vertices of a mesh and the `Guide` for these, or None if a guide does not reduce
+    the error; ``plane_mirrors`` is the same with the `PlaneMirrors`; ``recorded`` is the `RecordedPaths`; ``checked``
+    is the `KnownScene` of the last check.
     """
 
     specification: Phototransistor

@@ -183,7 +183,7 @@ def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
     Raises
     ------
     InputError
-        if ``mesh_size`` is not a finite length above 0, or asks for more elements than fit in memory, or the file holds
+        if ``mesh_size`` is not a finite length above 0, or needs more elements than fit in memory, or the file contains
         no pad that can be meshed; the message gives the position of an error of the surface.
     ComputationError
         if meshing fails, or leaves an inverted element that cannot be repaired.

@@ -81,7 +81,7 @@ class EnergyAudit:
 
     @property
     def total(self) -> float:
-        """Sum of all fractions: 1 up to rounding, as all power of each path is accounted for."""
+        """Sum of all fractions: 1 up to rounding, because all power of each path is accounted for."""
         return float(self.share.sum())
 
     @property

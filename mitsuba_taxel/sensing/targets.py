@@ -170,7 +170,7 @@ def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, toler
     seed : int
         Seed of the random numbers.
     most : int
-        Largest number of points per taxel and replicate; as many are traced as resolve the error.
+        Largest number of points per taxel and replicate; fewer are traced if they resolve the error.
     tolerance : float
         Relative noise at which no more points are needed.
 
@@ -370,7 +370,7 @@ def finer_mesh(
     target : float
         Relative error.
     order : float
-        Power of the mesh size with which errors fall.
+        Exponent of the mesh size with which errors fall.
 
     Returns
     -------
@@ -404,7 +404,7 @@ def rungs_to(target: float, meshes: list[tuple[float, float]], order: float = OR
     Returns
     -------
     int
-        From 1 to `MOST_RUNGS`, which it is if the last error is unknown.
+        Number from 1 to `MOST_RUNGS`; `MOST_RUNGS` if the last error is unknown.
     """
     last = meshes[-1][0]
     scaled = [math.log(error) + order * math.log(last / size) for size, error in meshes if not math.isnan(error)]
@@ -432,7 +432,7 @@ def points_for(
     target_error : float
         Relative.
     clock : Clock, optional
-        If its time does not suffice, the result is `MOST_POINTS`, and the clock decides.
+        Time budget. If its time does not suffice, the result is `MOST_POINTS`, and the clock ends the run.
     first : Run, optional
         A pilot run to continue. Without it, the random numbers are always the same, and the result is remembered with
         the scene.

@@ -170,7 +170,7 @@ class Guide:
         return self._is_of(mi.Int32(index), si, active)
 
     def misses(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
-        """Whether a hit lies on a wall of the mesh that reflects light but is never sampled."""
+        """Mask of the hits on walls of the mesh that reflect light but are never sampled."""
         return self._is_of(mi.Int32(_UNSAMPLED), si, active)
 
     def _is_of(self, owner: mi.Int32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:

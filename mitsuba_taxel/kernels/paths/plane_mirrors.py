@@ -121,10 +121,10 @@ def plane_mirrors(scene: mi.Scene, pair: TaxelPair) -> PlaneMirrors | None:
 
 @contextmanager
 def without_images(scene: mi.Scene) -> Iterator[None]:
-    """Within the block, no path uses images.
+    """Within the block, no path uses image connections.
 
-    Ends of a difference must not: of a roof at rest and a bent one, only the former has images, and the noise of the
-    two readings would not cancel.
+    Readings whose difference is computed must not use them: of a roof at rest and a bent roof, only the former has an
+    image, so the noise of the two readings would not cancel.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def without_images(scene: mi.Scene) -> Iterator[None]:
     Yields
     ------
     None
-        Afterwards images are looked for again.
+        Within the block; afterwards image connections are used again.
     """
     sensors = [sensor for sensor in scene.sensors() if is_phototransistor(sensor)]
     for sensor in sensors:

@@ -48,7 +48,7 @@ class Vertex:
 
 @dataclass
 class Mirrored:
-    """How a ray left the plane mirror that it comes from."""
+    """Density and distance of rays that come from a plane mirror, before the reflection."""
 
     density: mi.Float  # 1/sr: of its direction before the mirror and of specular reflection; 0 if images have no part
     distance: mi.Float  # mm: from the vertex before the mirror
@@ -349,7 +349,7 @@ class Techniques:
         previous : Vertex
             The vertex.
         member, uv : mi.Bool and mi.Point2f
-            Whether the guide can sample the hit of the ray, and its position on the unit square.
+            Mask of the hits that the guide can sample, and their positions on the unit square.
         area_per_angle : mi.Float
             Distance squared over cosine at the hit, mm².
         """

@@ -95,8 +95,8 @@ class Lambertian:
 class Isotropic:
     """Equal power into equal solid angles for every direction of incidence: f = 1 / (2 pi cos(theta_o)).
 
-    The law is not reciprocal. From a detector the directions are exchanged, f = 1 / (2 pi cos(theta_i)), and sampled by
-    the cosine law, with the weight 1 / (2 cos(theta_i)).
+    The law is not reciprocal. For paths from a detector the directions are exchanged, f = 1 / (2 pi cos(theta_i)). They
+    are sampled by the cosine law, with the weight 1 / (2 cos(theta_i)).
     """
 
     def __init__(self) -> None:

@@ -40,7 +40,7 @@ class Arc:
         return np.arctan2(away[:, 1], away[:, 0]), gradient
 
     def covers(self, points: np.ndarray) -> np.ndarray:
-        """Which points lie in directions from the centre in which the arc is.
+        """Mask of the points whose direction from the centre lies within the angles of the arc.
 
         Parameters
         ----------

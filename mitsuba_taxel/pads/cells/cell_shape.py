@@ -420,7 +420,7 @@ class CellShape(Kind, family="cell"):
         -------
         (N, 2) ndarray
             The tangent of the side first; then, if the roof must release from the mould as well, those along the roof.
-            Of any length.
+            Their lengths are arbitrary.
         """
 
     @abstractmethod

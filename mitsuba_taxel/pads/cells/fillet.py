@@ -44,7 +44,7 @@ class Fillet(ABC):
 
     @abstractmethod
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
-        """Which points of the sharp cell lie within the rounded one.
+        """Mask of the points of the sharp cell that lie within the rounded cell.
 
         Parameters
         ----------

@@ -279,7 +279,7 @@ def from_axis(square: bool, points: np.ndarray, beside: np.ndarray | None = None
     points : (N, 2 or 3) ndarray
         Relative to the axis, mm.
     beside : (N, 2 or 3) ndarray, optional
-        Points that decide, in place of ``points``, which of x and y counts for a square section.
+        Points that determine, instead of ``points``, whether x or y is used for a square section.
 
     Returns
     -------

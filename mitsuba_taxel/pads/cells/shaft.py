@@ -42,7 +42,7 @@ class Shaft(CellShape):
 
     @abstractmethod
     def across(self, points: np.ndarray) -> np.ndarray:
-        """Distance from the axis, in the norm in which the side is at the same distance everywhere.
+        """Distance from the axis, in the norm for which all points of the side have the same distance.
 
         Parameters
         ----------

@@ -125,7 +125,8 @@ def shifts_along_rays(
     base: np.ndarray,
     at_wall: Callable[[Rays], tuple[np.ndarray, np.ndarray]],
 ) -> np.ndarray:
-    """Displacements along rays: those of the wall inside it, and linear from the wall to the border of the region.
+    """Displacements along rays: inside the wall those of the wall, and linear from the wall to the border of the
+    region.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ class SingularEdges:
         self.between = np.unique(np.sort(between, axis=1), axis=0)
 
     def nodes(self, points: np.ndarray, faces: np.ndarray, patch: np.ndarray) -> np.ndarray:
-        """Which nodes of a mesh lie on these edges.
+        """Mask of the nodes of a mesh that lie on these edges.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class SingularEdges:
         return on
 
     def nodes_on_planes(self, points: np.ndarray, planes: Sequence[Mirror], tolerance: float) -> np.ndarray:
-        """Which points lie on such edges along planes of symmetry, where the mesh ends.
+        """Mask of the points on such edges along planes of symmetry, where the mesh ends.
 
         Parameters
         ----------

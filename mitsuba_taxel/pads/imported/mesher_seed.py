@@ -21,7 +21,7 @@ CONSTANT_42 = {
 
 
 def fix_random_device() -> None:
-    """Let ``std::random_device`` give 42 in this process, where that is possible."""
+    """Make ``std::random_device`` return 42 in this process, if possible."""
     code = CONSTANT_42.get(platform.machine())
     if code is None:
         return

@@ -53,7 +53,7 @@ def write_drawings(pad: Pad, folder: Path) -> None:
     pad : Pad
         In mm.
     folder : Path
-        An existing one.
+        Existing folder.
 
     Raises
     ------

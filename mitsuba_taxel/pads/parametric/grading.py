@@ -52,7 +52,7 @@ def cut_towards(
     mesh : VolumeMesh
         Mesh of the pad.
     singular : (N,) ndarray of bool
-        Which nodes are singular.
+        Mask of the singular nodes.
     fraction : float or Callable
         Position of the cut on an edge, relative to its length, from the singular end; or a function that returns the
         positions (E,) of all cuts from the nodes (E,) at the singular ends of edges, and from those at the other ends.

@@ -121,7 +121,7 @@ def upright_nodes(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
 
 
 def on_round_walls(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
-    """Which nodes lie on curved walls.
+    """Mask of the nodes on curved walls.
 
     Parameters
     ----------

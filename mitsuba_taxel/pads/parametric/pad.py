@@ -273,7 +273,7 @@ class Pad(Kinded, Displayed):
         return self.shape.filleted(self.fillet) if self.fillet else None
 
     def with_fillet(self, radius: float) -> Self:
-        """The same pad with another fillet, and with a mesh of its own.
+        """The same pad with another fillet; it is meshed itself.
 
         Parameters
         ----------

@@ -40,7 +40,7 @@ MOVED = 1e-4
 
 @in_turn
 def why_no_contact(scene: Scene, along: str) -> str | None:
-    """Why a scene has no first contact along a parameter, in words; None if it has one.
+    """Reason why a scene has no first contact along a parameter; None if it has one.
 
     Parameters
     ----------
@@ -96,12 +96,12 @@ def first_contact(
     last, furthest : float
         A value that the pad bears, and the value up to which the path is followed.
     names : Sequence[str]
-        Parameters by which derivatives are wanted; see :func:`rates`.
+        Parameters of the requested derivatives; see :func:`rates`.
 
     Returns
     -------
     FirstContact
-        The value of ``along``, its derivatives, and what is touched; empty if the path reaches ``furthest``.
+        The value of ``along``, its derivatives, and the object that is touched; empty if the path reaches ``furthest``.
 
     Raises
     ------

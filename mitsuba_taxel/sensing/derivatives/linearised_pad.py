@@ -33,7 +33,7 @@ class Nodal:
     Attributes
     ----------
     displacement, velocity : (N, 3) ndarray
-        Rate of their displacement, and of their undeformed positions, in mm per unit of the parameter.
+        Rates of the displacement and of the undeformed positions of the nodes, in mm per unit of the parameter.
     dimensions : dict[str, float]
         Rates of the dimensions of the pad.
     side : int
@@ -48,7 +48,7 @@ class Nodal:
 
 
 class LinearisedPad:
-    """A pad linearised about a state: its own, or one on other elements."""
+    """A pad linearised about its own state, or about a state on other elements."""
 
     def __init__(self, pad: PadShape, state: State) -> None:
         self.pad, self.state = pad, state

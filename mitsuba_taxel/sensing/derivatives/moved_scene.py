@@ -44,11 +44,11 @@ class MovingWalls:
     displacement : (N, 3) ndarray
         Displacement of the nodes of the scene's pad, in mm.
     nodal : Nodal
-        Their rates with the parameter.
+        Rates of the nodes with the parameter.
     chords : bool
         Whether triangles are chords of curved walls.
     bent : bool
-        Whether mirrors have a curvature that is off by its typical error.
+        Whether the curvature of mirrors is changed by its typical error.
     """
 
     displacement: np.ndarray
@@ -80,7 +80,7 @@ def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWal
 class MovedScene:
     """A prepared scene with one pad or none, at other values of one of its parameters.
 
-    Without a pad, the arguments ``walls`` are None.
+    If the scene has no pad, the argument ``walls`` of its methods is None.
 
     Raises
     ------
@@ -96,7 +96,7 @@ class MovedScene:
         self._moved: tuple[float, Any] = 0.0, ready.scene
 
     def largest_step(self, walls: MovingWalls | None) -> float:
-        """Largest change of the parameter, in its unit, at which the scene is read."""
+        """Largest change of the parameter for which the scene is read, in the unit of the parameter."""
         steps = [] if walls is None else self._steps_of_walls(walls)
         if self._change.beside or not steps:
             steps.append(PARTS_CHANGE * (abs(self._change.value) or 1.0))
@@ -115,7 +115,7 @@ class MovedScene:
         Raises
         ------
         InputError, RuntimeError
-            if the scene does not exist there.
+            if the scene is not valid with this change.
         """
         live = self._scene(offset)
         if walls is not None:

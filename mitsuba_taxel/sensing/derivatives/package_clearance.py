@@ -47,14 +47,14 @@ class PackageClearance:
     def rate(self, nodal: Nodal, changed: list[tuple[float, list[np.ndarray]]]) -> float:
         """Derivative of the least distance with respect to a parameter, in mm per its unit.
 
-        To first order it does not matter that another point becomes the nearest.
+        To first order, it is not affected if another point becomes the nearest.
 
         Parameters
         ----------
         nodal : Nodal
             Rates of the nodes.
         changed : list[tuple[float, list[ndarray]]]
-            Weights and packages (K, 3, 3) of a difference, by which packages move; empty if they do not.
+            Weights and packages (K, 3, 3) of a finite difference; empty if the parameter does not move packages.
         """
         if math.isnan(self.value):
             return math.nan

@@ -45,17 +45,18 @@ def mechanics_errors(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Errors of derivatives and readings by the finite elements.
 
-    The change by kinks is an error of each taxel. In everything else two meshes may agree by chance: that difference is
-    averaged over all cells that receive light, and the changes by patches count in part as if they were independent.
+    The change by kinks is an error of each taxel. In the rest of the change two meshes may agree by chance: it is
+    averaged over all cells that receive light, and a part of the changes by patches is added as if they were
+    independent.
 
     Parameters
     ----------
     comparisons : list[Comparison]
         Comparisons of each taxel.
     reading : (T, 1) ndarray
-        Per W of the LED.
+        Readings per W of the LED.
     second : SecondState or None
-        The state on the second mesh, which knows how much of the difference is an error.
+        The state on the second mesh, which determines how much of the difference is an error.
 
     Returns
     -------

@@ -40,7 +40,7 @@ class CellPatches:
 
     @property
     def rest(self) -> np.ndarray:
-        """(F + G, 15, 3) mm, undeformed."""
+        """Undeformed positions (F + G, 15, 3) of the patches, in mm."""
         return self._with_package(self.faces.rest, self.package)
 
     @property

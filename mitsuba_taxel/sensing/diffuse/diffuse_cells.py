@@ -216,7 +216,7 @@ class DiffuseCells:
         return mi.Ray3f(mi.Point3f(origin), direction)
 
     def occluded_fraction(self, sources: np.ndarray, ends: np.ndarray, fraction: np.ndarray) -> float:
-        """Fraction of a reading on segments of paths that anything but the package occludes.
+        """Fraction of a reading on segments of paths that are occluded by surfaces other than the package.
 
         Parameters
         ----------
@@ -296,7 +296,8 @@ class DiffuseCells:
         Returns
         -------
         Mesh
-            Cached unless it is large, as its pairs of points take half the time of a solution.
+            The quadrature. It is cached unless it is large, because its pairs of points take half the time of a
+            solution.
         """
         pattern = self.patches(number).pattern
         if len(pattern) > MOST_KEPT:
@@ -305,7 +306,7 @@ class DiffuseCells:
             return _kept_mesh(pattern.tobytes(), degree)
 
     def cell_like(self, number: int, before: DiffuseCells) -> CellWalls:
-        """A cell, with its patches cut as before a parameter of the scene changed.
+        """A cell after a parameter of the scene has changed, with its patches cut as before the change.
 
         Parameters
         ----------
@@ -322,7 +323,7 @@ class DiffuseCells:
         Raises
         ------
         NotDiffuse
-            if the patches are others.
+            if the patches are different.
         """
         cell, cell_before = self.cells[number], before.cells[number]
         package_before, package_after = before.taxels[number].package, self.taxels[number].package
@@ -357,7 +358,7 @@ class DiffuseCells:
         return AT_ISOTROPIC_EDGES if cell.isotropic.any() else AT_EDGES
 
     def walls_alike(self, first: int, second: int) -> bool:
-        """Whether the walls of two cells, by their indices, have patches that scatter the same light."""
+        """Whether the walls of two cells, given by their indices, have patches with the same scattering."""
         fractions = (np.column_stack([self.cells[k].isotropic, self.cells[k].lambertian]) for k in (first, second))
         counts = [np.unique(rows, axis=0, return_counts=True) for rows in fractions]
         return all(np.array_equal(*pair) for pair in zip(*counts, strict=True))
@@ -377,7 +378,7 @@ class DiffuseCells:
         Returns
         -------
         Cell
-            Cached unless it is large.
+            The solved cell; it is cached unless it is large.
         """
         taxel, cell = self.taxels[number], self.cells[number]
         rest, package = self.patches(number).rest, len(cell.package)
@@ -456,7 +457,7 @@ def _kept_mesh(pattern: bytes, degree: int) -> Mesh:
 def kept_cell(mesh: Mesh, arguments: bytes) -> Cell:
     """A solved cell, cached for the derivatives of a reading, and for studies that read a scene again.
 
-    There is room for three states of nine cells, which the search for steps and meshes has already solved.
+    The cache has room for three states of nine cells, which the search for steps and meshes has already solved.
 
     Parameters
     ----------

@@ -37,8 +37,8 @@ class Derivatives:
     power : (T,) ndarray
         Readings by the same method, in W.
     power_errors : (T,) ndarray
-        One standard deviation of these, due to the same causes; of random paths, due to their noise alone, as the
-        readings themselves state the rest.
+        Standard deviation of these readings by the same causes. With random paths it is that of their noise alone,
+        because the readings state the other errors.
     strain : float
         Largest principal strain of the silicone, stretch - 1: its mean over the most strained hundredth of the volume.
     strain_rates : (P,) ndarray

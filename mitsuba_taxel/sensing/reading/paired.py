@@ -69,7 +69,7 @@ def can_be_paired(ready: Prepared) -> bool:
 
 
 def paired(base: Scene, scene: Scene) -> Prepared:
-    """A scene whose readings are those of a base scene plus a difference, where that is possible.
+    """A scene whose readings are those of a base scene plus a difference, if this is possible.
 
     Parameters
     ----------
@@ -97,7 +97,8 @@ def paired_with(base: Scene, loaded_base: Prepared, scene: Scene) -> Prepared:
     Parameters
     ----------
     base : Scene
-        The same scene under another load, the larger the better: its elements serve for the unloaded pad too.
+        The same scene under another load, preferably the largest, because its elements are used for the unloaded pad
+        too.
     loaded_base : Prepared
         The base scene, of which :func:`can_be_paired` is true.
     scene : Scene

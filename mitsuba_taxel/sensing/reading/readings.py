@@ -89,7 +89,7 @@ def shares(error: np.ndarray, power: np.ndarray) -> np.ndarray:
 
 
 def or_dark(error: np.ndarray, power: np.ndarray, dark_error: np.ndarray | None) -> np.ndarray:
-    """The error of each power, by the scatter of its replicates or, where all are 0, by what they may have missed."""
+    """The error of each power: by the scatter of its replicates or, where all are 0, the ``dark_error``."""
     return error if dark_error is None else np.where(power > 0, error, dark_error)
 
 
@@ -134,14 +134,14 @@ class Readings(Displayed):
     responsivity : (T,) ndarray or None
         Photocurrent per power of each phototransistor at its LED's wavelength, in A/W, or None.
     deviation : (T,) ndarray or None
-        Change of the power, in W, with the shape that coarser finite elements give to loaded pads; NaN if unknown; None
-        if no pad is loaded or it was not requested: errors are then those of the light alone.
+        Change of the power, in W, if loaded pads have the shape that coarser finite elements give. It is NaN if
+        unknown, and None if no pad is loaded or it was not requested; errors are then those of the light alone.
     dark_error : (T,) ndarray or None
-        Power in W that a taxel may receive though no path brought light to it, one standard deviation; NaN if unknown;
-        None if a reading of 0 is exact.
+        Power in W that a taxel may receive although no path brought light to it, one standard deviation. It is NaN if
+        unknown, and None if a reading of 0 is exact.
     facets : (T,) ndarray or None
-        Change of the power, in W, with triangles that are chords of curved walls; 0 if all walls are flat; without
-        random numbers, what states the error of the light by the same share; None if not requested.
+        Change of the power, in W, with triangles that are chords of curved walls; 0 if all walls are flat. Without
+        random numbers, it is scaled such that the same factor gives the error of the light. None if not requested.
     mesh_size : float or None
         Size in mm of the finite elements of pads whose mesh the scene does not fix; None for the default.
     derivatives : Derivatives or None
@@ -203,8 +203,8 @@ class Readings(Displayed):
     def mechanics_error(self) -> np.ndarray:
         """One standard deviation (T,) in W of :attr:`power` due to the finite elements.
 
-        It is the same share of every reading with any power, from the mean square of the :attr:`deviation` of these:
-        meshes are irregular, and in one cell two meshes may agree by chance.
+        It is the same fraction of every reading that is not 0, from the mean square of their relative
+        :attr:`deviation`: meshes are irregular, and in one cell two meshes may agree by chance.
         """
         if self.deviation is None:
             return np.zeros(len(self.taxel))
@@ -215,7 +215,7 @@ class Readings(Displayed):
     def geometry_error(self) -> np.ndarray:
         """One standard deviation (T,) in W of :attr:`power` due to the flat triangles of curved walls.
 
-        It is the same share of every reading, like the :attr:`mechanics_error`.
+        It is the same fraction of every reading, like the :attr:`mechanics_error`.
         """
         if self.facets is None:
             return np.zeros(len(self.taxel))

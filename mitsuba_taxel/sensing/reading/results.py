@@ -25,16 +25,16 @@ class Result(NamedTuple):
     Attributes
     ----------
     name, unit, meaning : str
-        The unit is 1 for none; empty where it follows from the parameter of a derivative.
+        Name, unit and meaning. The unit is 1 for none, and empty if it follows from the parameter of a derivative.
     per : tuple[str, ...]
-        Dimensions beside those of a study: taxel, parameter, both, or none for one number a scene.
+        Dimensions in addition to those of a study: taxel, parameter, both, or none for one number for each scene.
     of : Callable[[Readings], array or None]
-        The values; None where a reading has none.
+        Returns the values of a reading; None if it has none.
     along_curve : bool
-        Whether it is interpolated along the curves of a study between the readings that have it, as errors by a second
-        mesh are.
+        Whether the result is interpolated along the curves of a study, between the readings that have it. Errors by a
+        second mesh are.
     in_table : bool
-        Whether the tables of readings hold it.
+        Whether tables of readings contain the result.
     """
 
     name: str

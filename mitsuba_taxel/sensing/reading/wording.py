@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def light_of_study(study: xr.Dataset) -> str:
-    """How the light of the readings of a study was computed.
+    """Method by which the light of a study's readings was computed, in words.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ def find_scene(source: str | Path) -> Path:
 
 
 def why_unreadable(path: Path) -> str | None:
-    """Why an existing path, or a parent of it, cannot be read as a file; None if it does not exist.
+    """Reason why an existing path, or a parent of it, cannot be read as a file; None if it does not exist.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def is_file(path: Path) -> bool:
     Returns
     -------
     bool
-        Links count as what they lead to.
+        True if there is such a file; links are followed.
     """
     try:
         return path.is_file()

@@ -27,7 +27,7 @@ def refusal_of(scene: Scene) -> InputError | None:
     Returns
     -------
     InputError or None
-        Not raised.
+        The error, which is not raised.
     """
     with scene.files_beside_it():
         try:

@@ -66,7 +66,7 @@ def guilty_parameters(parameters: Mapping[str, str]) -> str:
     Returns
     -------
     str
-        In brackets, after a blank; empty if there are none.
+        Names in brackets, after a blank; empty if there are none.
     """
     guilty = [f"{name} = {value}" for name, value in parameters.items() if not _is_near(value)]
     return f" (parameter {', '.join(guilty)})" if guilty else ""

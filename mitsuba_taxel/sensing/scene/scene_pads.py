@@ -50,7 +50,7 @@ def is_touched(scene: mi.Scene) -> bool:
 
 
 def contact_notes(scene: mi.Scene) -> list[str]:
-    """Which cells' walls rest on packages, in words.
+    """Sentences that name the cells whose walls rest on packages.
 
     Parameters
     ----------

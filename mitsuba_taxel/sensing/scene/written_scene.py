@@ -65,8 +65,8 @@ def scene_text(
     Returns
     -------
     str
-        The document. It has no parameters if Mitsuba would read other values with them, as where objects are shared in
-        a way that cannot be followed.
+        The document. It has no parameters if Mitsuba would read other values with them, because objects are shared in a
+        way that cannot be represented.
     """
     import mitsuba as mi
 

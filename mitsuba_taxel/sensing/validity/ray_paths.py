@@ -134,7 +134,7 @@ def follow(
 
 
 def landed(pair: TaxelPair, step: PathStep) -> tuple[mi.Bool, mi.UInt32]:
-    """Whether light hits the front of a phototransistor of the pair, and the index of the phototransistor.
+    """Mask of the light that hits the front of a phototransistor of the pair, and the index of the phototransistor.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def landed(pair: TaxelPair, step: PathStep) -> tuple[mi.Bool, mi.UInt32]:
     Returns
     -------
     hit : mi.Bool
-        Whether it does.
+        Mask of the paths that hit a phototransistor.
     index : mi.UInt32
         Index of the nearest phototransistor, from 0.
     """
