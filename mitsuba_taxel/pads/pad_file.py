@@ -61,8 +61,8 @@ class PadFile(Displayed):
     scale: float = number(
         1.0,
         "",
-        "Length of the file's unit in mm: 25.4 for inches, 1000 for m. A STEP file states its unit, which counts "
-        "already.",
+        "Length of the file's unit in mm: 25.4 for inches, 1000 for m. The unit that a STEP file states is applied "
+        "automatically.",
         above=0,
         name="file_scale",
     )

@@ -141,7 +141,11 @@ class DeformablePad(Specification, Kinded):
         minimum=0,
     )
     rate: float | None = number(
-        None, "1/s", "Rate of the load, in its own unit per s, instead of `time`.", above=0, default_words="by the time"
+        None,
+        "1/s",
+        "Rate of the load, in the unit of the load per s, instead of `time`.",
+        above=0,
+        default_words="by the time",
     )
 
     load: str = kind("spread_force", Load, "Kind of load.")
@@ -220,7 +224,9 @@ class DeformablePad(Specification, Kinded):
         "Texture of the roof, if it differs from `finish`. A kind has the same parameters on both walls.",
         default_words="as finish",
     )
-    side_finish: str | None = choice(None, ("smooth", *FINISHES), "The same for the side.", default_words="as finish")
+    side_finish: str | None = choice(
+        None, ("smooth", *FINISHES), "Texture of the side, if it differs from `finish`.", default_words="as finish"
+    )
     layer_height: float | None = _of_finish("layer_steps", "layer_height")
     print_direction: tuple[float, ...] | None = _of_finish("layer_steps", "direction")
     layer_offset: float | None = _of_finish("layer_steps", "offset")

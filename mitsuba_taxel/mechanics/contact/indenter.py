@@ -35,7 +35,7 @@ class Indenter(Kinded):
     shape: str = kind(
         "sphere",
         IndenterShape,
-        "What presses on the pad.",
+        "Body that presses on the pad.",
         name="indenter",
     )
     radius: float | None = number(
@@ -52,15 +52,16 @@ class Indenter(Kinded):
     angle: float | None = number(
         0.0,
         "degrees",
-        "Rotation about z, from x to y: of the axis of a cylinder, of a file, and of the direction of the tilt.",
+        "Rotation of the body about z, from x to y; it also rotates the direction of the tilt.",
         when=_SHAPE,
         name="indenter_angle",
     )
     tilt: float | None = number(
         0.0,
         "degrees",
-        "Angle by which the body leans from upright, about the centre of the end of a punch, or x = y = 0 of a file at "
-        "its lowest height; the tip is then its lowest point. A plate starts where it touches the pad.",
+        "Angle by which the body is tilted from upright, about the centre of the end of a punch or, for a file, about "
+        "x = y = 0 at its lowest height. The tip is then the lowest point of the tilted body. A plate starts where it "
+        "touches the pad.",
         minimum=-STEEPEST,
         maximum=STEEPEST,
         when=_SHAPE,
@@ -69,12 +70,12 @@ class Indenter(Kinded):
     edge_radius: float | None = number(
         None,
         "mm",
-        "Of the rounded edge of a punch, at most its radius.",
+        "Radius of the rounded edge of a punch, at most the radius of the punch.",
         above=0,
         common=(0.002, 500),
         when=_SHAPE,
         name="indenter_edge_radius",
-        default_words="a tenth of its radius",
+        default_words="a tenth of the radius of the punch",
     )
     friction: float = number(0.0, "", "Coefficient of Coulomb's friction.", minimum=0, common=(0, 2))
     file: str | None = text(

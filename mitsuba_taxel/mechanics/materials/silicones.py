@@ -18,7 +18,7 @@ from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean, Yeoh
 from mitsuba_taxel.parameters import Number
 
 HARDNESS = Number(
-    name="hardness", unit="Shore A", doc="Hardness, from which a modulus follows.", minimum=20, maximum=80
+    name="hardness", unit="Shore A", doc="Hardness, from which the modulus is estimated.", minimum=20, maximum=80
 )
 
 

@@ -80,7 +80,7 @@ class Pad(Kinded, Displayed):
     cell_height: float | None = number(
         None,
         "mm",
-        "From the board to the highest point of a cell, or to z = 1 of a profile.",
+        "Height of the highest point of a cell above the board, or of z = 1 of a profile.",
         above=0,
         common=(0.05, 100),
         default_words=_default_heights(),
@@ -103,15 +103,15 @@ class Pad(Kinded, Displayed):
     top_x: float = number(
         0.0,
         "mm",
-        "How far all cells lean along x: their walls are sheared, in proportion to the height, by this length at "
-        "`cell_height`; half of `wall` must be left beside their highest point.",
+        "Lean of all cells along x: their walls are sheared in proportion to the height, by this length at "
+        "`cell_height`. At least half of `wall` must remain beside their highest point.",
     )
-    top_y: float = number(0.0, "mm", "The same along y.")
+    top_y: float = number(0.0, "mm", "Lean of all cells along y, as `top_x`.")
     meshed_as: str = text(
         "",
         "Dimensions of another such pad, 'name=value', separated by commas, whose mesh is moved onto this one: pads "
-        "with the same origin have the same elements, and what is computed on them does not jump. Names are those of "
-        "this list, profile_r1, profile_z1 and so on; others are as here.",
+        "with the same origin have the same elements, so that results do not jump. Names are those of this list, and "
+        "profile_r1, profile_z1 and so on; dimensions that are not named are those of this pad.",
         default_words="a mesh of its own",
     )
     fillet: float = number(

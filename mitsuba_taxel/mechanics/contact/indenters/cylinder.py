@@ -12,7 +12,7 @@ from mitsuba_taxel.mechanics.contact.indenter_shape import RoundBody, round_outl
 class Cylinder(RoundBody, name="cylinder", rank=2):
     """A rod without ends along x of its own frame."""
 
-    meaning = "a rod that lies on the pad, as long as it takes"
+    meaning = "a rod that lies across the whole pad"
     uses = ("radius", "angle")
     across = np.diag([0.0, 1.0, 1.0])
     deepest = 1.0

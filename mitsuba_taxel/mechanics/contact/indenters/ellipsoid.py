@@ -44,7 +44,7 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
 
     @classmethod
     def own_parameters(cls) -> Mapping[str, Any]:
-        where = ("along the axis that the angle turns", "across it", "upright")
+        where = ("along x, before it is rotated", "along y, before it is rotated", "along z")
         return {
             f"semi_axis_{axis}": Number(
                 doc=f"Semi-axis of the ellipsoid {words}.", unit="mm", default=REQUIRED, above=0, common=(0.02, 500)

@@ -17,7 +17,7 @@ THICKNESS = 0.1
 class Plane(IndenterShape, name="plane", rank=3):
     """A plate that covers the pad; it starts at the height at which it touches the pad."""
 
-    meaning = "a plate as large as it takes"
+    meaning = "a plate that covers the pad"
     uses = ("angle", "tilt")
     unbounded = True
     contact_grows = False
