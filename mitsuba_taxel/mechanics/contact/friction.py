@@ -96,7 +96,7 @@ class Friction:
     def slip(self, tangents: np.ndarray, slip_position: np.ndarray, previous: FrictionState) -> np.ndarray:
         """Slip (m, 2) along both tangents since the ``previous`` state, integrated over the area of a node, in mm³.
 
-        It is without the elastic slip under the previous state's traction."""
+        The elastic slip under the previous state's traction is not included."""
         compliance = self._body.slack[:, None]
         return np.einsum(
             "mki,mi->mk", tangents, slip_position - previous.slip_position - compliance * previous.traction

@@ -226,7 +226,7 @@ class Indentation:
     def shape_rate(self, displacement: np.ndarray, moved: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Rate of the nodal forces while the undeformed nodes move, and the indenter with the highest node.
 
-        By a central difference, in which the same nodes stay in contact.
+        It is a central difference in which the same nodes stay in contact.
 
         Parameters
         ----------

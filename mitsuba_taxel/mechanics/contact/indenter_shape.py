@@ -50,12 +50,12 @@ class IndenterShape(Kind, family="indenter"):
     Attributes
     ----------
     unbounded : bool
-        Whether it covers a pad wherever it is placed. Such a body has no position and no edge of contact, and touches
-        nodes before what lies between them.
+        Whether the body covers a pad wherever it is placed. Such a body has no position and no edge of contact, and
+        touches nodes before points between them.
     contact_grows : bool
-        Whether the contact grows from a point or a line with the depth; else it begins with a face.
+        Whether the contact begins as a point or a line, and grows with the depth; otherwise it begins as a face.
     finer_when_shallow : bool
-        Whether smaller elements under the tip may resolve a contact that is not deep.
+        Whether smaller elements under the tip can resolve a small contact.
     """
 
     prefix = "indenter_"
@@ -73,7 +73,7 @@ class IndenterShape(Kind, family="indenter"):
         Raises
         ------
         InputError
-            if they do not.
+            if parameters contradict each other.
         """
 
     def digest(self) -> str:
@@ -131,7 +131,7 @@ class IndenterShape(Kind, family="indenter"):
         Returns
         -------
         bool
-            Whether the mirror image of the body is the body.
+            True if the body is its own mirror image.
         """
 
     def highest(self, points: np.ndarray) -> int:
@@ -168,7 +168,7 @@ class IndenterShape(Kind, family="indenter"):
     def contact_radius(self, depth: float) -> float:
         """Half the width of the contact with a half-space.
 
-        At most that at the largest depth for which elements are as small as the contact needs.
+        It is limited to the value at the largest depth for which elements are as small as the contact needs.
 
         Parameters
         ----------

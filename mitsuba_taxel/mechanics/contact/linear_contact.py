@@ -22,8 +22,8 @@ CONVERGED = 1e-9
 def pressures(matrix: np.ndarray, offset: np.ndarray, active: np.ndarray) -> np.ndarray | None:
     """Contact pressures without friction, a linear complementarity problem.
 
-    By block principal pivoting, which terminates for positive definite matrices (J. J. Judice and F. M. Pires,
-    Computers Oper. Res. 21, 1994).
+    It is solved by block principal pivoting, which terminates for positive definite matrices (J. J. Judice and F. M.
+    Pires, Computers Oper. Res. 21, 1994).
 
     Parameters
     ----------
@@ -64,9 +64,10 @@ def pressures(matrix: np.ndarray, offset: np.ndarray, active: np.ndarray) -> np.
 def tractions(matrix: np.ndarray, offset: np.ndarray, friction: float, guess: np.ndarray) -> np.ndarray | None:
     """Contact pressures and tractions with Coulomb friction.
 
-    Of y = matrix @ x + offset, the first third are gaps, the others slip along two tangents. A traction is at most
-    ``friction`` times the pressure; where it is less there is no slip, else the slip is opposite to it. By a semismooth
-    Newton method (P. Alart and A. Curnier, Comput. Methods Appl. Mech. Eng. 92, 1991).
+    In y = matrix @ x + offset, the first third are gaps, and the others are slip along two tangents. A traction is at
+    most ``friction`` times the pressure. If it is less, there is no slip; otherwise the slip is opposite to it. The
+    problem is solved by a semismooth Newton method (P. Alart and A. Curnier, Comput. Methods Appl. Mech. Eng. 92,
+    1991).
 
     Parameters
     ----------

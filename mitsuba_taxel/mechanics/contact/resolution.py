@@ -49,7 +49,7 @@ class Unresolved(ComputationError):
 
 
 class Resolution(NamedTuple):
-    """How elements resolve the contact with a body; zeros where it does not touch the undeformed pad.
+    """Measures of how well elements resolve the contact with a body; 0 if it does not touch the undeformed pad.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Resolution(NamedTuple):
 
 
 def resolution(mesh: VolumeMesh, indenter: Indenter, displacement: np.ndarray, moved: np.ndarray) -> Resolution:
-    """How the elements of a mesh resolve the contact with an indenter.
+    """Measures of how well the elements of a mesh resolve the contact with an indenter.
 
     Parameters
     ----------

@@ -151,7 +151,7 @@ class BuckledBranch:
     buckled : BuckledPad
         The pad of that segment.
     onwards : LoadSegment or None
-        The states by their load from the end of that segment on, of a pad that goes on where it touches something.
+        The states by their load beyond the end of ``curve``, if the pad continues after it touches something.
     """
 
     def __init__(self, pad: LoadedPad, segment: LoadSegment, onset: tuple[np.ndarray, np.ndarray]) -> None:
@@ -183,7 +183,7 @@ class BuckledBranch:
 
     @property
     def reason(self) -> str:
-        """Why the branch ends."""
+        """Reason why the branch ends."""
         return self._last.reason
 
     @property
@@ -216,7 +216,7 @@ class BuckledBranch:
         contact : ContactTest
             Test for contacts of the deformed pad.
         touched : Callable[[], bool]
-            Whether the pad has touched something, which ends it.
+            Whether the pad has touched something, which ends the branch.
         """
         curve = self.curve
         if len(curve.nodes) == 1:

@@ -25,7 +25,7 @@ class LoadPathEnds(ComputationError):
     load : Load or None
         Load whose value is `value`.
     value : ndarray or None
-        (3,) in N or mm, or (1,) in MPa: the last of which there is a state.
+        Last value with a state: (3,) in N or mm, or (1,) in MPa.
     contact : Contact or None
         Object that the deformed pad touches there; None if the path ends for another reason.
     """
@@ -41,13 +41,13 @@ class LoadPathEnds(ComputationError):
         self.load, self.value, self.contact = load, value, contact
 
     def at(self, load: Load, value: np.ndarray) -> LoadPathEnds:
-        """The same end, named by another load and its value there."""
+        """The same end, described by another load and its value at the end."""
         assert self.load is not None and self.value is not None
         words = str(self).replace(_shown(self.load, self.value), _shown(load, value))
         return LoadPathEnds(words, load, value, self.contact)
 
     def under(self, load: Load, value: np.ndarray) -> LoadPathEnds:
-        """The same end, named by the force on an indenter and by the displacement that it drives."""
+        """The same end, described by the force on an indenter and by the displacement that follows from it."""
         assert self.load is not None and self.value is not None
         driven = _shown(self.load, self.value)
         return LoadPathEnds(str(self).replace(driven, f"{_shown(load, value)}, {driven}"), load, value, self.contact)
@@ -145,9 +145,9 @@ class Obstacles:
     mesh : VolumeMesh
         Mesh of the undeformed pad.
     triangles : (K, 3, 3) ndarray
-        In mm, corners of the triangles of their closed surfaces, in the frame of the pad.
+        Corners of the triangles of their closed surfaces, in mm in the frame of the pad.
     mirrors : sequence of Mirror
-        Applied to them in sequence, as to the load of the segments.
+        Mirrors that are applied to the obstacles in sequence, as to the load of the segments.
 
     Raises
     ------

@@ -271,7 +271,7 @@ class LoadSegment:
             self.reason, self.place = f"touches {contact.what}", np.array(contact.place)
 
     def end_buckling(self, pad: Followed, contact: ContactTest, node: Node, mode: np.ndarray) -> None:
-        """End the segment where the pad buckles in a ``mode``; beyond its last node it has been found unstable.
+        """End the segment where the pad buckles in a ``mode``: beyond its last node the pad is unstable.
 
         Parameters
         ----------
@@ -337,7 +337,7 @@ class LoadSegment:
         return Interpolated.of(pad.figures_at(hermite(start, end, s), self.value(s), 0, checked), self.seconds_to(s))
 
     def unknowns_at(self, s: float) -> np.ndarray:
-        """The unknowns at distance ``s``, up to which the segment must have been extended."""
+        """The unknowns at the distance ``s``; the segment must have been extended this far."""
         return hermite(*self.interval(s), s)
 
     def seconds_to(self, s: float) -> float:
@@ -345,7 +345,7 @@ class LoadSegment:
         return sum(node.seconds for node in self.nodes[: self._first_from(s) + 1])
 
     def solved(self, pad: Followed, s: float) -> Node:
-        """The equilibrium at a distance, up to which the segment must have been extended.
+        """The equilibrium at a distance along the segment, which must have been extended this far.
 
         Parameters
         ----------
@@ -374,8 +374,8 @@ class LoadSegment:
             return self._node(pad, pad.solve_linearised, s, end.unknowns)[0]
 
     def rate(self, s: float) -> np.ndarray:
-        """Derivative of the unknowns with respect to the distance at ``s``, up to which the segment must have been
-        extended."""
+        """Derivative of the unknowns with respect to the distance at ``s``; the segment must have been extended this
+        far."""
         return hermite_rate(*self.interval(s), s)
 
     def beyond(self, pad: LoadedPad, s: float) -> Node:
@@ -405,7 +405,7 @@ class LoadSegment:
         return next(index for index, node in enumerate(self.nodes) if node.s >= s)
 
     def interval(self, s: float) -> tuple[Node, Node]:
-        """The two nodes around distance ``s``, up to which the segment must have been extended."""
+        """The two nodes around the distance ``s``; the segment must have been extended this far."""
         after = self._first_from(s)
         return self.nodes[max(after - 1, 0)], self.nodes[after]
 

@@ -188,7 +188,7 @@ class PadPath(PathStates):
         return pad_path(self.pad, self.material, self.load, mesh_size, judged, *settings)
 
     def bears(self, value: np.ndarray) -> bool:
-        """Whether the path leads as far as ``value`` without buckling."""
+        """Whether the path reaches ``value`` without buckling."""
         try:
             return self.state(value).buckled_at is None
         except ComputationError:
@@ -268,13 +268,13 @@ def pad_path(
     material : Material
         Elastic law of the silicone.
     load : Load
-        Load of which states have values.
+        Kind of load.
     mesh_size : float
         Length of the edges of elements, mm.
     judged : bool
         Whether the stability of states is judged.
     judged_on : float, optional
-        Length of the edges of elements on which it is, mm.
+        Length of the edges of elements on which stability is tested, mm.
     bodies : RigidBodies, optional
         Bodies that keep the pad off.
     step_tolerance : float

@@ -97,7 +97,7 @@ def hermite_rate(start: Node, end: Node, s: float) -> np.ndarray:
     Returns
     -------
     (unknowns,) ndarray
-        Exactly the tangent of a node at the node.
+        The derivative; at a node, exactly the tangent of the node.
     """
     if s == end.s:
         return end.tangent

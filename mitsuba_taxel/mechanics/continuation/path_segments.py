@@ -195,7 +195,7 @@ class PathSegments:
         Returns
         -------
         curve : LoadSegment or BuckledBranch
-            The segment, or what continues it.
+            The segment, or its continuation.
         distance : float
             Distance along the curve.
         pad : LoadedPad
@@ -248,7 +248,7 @@ class PathSegments:
         return self._path.judged and self._path.load.indenter is None
 
     def follow_normal(self, value: np.ndarray) -> None:
-        """Solve the normal segment as far as a load with a tangential part needs it; this determines its symmetries."""
+        """Solve the normal segment up to the normal part of a load; this determines the symmetries of that state."""
         if self.may_buckle and len(value) == 3 and value[2] and value[:2].any():
             ((segment, s),) = self.to(np.array([0.0, 0.0, value[2]]))
             if not segment.reaches(s):

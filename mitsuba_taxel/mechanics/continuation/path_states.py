@@ -181,7 +181,7 @@ class PathStates(PathProblem):
         value : (c,) ndarray
             Value of the load.
         mirrors : list[Mirror]
-            Mirrors that mapped the value and the obstacles there.
+            Mirrors that have mapped the value and the obstacles to the kept side.
         obstacles : Obstacles or None
             Obstacles that the pad must not touch on its path.
 

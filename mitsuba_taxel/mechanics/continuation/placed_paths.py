@@ -29,7 +29,7 @@ def path_along(path: PadPath, values: Sequence[Sequence[float]]) -> PadPath:
     Parameters
     ----------
     values : sequence of sequence of float
-        (x, y, z) in mm. Few more of them seldom change the elements; see :func:`swept_legs`.
+        Positions (x, y, z) in mm. A few additional values seldom change the elements; see :func:`swept_legs`.
     """
     reach = _reach(path)
     if math.isinf(reach):

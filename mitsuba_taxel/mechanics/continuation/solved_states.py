@@ -105,7 +105,7 @@ class SolvedStates:
     def beside(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
         """The state at a distance along a tangential segment, solved with the tangent under the normal force alone.
 
-        None if that tangent does not lead there, or if the pad then touches itself or the board.
+        None if the iteration with that tangent does not converge, or if the pad then touches itself or the board.
 
         Parameters
         ----------

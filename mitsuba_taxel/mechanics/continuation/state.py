@@ -184,7 +184,8 @@ class State(Displayed):
     def probed_share(self) -> float:
         """Fraction of the :attr:`deviations` by which a pad is displaced to find their effect on readings.
 
-        Changes of readings are proportional to it, but where a pad may touch bodies: there it is that of the error.
+        In general, changes of readings are proportional to this fraction. If the pad may touch bodies, they are not,
+        and the fraction is that of the error.
         """
         return 1.0 if self.bodies is None else ERROR_SHARE
 

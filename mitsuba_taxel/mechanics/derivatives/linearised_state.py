@@ -46,7 +46,7 @@ class Gradient:
     Attributes
     ----------
     value : (3,) ndarray
-        Per N or mm, or (1,) per MPa: dL by each component of the load's value.
+        Derivatives of L with respect to each component of the load's value, per N or mm; (1,) per MPa for a pressure.
     material : dict[str, float]
         Derivatives of L with respect to each parameter of the material, by name.
     shape : dict[str, float]

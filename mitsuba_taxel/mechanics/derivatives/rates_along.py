@@ -27,7 +27,7 @@ STRAIGHT = 1e-9
 
 
 def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequence[np.ndarray]]) -> np.ndarray:
-    """K derivatives of each of some states whose loads lie on one line.
+    """K derivatives for each state of a sequence whose loads lie on one line.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ class StressUpdate:
     factor : float
         Factor of the stress S of the law at the end.
     offset : (m, q, 6) ndarray
-        MPa, at the quadrature points of a part of the mesh: what the step starts from.
+        Stress that remains from the start of the step, in MPa, at the quadrature points of a part of the mesh.
     part : SymmetricPart
         The part.
     """
@@ -53,9 +53,9 @@ class InternalVariables:
     term_stress : (k, m, q, 6) ndarray
         MPa, stress Q of each term.
     error : (k, m, q, 6) ndarray
-        MPa, estimated error of ``term_stress``, because S does not change within steps as assumed.
+        Estimated error of ``term_stress`` in MPa, because S does not change within steps as assumed.
     law_error : (m, q, 6) ndarray
-        MPa, error of S that follows from it; 0 where it is not estimated.
+        Resulting error of S in MPa; 0 if it is not estimated.
     rate : (m, q, 6) ndarray or None
         MPa/s, rate of S at the time, or its mean over the last step; None before the first step, and just after a jump
         of the load.

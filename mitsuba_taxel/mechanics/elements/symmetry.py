@@ -80,9 +80,9 @@ class SymmetricPart:
     group : tuple[Mirror, ...]
         The mirrors that define it.
     source : (N,) ndarray
-        Node of the part of which each node of the whole is an image.
+        Node of the part whose image each node of the whole is.
     turn : (N, 3, 3) ndarray
-        Orthogonal matrix from the displacement there to that of the node of the whole.
+        Orthogonal matrix from the displacement of that node to the displacement of the node of the whole.
     """
 
     mesh: VolumeMesh

@@ -96,14 +96,15 @@ class MeshedPad:
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """Start of a solve: the guess, or where a kind of pad limits the step, a point between ``known`` and it.
+        """Start of a solution: the guess or, if the kind of pad limits the step, a point between ``known`` and the
+        guess.
 
         Parameters
         ----------
         known : (unknowns,) ndarray
             Unknowns of a solved state.
         guess : (unknowns,) ndarray
-            Guess where a solve is to start.
+            Requested start of the solution.
 
         Returns
         -------
@@ -113,7 +114,7 @@ class MeshedPad:
         return guess
 
     def ticks(self, response: np.ndarray) -> int:
-        """Number of ticks, the smallest fractions of a step, from the first-order change of the unknowns by it."""
+        """Number of ticks (smallest fractions of a step), from the first-order change of the unknowns by a step."""
         return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split(response)[0]))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
@@ -138,7 +139,7 @@ class MeshedPad:
         return self.model.assembly.elements.isochoric_rate(displacement[self.part.nodes], velocity[self.part.nodes])
 
     def size_of(self, stress: np.ndarray) -> float:
-        """MPa, root mean square over the pad of a stress (m, q, 6)."""
+        """Root mean square, over the pad, of a stress (m, q, 6), in MPa."""
         weight = self.model.assembly.elements.weight
         squares = np.square(stress) @ np.array([1.0, 1, 1, 2, 2, 2])
         return float(np.sqrt((weight * squares).sum() / weight.sum()))

@@ -28,7 +28,7 @@ def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
     mesh : VolumeMesh
         Mesh of the undeformed pad.
     load : Load
-        Load whose distribution counts.
+        Load whose distribution must be symmetric.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def loaded_pad(
     bodies: RigidBodies | None = None,
     ticks: int = TICKS,
 ) -> LoadedPad:
-    """The part of a pad between mirrors, kept off ``bodies`` if its load has ``self_contact``.
+    """The part of a pad between mirrors, with barriers against ``bodies`` if its load has ``self_contact``.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def new_pad(
     bodies : RigidBodies, optional
         Bodies that the pad may touch.
     fraction : float
-        Fraction of the usual size.
+        Reach of the barriers and size of the feet, relative to the default.
     ticks : int
         Number of smallest fractions of a step; see :func:`ticks_of`.
 

@@ -42,14 +42,14 @@ class Barrier:
     mesh : VolumeMesh
         Mesh of the whole undeformed pad, which stands on the board.
     modulus : float
-        MPa, which scales the repulsion: its pressure at a third of the reach is about twice the modulus.
+        Modulus that scales the repulsion, in MPa: the pressure at a third of the reach is about twice the modulus.
     fraction : float
-        Reach of the repulsion, relative to the usual one.
+        Reach of the repulsion, relative to the default.
 
     Attributes
     ----------
     reach : float
-        In mm, largest distance at which surfaces repel each other.
+        Largest distance at which surfaces repel each other, mm.
 
     Raises
     ------
@@ -93,7 +93,8 @@ class Barrier:
         )
 
     def forces(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Nodal forces (N, 3) in N: of the pad on itself, and of the board on nodes that are not glued to it."""
+        """Nodal contact forces (N, 3) in N: between parts of the pad, and of the board on nodes that are not glued to
+        it."""
         own, board = np.zeros_like(displacement), np.zeros_like(displacement)
         positions, collisions = self._near(displacement)
         own[self._nodes] = -self._potential.gradient(collisions, self._mesh, positions).reshape(-1, 3)
@@ -105,7 +106,7 @@ class Barrier:
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
         """Negative derivative (3 N, 3 N) in N/mm of the forces with respect to the displacement.
 
-        Forces that turn about a corner have negative eigenvalues; if ``steady``, those of each pair are set to 0.
+        Forces that turn about a corner have negative eigenvalues; with ``steady``, these are set to 0 for each pair.
 
         Parameters
         ----------
@@ -184,9 +185,9 @@ class Barrier:
 
 
 def additive_ccd(ipctk: Any) -> Any:
-    """Additive search for collisions, which advances as far as distances allow.
+    """Additive continuous collision detection, which advances as far as distances allow.
 
-    It takes milliseconds, where the default of `ipctk`, by inclusion, takes half the time of a step (M. Li, D. M.
+    It takes milliseconds, whereas the default of `ipctk`, by inclusion, takes half the time of a step (M. Li, D. M.
     Kaufman and C. Jiang, ACM Trans. Graph. 40, 2021).
     """
     return ipctk.AdditiveCCD(conservative_rescaling=CLOSE)

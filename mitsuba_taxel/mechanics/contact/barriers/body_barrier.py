@@ -36,16 +36,16 @@ class BodyBarrier:
     mesh : VolumeMesh
         Mesh of the whole undeformed pad, which touches no body.
     modulus : float
-        MPa, as of :class:`Barrier`.
+        Modulus that scales the repulsion, in MPa; see :class:`Barrier`.
     bodies : RigidBodies
         The bodies.
     fraction : float
-        Reach of the repulsion, relative to the usual one.
+        Reach of the repulsion, relative to the default.
 
     Attributes
     ----------
     reach : float
-        In mm, largest distance at which bodies repel the pad.
+        Largest distance at which bodies repel the pad, mm.
 
     Raises
     ------

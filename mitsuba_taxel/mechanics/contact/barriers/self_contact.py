@@ -61,8 +61,8 @@ class ContactTest:
     obstacles : (K, 3, 3) ndarray, optional
         Corners of the triangles of closed surfaces, in mm: the packages in the cells.
     nodes : (n,) ndarray, optional
-        Nodes to which the test is limited. Contact with the board is tested on faces that have these nodes alone,
-        contact of two faces if one of both has. Contact with obstacles is tested everywhere.
+        Nodes to which the test is limited. Contact with the board is tested on faces that have only such nodes, and
+        contact of two faces if one of them has only such nodes. Contact with obstacles is tested everywhere.
 
     Raises
     ------
@@ -106,8 +106,8 @@ class ContactTest:
         return Contact("itself", place) if place else None
 
     def find_fold(self, displacement: np.ndarray) -> Place | None:
-        """A point in mm at which the pad intersects itself, even in the strip beside singular edges; None if there is
-        none."""
+        """A point in mm at which the pad intersects itself, including the strip beside singular edges; None if it does
+        not intersect itself."""
         control = control_points(self._points + displacement, self._faces)
         return self._on_itself(np.concatenate([control, np.ones_like(self._beyond)]))
 

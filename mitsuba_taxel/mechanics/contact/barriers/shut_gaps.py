@@ -44,7 +44,7 @@ def widest_shut(mesh: VolumeMesh, bodies: RigidBodies) -> float:
 
 
 def kept_off(points: np.ndarray, bodies: RigidBodies, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points of a pad's surface, moved away from bodies that they are too close to, and whether each touches a body.
+    """Points of a pad's surface, moved away from bodies that are too close, and a mask of those that touch a body.
 
     Parameters
     ----------
@@ -53,12 +53,12 @@ def kept_off(points: np.ndarray, bodies: RigidBodies, width: float) -> tuple[np.
     bodies : RigidBodies
         Bodies that the pad may touch.
     width : float
-        In mm, distance below which a point touches a body.
+        Distance below which a point touches a body, mm.
 
     Returns
     -------
     points : (V, 3) ndarray
-        In mm, at least :data:`LEAST` of the width away from each body.
+        Positions in mm, at least :data:`LEAST` times the width away from each body.
     touches : (V,) ndarray of bool
         Whether each point touches a body.
     """

@@ -61,8 +61,8 @@ def judged_nodes(mesh: VolumeMesh) -> np.ndarray:
     """Nodes at which elements must not be inverted: nodes of the cells' walls outside the strip, where light is
     reflected.
 
-    Elsewhere an element may fold at the middle of an edge, as it does where silicone rolls over onto the board. At
-    quadrature points, which determine its energy, no element may be inverted.
+    At other nodes an element may be inverted, for example at the middle of an edge where silicone rolls over onto the
+    board. At quadrature points, which determine its energy, no element may be inverted.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def rim_corners(mesh: VolumeMesh, region: str, least_turn: float) -> np.ndarray:
     mesh : VolumeMesh
         Mesh of the undeformed pad.
     region : str
-        "bottom" or "top", whose rim with the outside is meant.
+        Region whose rim with the outside is used, "bottom" or "top".
     least_turn : float
         Least angle in degrees by which the rim turns at a corner.
 

@@ -39,7 +39,7 @@ from mitsuba_taxel.parameters import Parameter, check, parameters_of, values_of
 class Load(Kind, family="load"):
     """Quantity that a load path varies, and its boundary condition.
 
-    The boundary condition follows from these attributes alone; no code asks for the class of a load.
+    The boundary condition follows from these attributes alone; no code tests the class of a load.
 
     Attributes
     ----------
@@ -169,8 +169,8 @@ class DeadForce(Load):
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
         """Area of each node that the force acts on: the integral of the node's shape function over it.
 
-        Only ratios count, so that it may be weighted. It has to change continuously with the points of the mesh:
-        derivatives with respect to shapes and positions are taken by its differences.
+        Only ratios of the areas are used, so they may be weighted. They must change continuously with the points of the
+        mesh, because derivatives with respect to shapes and positions are computed from their differences.
 
         Parameters
         ----------
