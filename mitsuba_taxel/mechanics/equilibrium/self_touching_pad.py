@@ -42,7 +42,7 @@ class SelfTouchingPad(LoadedPad):
     bodies : RigidBodies, optional
         Bodies that the pad may touch.
     fraction : float
-        Reach of the barriers, relative to the usual one.
+        Reach of the barriers, relative to the default.
     """
 
     solves_between = True
@@ -69,7 +69,7 @@ class SelfTouchingPad(LoadedPad):
         return sparse.csr_array(self.model.over_unknowns(of_part))
 
     def closer(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """The unknowns of the equilibrium with half the reach of the barrier, near those of a state."""
+        """The unknowns of the equilibrium near a state, with half the reach of the barriers."""
         arguments = self.whole, self.material, self.load, self.mirrors, self.images, self._solver_name
         return type(self)(*arguments, bodies=self._bodies, fraction=0.5 * self._fraction).equilibrium(unknowns, value)
 

@@ -21,7 +21,7 @@ class History:
     stress_update : StressUpdate or None
         Stress of a viscoelastic pad as a function of that of the law; None if it is elastic.
     friction_state : FrictionState or None
-        Friction of an indenter at the end of the previous step; None where nothing has touched the pad.
+        Friction of an indenter at the end of the previous step; None if nothing has touched the pad.
     """
 
     stress_update: StressUpdate | None = None

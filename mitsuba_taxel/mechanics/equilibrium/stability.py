@@ -32,7 +32,7 @@ from mitsuba_taxel.mechanics.elements.symmetry import CUT, SymmetricPart, cut_bl
 class Stability:
     """Stability check against the displacements that the factored tangent of the part between mirrors does not contain.
 
-    They are those without the symmetry of the state, or all, where pieces are checked.
+    These are the displacements without the symmetry of the state or, if pieces are tested, all displacements.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Stability:
         entries : ndarray
             Entries of the tangent of the part, from :meth:`Model.evaluate`.
         displacement, pressure : (N, 3) ndarray
-            mm and (corners,) MPa of the whole pad, which has the symmetry of the part.
+            State of the whole pad, in mm and (corners,) MPa, which has the symmetry of the part.
         value : ndarray
             Value of the load.
         stress_update : StressUpdate, optional

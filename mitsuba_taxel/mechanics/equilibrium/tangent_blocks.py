@@ -75,7 +75,7 @@ class TangentBlock:
         return value
 
     def of_field(self, field: np.ndarray) -> np.ndarray:
-        """(n, 3) on the part, component of this symmetry type of a vector field (N, 3) at the nodes of the whole
+        """Component of this symmetry type, (n, 3) on the part, of a vector field (N, 3) at the nodes of the whole
         pad."""
         field = self._image(field)
         for mirror, sign in self._signs:
@@ -94,7 +94,7 @@ class TangentBlock:
 
     @property
     def expansion(self) -> sparse.csr_array:
-        """(3 N + corners, unknowns): displacement and pressure of the whole pad from the unknowns."""
+        """Matrix (3 N + corners, unknowns) from the unknowns to displacement and pressure of the whole pad."""
         symmetric_part, numbering = self.model.part, self.model.numbering
         nodes, corners = len(self._whole.points), self._whole.corner_count
         component, sign = symmetric_part.components
@@ -293,7 +293,7 @@ class SplitTangent:
             self._shares.append(_Share(spread, sparse.csr_array(spread.T / copies), factor(block)))
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """The change of the unknowns for a ``residual``, as of :class:`Linearised`, to the accuracy of the factors."""
+        """The change of the unknowns for a ``residual``, as in :class:`Linearised`, to the accuracy of the factors."""
         step = np.zeros_like(residual)
         for spread, collect, factor in self._shares:
             step += spread @ factor.solve_roughly(collect @ residual)

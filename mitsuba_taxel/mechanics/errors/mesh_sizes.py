@@ -27,8 +27,8 @@ MOST_ELEMENTS_TRIED = 100_000
 def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance: float) -> float:
     """The coarsest of a sequence of mesh sizes [mm] whose error is within ``tolerance`` under a small load.
 
-    The error is that of :class:`RoofError`, ``relative``, of the change from rest under a small normal load, and a
-    small tangential one if the load has a direction. Under larger loads it may be larger, and is reported.
+    The error is ``relative`` of :class:`RoofError`, for the change from rest under a small normal load and, if the load
+    has a direction, under a small tangential load. Under larger loads it may be larger, and is reported.
 
     Parameters
     ----------

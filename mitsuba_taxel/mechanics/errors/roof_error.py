@@ -29,9 +29,9 @@ _BARYCENTRIC = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1
 def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
     """Size of the elements of another mesh of the same pad, relative to that of ``mesh``.
 
-    The geometric mean of the ratios in the solid and on the walls of the cells, as the error comes from both. If roofs
-    are thinner than the elements, both meshes have one layer there, and the coarser one saves elements elsewhere: the
-    mean of the ratios above the roofs and on their faces is returned instead, if it is closer to 1.
+    It is the geometric mean of the ratios in the solid and on the walls of the cells, because the error comes from
+    both. If roofs are thinner than the elements, both meshes have one layer there, and the coarser mesh saves elements
+    elsewhere. The mean of the ratios above the roofs and on their faces is then returned instead, if it is closer to 1.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def _elements_above_roofs(mesh: VolumeMesh) -> int:
 
 
 def top_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
-    """As :func:`size_ratio`, of the elements at the top alone.
+    """As :func:`size_ratio`, for the elements at the top alone.
 
     Parameters
     ----------

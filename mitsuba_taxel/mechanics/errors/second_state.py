@@ -29,9 +29,10 @@ class SecondState(NamedTuple):
     ----------
     state : State
     share : float
-        Error of a derivative on the elements of the first state, relative to its difference from that on these.
+        Error of a derivative on the elements of the first state, relative to the difference of the derivatives on both
+        meshes.
     share_of_sum : float
-        The same distance, relative to the sum of its errors on both.
+        The same error, relative to the sum of the errors on both meshes.
     least : float
         Least relative error of a rate of the displacement on the elements of the first state.
     """

@@ -39,7 +39,7 @@ class StepError:
     deviation : (unknowns,) ndarray
         Deviation of the unknowns of the part.
     uncertainty : float
-        Sum in mm of the largest displacements by each step's error, as far as it lasts.
+        Sum, in mm, of the largest displacements by the error of each step that have not relaxed yet.
     """
 
     deviation: np.ndarray
@@ -48,8 +48,8 @@ class StepError:
 
 @dataclass(frozen=True, eq=False)
 class PartMidStep:
-    """A :class:`MidStep` over the unknowns of the solved part, on a ``growth``; ``error`` is the relative size of its
-    remainder, and that is over displacements in one row."""
+    """A :class:`MidStep` over the unknowns of the solved part, on a ``growth``. Its remainder is a vector of
+    displacements, whose relative size is ``error``."""
 
     growth: Growth
     start_velocity: np.ndarray
@@ -81,7 +81,7 @@ class StepState:
     mid_step : PartMidStep or None
         Middle of the step that leads to this state.
     next_length : float
-        In s, of a next step that may lead beyond rows.
+        Length in s of the next step, which may span several rows.
     """
 
     fraction: float

@@ -30,7 +30,7 @@ class Shape:
     velocity : (3 N + corners,) ndarray
         Rate per s of displacements, then pressures; (1,) NaN after a jump of the load.
     deviation : (N, 3) ndarray
-        mm, estimated error of the displacement by time steps, and by interpolation between them.
+        Estimated error of the displacement, in mm, by time steps and by interpolation between them.
     """
 
     displacement: np.ndarray
@@ -51,9 +51,9 @@ class LoadState:
     Attributes
     ----------
     value : (c,) ndarray
-        The load, or where its force has moved an indenter.
+        The load or, under a force on an indenter, the displacement of the indenter.
     rate : (c,) ndarray
-        Per s, on the way there; NaN after a jump.
+        Rate of the load per s, before this time; NaN after a jump.
     memory : ndarray
         Memory of :class:`~mitsuba_taxel.mechanics.materials.creep.CreepResponse`.
     """
@@ -70,11 +70,11 @@ class MidStep:
     Attributes
     ----------
     start_velocity : (3 N + corners,) ndarray
-        Per s, of the unknowns at its start.
+        Rates of the unknowns per s at the start of the step.
     correction : (3 N + corners,) ndarray
         Correction by Newton's method, in the middle, to a cubic between the ends.
     remainder : (N, 3) ndarray
-        mm, what it would then add to the displacements a quarter of the way from an end, where that is more.
+        Further correction of the displacements, in mm, a quarter of the way from an end; the larger one of both ends.
     cubic_stress : (m, q, 6) ndarray
         MPa, third power of the stress, of :meth:`InternalVariables.parabolic_step_error`.
     """
@@ -138,7 +138,7 @@ class TimeState:
     mid_step: MidStep | None = None
 
     def on_its_way(self, time: float, value: np.ndarray) -> bool:
-        """Whether a load has a given value at another time, if its rate does not change.
+        """Whether the load has a given value at another time, if its rate does not change.
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class TimeState:
         Returns
         -------
         bool
-            Whether it has, within rounding.
+            True if it has, within rounding.
         """
         if not np.all(np.isfinite(self.load.rate)):
             return False
@@ -175,7 +175,7 @@ class TimeState:
 
 
 def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: float) -> Shape:
-    """The shape at a time within a step that leads beyond rows.
+    """The shape at a time within a step that spans several rows.
 
     It is that of the cubics between both ends with, in the middle, the value after one step of Newton's method. The
     step

@@ -76,7 +76,7 @@ class TimedPath(TimedStates):
         InputError
             if the undeformed pad touches obstacles.
         ComputationError
-            if the path ends before, or the pad touches obstacles.
+            if the path ends before the last row, or the pad touches obstacles.
         """
         if obstacles is not None:
             self._refuse_contact(rows, obstacles)

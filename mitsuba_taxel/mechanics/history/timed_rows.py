@@ -42,8 +42,8 @@ Row = tuple[float, tuple[float, ...]]
 class LoadHistory:
     """Rows of a load, and a digest of each that depends on all rows before it.
 
-    A start of it, ``history[:count]``, shares its rows: the histories of all states of a path take time and memory in
-    proportion to their number. Histories are equal if their rows are.
+    The first rows of a history, ``history[:count]``, are shared with it, so the histories of all states of a path take
+    time and memory in proportion to their number. Histories are equal if their rows are equal.
 
     Parameters
     ----------

@@ -95,12 +95,12 @@ class TimedStates:
         Returns
         -------
         TimeState
-            Solved, or interpolated within a step that leads beyond the last row.
+            The state: solved, or interpolated within a step that extends beyond the last row.
 
         Raises
         ------
         ComputationError
-            if the path ends before.
+            if the path ends before the last row.
         """
         end = self._solved(rows)
         if end.time <= (rows[-1][0] if rows else 0.0):

@@ -43,7 +43,7 @@ class CreepResponse:
     amplitudes : (k,) ndarray
         Amplitudes of the exponentials.
     creeps : bool
-        Whether this is the response of displacements to a force; else that of pressures to a displacement.
+        True for the response of displacements to a force, False for the response of pressures to a displacement.
     """
 
     lasting: float
@@ -56,8 +56,8 @@ class CreepResponse:
     def of(cls, prony: Terms, creeps: bool) -> CreepResponse:
         """The response of a Prony series.
 
-        It is the relaxation function, or the creep function, whose rates are the zeros of the former in Laplace space,
-        by bisection.
+        It is the relaxation function or the creep function. Rates of the creep function are the zeros of the relaxation
+        function in Laplace space, found by bisection.
         """
         times = np.unique([time for _, time in prony])[::-1]
         weights = np.array([sum(weight for weight, term_time in prony if term_time == time) for time in times])
@@ -136,7 +136,7 @@ class Growth:
 
     @property
     def ends(self) -> bool:
-        """Whether the rate vanishes at the end of the step, to within what can be resolved."""
+        """Whether the rate vanishes at the end of the step, within the resolution of numbers."""
         return bool(self.rate(self.duration) * self.duration < LEAST_END)
 
     def time_at(self, fraction: float) -> float:
@@ -174,8 +174,8 @@ class Measures:
     main : Growth
         Measure for displacements.
     second : Growth or None
-        Measure for pressures, and of a small fraction of displacements, because volumes respond to pressures at once;
-        None if pressures have no other measure.
+        Measure for pressures, and for a small fraction of displacements, because volumes respond to pressures
+        immediately; None if pressures have no other measure.
     """
 
     main: Growth

@@ -59,7 +59,7 @@ class Weights(NamedTuple):
     ramp : (k,) ndarray
         Factor of a linear change of S, before the weight g.
     curvature : (k,) ndarray
-        Times h² S'', the error of a linear change of S with that second derivative.
+        Error of a linear change of S, divided by h² S'', where S'' is the second derivative.
     """
 
     decay: np.ndarray

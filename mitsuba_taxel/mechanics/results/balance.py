@@ -28,19 +28,20 @@ class Reactions:
     Attributes
     ----------
     force : (3,) ndarray
-        In N, force of the board on the pad.
+        Force of the board on the pad, in N.
     moment : (3,) ndarray
-        N mm, moment of the board's forces on the deformed pad, and of the linear law at its feet, which resists large
-        rotations.
+        Moment, in N mm, of the board's forces on the deformed pad, and of the linear law at its feet, which resists
+        large rotations.
     applied_force : (3,) ndarray
-        In N, force of the load; for a prescribed displacement, that of the plate or the indenter.
+        Force of the load, in N; for a prescribed displacement, that of the plate or the indenter.
     applied_moment : (3,) ndarray
-        N mm, moment of the load on the deformed pad, including that which prevents a bonded plate from rotating.
+        Moment, in N mm, of the load on the deformed pad, including the moment that prevents a bonded plate from
+        rotating.
     size : float
         Largest distance from the origin in the undeformed pad, in mm.
     kept : float
-        In N, sum of the magnitudes of the board's nodal forces for a viscoelastic silicone, which may have residual
-        stress without a load; else 0.
+        Sum of the magnitudes of the board's nodal forces, in N, for a viscoelastic silicone, which may have residual
+        stress without a load; 0 for others.
     state : State
         The deformed pad.
     """

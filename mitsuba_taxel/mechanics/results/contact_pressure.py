@@ -30,7 +30,7 @@ def contact_pressure(state: State) -> np.ndarray:
     Returns
     -------
     (N,) ndarray
-        In MPa, 0 where nothing touches the node.
+        Pressures in MPa; 0 at nodes that the indenter does not touch.
     """
     pressure = np.zeros(len(state.mesh.points))
     if state.load.indenter is not None:

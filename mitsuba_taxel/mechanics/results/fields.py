@@ -99,7 +99,7 @@ def nodal_fields(
     Returns
     -------
     NodalFields
-        Deformation gradient, pressure, and what follows from them, at each node.
+        Deformation gradient, pressure, and the derived fields, at each node.
     """
     everywhere = np.empty(len(mesh.points))
     everywhere[: mesh.corner_count] = pressure

@@ -51,7 +51,8 @@ class LargestStrain:
     def rate(self, displacement: np.ndarray, velocity: np.ndarray) -> float:
         """Derivative of the largest strain with respect to a parameter.
 
-        The averaged volume changes too; by the envelope theorem, its threshold, the last strain, does not contribute.
+        The averaged volume changes too. By the envelope theorem, the change of its threshold, the least averaged
+        strain, does not contribute.
 
         Parameters
         ----------

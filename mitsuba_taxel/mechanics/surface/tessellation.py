@@ -59,7 +59,7 @@ class Surface:
     normals : (T, 3, 3) ndarray
         Unit normals of curved walls at the corners of the triangles; elsewhere, those of the triangles.
     touches : (V,) ndarray
-        Whether each vertex touches a package, between which and the pad no light passes.
+        Mask of the vertices that touch a package; no light passes between them and the package.
     """
 
     vertices: np.ndarray

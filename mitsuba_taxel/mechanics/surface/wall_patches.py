@@ -53,7 +53,7 @@ class WallPatches:
 
     @cached_property
     def pattern(self) -> np.ndarray:
-        """(F, K, 3) mm, undeformed, in the cell of the faces."""
+        """Undeformed points (F, K, 3) in the cell of the faces, in mm."""
         return self._placed(self.walls.points, self.pad)
 
     @cached_property
@@ -63,7 +63,7 @@ class WallPatches:
 
     @cached_property
     def rest(self) -> np.ndarray:
-        """(F, K, 3) mm, undeformed."""
+        """Undeformed points (F, K, 3) in mm."""
         return self.pattern + self.shift
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
