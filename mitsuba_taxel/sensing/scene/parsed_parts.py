@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from types import SimpleNamespace
+from typing import Any
 
 import mitsuba as mi
 
@@ -50,6 +51,12 @@ class _Props:
 
     def __contains__(self, name: str) -> bool:
         return name in self._props
+
+    def __getitem__(self, name: str) -> Any:
+        return self._props[name]
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        self._props[name] = value
 
     def get(self, name: str) -> object:
         return self._props.get(name)

@@ -9,6 +9,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.materials.laws import Ogden, Yeoh
 from mitsuba_taxel.mechanics.materials.material_file import read_material
 from mitsuba_taxel.sensing.reading.stretch_notes import worst_stretches
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.parsed_parts import refusal_of
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 OGDEN = """
@@ -52,6 +54,18 @@ def test_a_scene_takes_law_memory_and_range_of_the_file(write):
     assert DeformablePad().tested_stretch is None
     with pytest.raises(InputError, match=r"^c10 is not allowed for material = '.*my.toml'"):
         DeformablePad(material=pad.material, c10=0.1)
+
+
+@pytest.mark.parametrize("material", ["my.toml", "dragon_skin_20"])
+def test_a_scene_with_a_material_is_checked_before_it_is_built(llvm_mono, write, tmp_path, material):
+    write(OGDEN)
+    scene = tmp_path / "scene.xml"
+    pad = f'<shape type="deformable_pad"><string name="material" value="{material}"/>%s</shape>'
+    scene.write_text(f'<scene version="3.0.0">{pad % ""}</scene>')
+    assert refusal_of(Scene(scene)) is None
+    refused = pad % '<float name="c10" value="0.1"/>'
+    scene.write_text(f'<scene version="3.0.0">{refused}</scene>')
+    assert str(refusal_of(Scene(scene))).startswith("c10 is not allowed for material")
 
 
 def test_poissons_ratio_of_the_file_holds(write):
