@@ -59,7 +59,7 @@ Each row is a kind of synthetic data with a known truth:
 Errors of figures are counted over random seeds that are used for nothing else. 95.4 % should be within twice the stated
 error (intervals are converted to standard deviations).
 
-**{summary}**
+**{summary}** {below}
 
 {table}
 
@@ -150,6 +150,7 @@ class CoveragePage:
         if self._figures:
             text += _FIGURES.format(
                 summary=intervals.summary(self._figures),
+                below=intervals.named_below(self._figures),
                 table=markdown_table(headings(IntervalRow), map(cells, self._figures), headings(IntervalRow)[:2]),
             )
         if self._probabilities:

@@ -115,6 +115,20 @@ def interval_cases(only: str | None = None) -> list[IntervalCase]:
     return matching(cases, only)
 
 
+def named_below(rows: Sequence[IntervalRow]) -> str:
+    """A sentence that names the figures with less than the allowed coverage, and how many would be so by chance.
+
+    The latter is the sum over all rows of the binomial probability of such a count, if exactly 95.4 % were within.
+    """
+    from scipy.stats import binom
+
+    least = TWICE - ALLOWED
+    below = [f"{row.figure} of {row.case.partition(': ')[2]} ({row.within:.1%})" for row in rows if row.within < least]
+    by_chance = sum(float(binom.cdf(math.ceil(least * row.made) - 1, row.made, TWICE)) for row in rows)
+    words = f"By chance, {by_chance:.1f} would be below if each held exactly 95.4 %."
+    return f"Below: {'; '.join(below)}. {words}" if below else f"None is below. {words}"
+
+
 def summary(rows: Sequence[IntervalRow]) -> str:
     """A sentence with the number of figures whose stated errors are large enough."""
     good = sum(row.within >= TWICE - ALLOWED for row in rows)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from scipy import stats
 
-from mitsuba_taxel.evidence.intervals.intervals import ALLOWED, TWICE, IntervalCase, interval_cases, summary
+from mitsuba_taxel.evidence.intervals.intervals import (
+    ALLOWED, TWICE, IntervalCase, IntervalRow, interval_cases, named_below, summary,
+)  # fmt: skip
 
 ALARM = 1e-4
 """Chance that a case fails although its errors hold within the allowed lack."""
@@ -58,6 +61,15 @@ def test_shares_are_counted():
     assert (first.made, first.unstated, first.within, second.within) == (30, 10, pytest.approx(2 / 3), 1.0)
     assert first.ratio == pytest.approx((10 / 3) ** 0.5)
     assert summary([first, second]).startswith("For 1 of 2 figures, at least 92.5%")
+
+
+def test_figures_below_are_named():
+    """Of 200 errors at most 184 are within with the sum of the binomial probabilities."""
+    rows = [IntervalRow("record: ramp", name, 200, 0, within, 1.0) for name, within in (("a", 0.925), ("b", 0.92))]
+    chance = sum(math.comb(200, n) * TWICE**n * (1 - TWICE) ** (200 - n) for n in range(185))
+    said = f"By chance, {100 * chance:.1f} would be below if each held exactly 95.4 %."
+    assert named_below([rows[0]] * 99 + rows[1:]) == f"Below: b of ramp (92.0%). {said}" and "2.1" in said
+    assert named_below(rows[:1]).startswith("None is below.")
 
 
 def test_the_page_holds_errors_that_hold():
