@@ -114,9 +114,19 @@ def llvm_mono():
 def mechanics_error_unknown():
     """Deformed pads state no error: where a mesh is coarse, the second one that tells it takes most of the time."""
     with pytest.MonkeyPatch.context() as patch:
-        meshes = import_module("mitsuba_taxel.mechanics.errors.second_meshes").SecondMeshes
-        patch.setattr(meshes, "__iter__", lambda meshes: iter(()))
+        _leave_out_second_meshes(patch)
         yield
+
+
+@pytest.fixture
+def error_unknown_here(monkeypatch):
+    """The same for a single test."""
+    _leave_out_second_meshes(monkeypatch)
+
+
+def _leave_out_second_meshes(patch: pytest.MonkeyPatch) -> None:
+    meshes = import_module("mitsuba_taxel.mechanics.errors.second_meshes").SecondMeshes
+    patch.setattr(meshes, "__iter__", lambda meshes: iter(()))
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from importlib import import_module
 from pathlib import Path
+
+from forked_script import run_script
 
 PAGES = Path(__file__).parents[2] / "docs" / "develop"
 
@@ -34,8 +34,10 @@ def test_recipes_run(tmp_path):
     assert len(blocks) >= 3
     for number, block in enumerate(blocks):
         (tmp_path / f"recipe_{number}.py").write_text(block)
-    run = "import runpy, sys; [runpy.run_path(file) for file in sys.argv[1:]]"
-    files = [str(file) for file in sorted(tmp_path.glob("recipe_*.py"))]
-    done = subprocess.run([sys.executable, "-c", run, *files], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    (tmp_path / "all.py").write_text("import runpy, sys\nfor file in sys.argv[1:]:\n    runpy.run_path(file)\n")
+    solutions = str(tmp_path / "solutions")
+    done = run_script(
+        tmp_path / "all.py", tmp_path, *sorted(tmp_path.glob("recipe_*.py")), MITSUBA_TAXEL_CACHE=solutions
+    )
+    assert done.returncode == 0, done.stdout
     assert "power [W]" in done.stdout

@@ -80,7 +80,7 @@ def test_readings_under_other_laws_of_the_ends():
 @pytest.fixture(scope="module")
 def found():
     scene = pad_scene()
-    names = (*STEPS, "annular_led.power", "cell_size", "height", "wall", "cell_height")
+    names = (*STEPS, "annular_led.power", "cell_size")
     return derivatives(scene, *names, with_errors=True)
 
 

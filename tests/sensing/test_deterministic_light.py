@@ -127,11 +127,10 @@ def test_kept_solutions_are_those_of_equal_cells(llvm_mono, cell):
 
 def test_random_paths_where_they_are_asked_for(llvm_mono, cell):
     file = cell(fz=-1)
-    quiet = measure(file, seed=1)
+    quiet = measure(file, seed=1, mechanics_error=False)
     assert quiet.points == 0 and "without random numbers" in light_error_line(quiet)
-    assert measure(file, points=64).points == 64
-    assert measure(file, irradiance=True).points > 0
-    assert measure(file, time_budget=0.1).points > 0
+    for asked in ({"points": 64}, {"irradiance": True}, {"time_budget": 0.1}):
+        assert measure(file, **asked, mechanics_error=False).points > 0
     assert measure(file, target_error=0.05, irradiance=True).points > 0
     assert np.array_equal(measure(file, target_error=0.05).power, quiet.power)
 

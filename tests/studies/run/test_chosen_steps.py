@@ -59,7 +59,7 @@ def test_a_kink_at_a_step_has_the_slopes_of_both_sides(pad, monkeypatch):
     assert found == [4, 2, 0, -2, -4]
 
 
-def test_a_curve_along_x_begins_at_rest_with_its_own_slope(tmp_path):
+def test_a_curve_along_x_begins_at_rest_with_its_own_slope(tmp_path, error_unknown_here):
     """Of a flat isotropic roof, whose slope on the other side is a third of that."""
     (tmp_path / "pad.xml").write_text(one_cell(cell="cylindrical", mesh_size=2.5, scattering="isotropic", fx=0, fz=0))
     study = sweep(tmp_path / "pad.xml", {"fx": "0:2"}, points=16)

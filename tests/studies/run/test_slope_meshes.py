@@ -85,7 +85,7 @@ def test_a_target_that_is_reached_is_not(pad):
     assert study.attrs["target_slope"] == 0.5
 
 
-def test_the_first_and_the_last_scene_of_a_curve_are_examined(pad, monkeypatch):
+def test_the_first_and_the_last_scene_of_a_curve_are_examined(pad, monkeypatch, error_unknown_here):
     """The last one on the mesh that the first one needs; the study takes the finer of both."""
     examined, sizes = [], iter([1.5, 1.4])
 
