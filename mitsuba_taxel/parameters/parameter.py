@@ -295,7 +295,7 @@ class Choice(Parameter):
     @property
     def range(self) -> str:
         words = [f"`{word}`" + (f" ({meaning})" if meaning else "") for word, meaning in self.allowed.items()]
-        return "one of " + ", ".join(words) + (f", or the name of a file *{self.suffix}" if self.suffix else "")
+        return "one of " + ", ".join(words) + (f", or the name of a file `*{self.suffix}`" if self.suffix else "")
 
     @property
     def needed(self) -> str:
