@@ -8,9 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.barriers.singular_edges import has_right_angled_top, judged_nodes
-from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.contact.barriers.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
 from mitsuba_taxel.mechanics.equilibrium.meshed_pad import MeshedPad
@@ -24,8 +22,7 @@ from mitsuba_taxel.mechanics.equilibrium.solution import (
     singular,
 )
 from mitsuba_taxel.mechanics.equilibrium.stability import Stability
-from mitsuba_taxel.mechanics.materials.corner_limit import corner_limit
-from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.equilibrium.top_corners import gives_way
 
 RESIDUAL_TOLERANCE = 1e-9
 """Largest out-of-balance force accepted, relative to the load."""
@@ -501,35 +498,3 @@ class LoadedPad(MeshedPad):
     @cached_property
     def _stability(self) -> Stability:
         return Stability(self.whole, self.mirrors, self.images, self.model, self._solver_name)
-
-
-HARMLESS = 0.2
-"""Pressure in shear moduli up to which corners are not tested: those of silicones bear 0.4 to 1.2."""
-
-
-def gives_way(force: float, mesh: VolumeMesh, material: Material, load: Load) -> float:
-    """Pressure at which corners of the top become unstable, if the load exceeds it.
-
-    Parameters
-    ----------
-    force : float
-        Force of the load in N, downwards.
-    mesh : VolumeMesh
-        Mesh of the undeformed pad.
-    material : Material
-        Elastic law of the silicone.
-    load : Load
-        Kind of load.
-
-    Returns
-    -------
-    float
-        In MPa; infinite if the corners are stable.
-    """
-    if not load.loads_rim:
-        return math.inf
-    pressure = force / load.loaded_area(mesh)
-    if pressure < HARMLESS * material.shear_modulus or not has_right_angled_top(mesh):
-        return math.inf
-    limit = corner_limit(material)
-    return limit if pressure > limit else math.inf
