@@ -72,7 +72,7 @@ def test_what_is_a_taxels_own_is_so_in_the_map(found):
     assert expected / computed == pytest.approx(here @ one.change / (here @ here), rel=0.02)
     text = " ".join(assumptions_section(found, {}).split())
     nearer = abs(expected - 34) < abs(computed - 34)
-    assert (f"its change of {computed:.0f} becomes {expected:.0f}, and 34 was measured" in text) == nearer
+    assert (f"change of {computed:.0f} into {expected:.0f}, and 34 was measured" in text) == nearer
     assert ("but not so in the map" in text) != nearer
 
 
