@@ -10,8 +10,14 @@ import pytest
 from scipy import stats
 
 from mitsuba_taxel.evidence.intervals.intervals import (
-    ALLOWED, TWICE, IntervalCase, IntervalRow, interval_cases, named_below, summary,
-)  # fmt: skip
+    ALLOWED,
+    TWICE,
+    IntervalCase,
+    IntervalRow,
+    interval_cases,
+    named_below,
+    summary,
+)
 
 ALARM = 1e-4
 """Chance that a case fails although its errors hold within the allowed lack."""
