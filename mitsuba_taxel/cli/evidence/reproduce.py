@@ -16,7 +16,8 @@ from ..options import debug_option, folder_option
 @click.option(
     "--only", metavar="PARTS",
     help="Comma-separated list of optics (fig4, fig5, fig6, peak), nominal, roofs, beyond, analog, variations, "
-    "optimum, and mould, which is computed only if it is listed: it takes many hours.",
+    "optimum, and mould (printed moulds, one factor at a time) and mould_rest (all other combinations, many hours), "
+    "which are computed only if they are listed.",
 )  # fmt: skip
 @click.option(
     "--docs", type=click.Path(path_type=Path), metavar="DIR", help="Folder for paper.md.  [default: that of results]"

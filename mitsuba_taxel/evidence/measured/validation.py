@@ -149,7 +149,7 @@ spherical and hemispheric. The spread between taxels does not include the tolera
 ([tolerances](tutorials/tolerances.md)). The viscoelastic loop of the parallelepiped is {hysteresis} % as wide as the
 measured one. Ratios are not resolved where readings change by little more than their error: under 10 N the reading of a
 hemispheric cell falls and rises again. The steps of printed moulds, to which the authors attribute the nonlinearity of
-round cells, are not modelled here ([a rough mould](tutorials/rough_mould.md)).
+round cells, are not part of this table; [printed moulds](mould.md) has them, one factor at a time.
 
 Table 3, under tangential forces along x and y, at 10 N of normal force on 12 cells, with the same circuit. Here they go
 up to {FORCES[-1] / PER_FORCE:g} N on as many, as it is not stated how far those of the experiments went; the pads are

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.evidence.paper import analog, loading, mould, optima, paper, plate, variations
+from mitsuba_taxel.evidence.paper.mould import MouldWalls
 from mitsuba_taxel.evidence.paper.paper_studies import MissingStudy, PaperStudies, add_seconds
 from mitsuba_taxel.evidence.paper.shapes import ShapePart, compute_shapes
 
@@ -36,6 +37,10 @@ def _of_all_shapes(computation: ShapePart, store: PaperStudies, *, workers: int 
     return {cell: computation(store, cell) for cell in paper.CELLS}
 
 
+def _of_walls(rows: Callable[[], Iterator[MouldWalls]], store: PaperStudies, *, workers: int | None) -> Any:
+    return mould.moulds(store, workers, rows())
+
+
 PARTS: dict[str, Part] = {
     "fig4": plate.heights,
     "fig5": partial(plate.edges, axis="x"),
@@ -44,12 +49,14 @@ PARTS: dict[str, Part] = {
     **{name: partial(_of_all_shapes, part) for name, part in OF_SHAPES.items()},
     "variations": variations.vary,
     "optimum": optima.optima,
-    "mould": mould.moulds,
+    "mould": partial(_of_walls, mould.design),
+    "mould_rest": partial(_of_walls, mould.rest),
 }
 """Parts by name; each returns its studies, from disk if available."""
 
-BY_NAME_ONLY = ("mould",)
-"""Parts that a rerun without a selection leaves out: they are no simulations of the paper's, and take many hours."""
+BY_NAME_ONLY = ("mould", "mould_rest")
+"""Parts that a rerun without a selection leaves out: they are no simulations of the paper's, and the second takes many
+hours."""
 
 GROUPS = {"optics": ("fig4", "fig5", "fig6", "peak"), "nominal": ("nominal", "roofs")}
 

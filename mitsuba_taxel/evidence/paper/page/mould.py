@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
@@ -11,55 +14,164 @@ from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.evidence.paper import paper
-from mitsuba_taxel.evidence.paper.mould import LAYERS, POINTS, MouldFigures, MouldWalls, mould_figures, walls
+from mitsuba_taxel.evidence.paper.mould import (
+    AS_DESIGNED,
+    CELL,
+    CHANGES,
+    LAYERS,
+    MESH_SIZE,
+    PAD,
+    POINTS,
+    MouldFigures,
+    MouldWalls,
+    design,
+    mould_figures,
+    rest,
+)
+from mitsuba_taxel.evidence.paper.mould_rows import write_mould_rows
 from mitsuba_taxel.evidence.paper.page.words import micro, paragraph
+from mitsuba_taxel.plots.figures import COLOURS, MARKERS, panel_axes, save_small
+from mitsuba_taxel.studies.plan.files import make_folder
 
 Moulds = Mapping[MouldWalls, Mapping[str, xr.Dataset]]
+Figures = Mapping[MouldWalls, MouldFigures]
+Number = tuple[float, float]
+"""A value and its error."""
+FLAT = "parallelepiped"
+ROUND = ("spherical", "hemispheric")
+RELATIVE_TARGET, TARGET = 0.05, 3e-6
+"""Error of a slope that is aimed at, relative or in W/N."""
+RESOLVED = 2.0
+"""Errors by which a difference must exceed 0 to be called resolved."""
 _HEAD = """\
 # Printed moulds
 
 For readers of the paper who ask what the steps of its printed moulds do to a sensor.
 
-Written by `{command}`; do not edit by hand. Every number comes from the runs.
+Written by `{command}`; do not edit by hand. Every number and every
+comparison in the text comes from the runs.
 
 """
 _ABOUT = """\
-The pads of the experiments have 6 x 2 cells. Here their moulds are printed in layers of {layers} mm, along z or x, or
-smooth; roofs are isotropic or Lambertian; and black sides reflect 0, 5 or 20 %. Forces are those of the experiments: 0
-to 10 N normal to the pad, then 0 to 4 N along x or y at 10 N. Slopes are mean slopes in µW/N for 1 W per LED, of the
-least and the most sensitive of 12 taxels. Nonlinearity (equation 7) and tangential slopes are those of the most
-sensitive taxel. Errors are one standard deviation, of light ({paths} paths a reading), finite elements and surfaces.
-{done} of {total} combinations are computed."""
+The paper's round cells are four to five times less sensitive than its flat ones, and less linear, where its simulation
+has the same order for all. It supposes that this is due to the steps of printed moulds, and to walls that
+neither reflect nor absorb completely. Here one factor at a time is changed around smooth moulds, white roofs
+(Lambertian, reflectance 0.9, which is assumed) and black sides that absorb all light; some rows combine extremes.
+Layers of printed moulds lie along z (upright) or x. All factors are computed for one cell under a twelfth of the normal
+force of the experiments, 0 to 10 N, and those that tell most for the pads of the experiments, of 6 x 2 cells, also
+under 0 to 4 N along x or y at 10 N. Forces are spread over the top. Slopes are mean slopes in µW per N on a whole pad,
+for 1 W per LED, of the least and the most sensitive taxel, positive where the reading rises with compression; of one
+cell they are a twelfth of its own. Nonlinearity (equation 7) and tangential slopes are those of the most sensitive
+taxel; "<" stands before the value plus two errors where it is not above two. A flat roof has no steps in an upright
+print, so the smooth rows of flat cells stand for all heights of layers. Pad and normal force are symmetric about y =
+0, so six taxels stand for twelve. Errors are one standard deviation, of light ({paths} paths a reading, whose
+differences go through material points), finite elements of {mesh:g} mm and surfaces. {done} of {total} rows of the
+design are computed, and {more} of {others} other combinations for whole pads."""
 
 
 def write_moulds(studies: Moulds, docs: Path, command: str) -> Path:
-    """Write ``mould.md``; returns the page."""
-    total = sum(1 for _ in walls())
-    about = _ABOUT.format(
-        layers=", ".join(f"{layer:g}" for layer in LAYERS if layer), paths=32 * POINTS, done=len(studies), total=total
-    )
-    figures = {wall: mould_figures(paths) for wall, paths in studies.items()}
+    """Write ``mould.md``, its figure ``mould/steps.png``, and its rows ``mould/rows.csv``; returns the page."""
+    figures = {wall: mould_figures(paths, wall.share) for wall, paths in studies.items()}
+    pictures = docs / "mould"
+    make_folder(pictures)
+    write_mould_rows(figures, pictures / "rows.csv")
+    draw(figures, pictures / "steps.png")
     page = docs / "mould.md"
-    parts = [_HEAD.format(command=command) + paragraph(about.replace("\n", " ")), _computed(figures), _measured()]
-    write_text(page, "\n\n".join(parts) + "\n")
+    write_text(page, page_of(figures, command))
     return page
 
 
-def _computed(figures: Mapping[MouldWalls, MouldFigures]) -> str:
-    head = ("shape", "mould", "roof", "sides", "least", "most", "nonlinearity [%]", "along x", "along y")
+def page_of(figures: Figures, command: str) -> str:
+    """The page as Markdown, from figures of merit by walls."""
+    designed, others = list(design()), list(rest())
+    about = _ABOUT.format(
+        mesh=MESH_SIZE,
+        paths=32 * POINTS,
+        done=sum(wall in figures for wall in designed),
+        total=len(designed),
+        more=sum(wall in figures for wall in others),
+        others=len(others),
+    )
+    parts = [_HEAD.format(command=command) + paragraph(about.replace("\n", " "))]
+    tables = {
+        "## Walls of one cell\n": _chosen(figures, CELL, changed=False),
+        "## Walls of whole pads\n": _chosen(figures, PAD, changed=False),
+        _CHANGES: _chosen(figures, CELL, changed=True) | _chosen(figures, PAD, changed=True),
+    }
+    parts += [title + _computed(rows) for title, rows in tables.items() if rows]
+    parts.append(_measured())
+    parts += ["## Compared with the experiments\n" + _PICTURE, _ratios(figures)]
+    if effects := list(_effects_of_steps(figures)):
+        parts.append(_EFFECTS + markdown_table(effects[0].keys(), [list(row.values()) for row in effects], WALL_HEADS))
+    parts.append("## What follows\n" + "\n".join(map(_bullet, judgement(figures))))
+    if missing := [wall for wall in designed if wall not in figures]:
+        parts.append(paragraph("**Not computed**: " + "; ".join(map(_name, missing)) + "."))
+    return "\n\n".join(parts) + "\n"
+
+
+def _bullet(line: str) -> str:
+    return paragraph(line, initial_indent="- ", subsequent_indent="  ")
+
+
+WALL_HEADS = ("shape", "pad", "mould", "roof", "sides")
+_EFFECTS = """\
+Steps compared with the smooth mould of the same roof and sides: change of the magnitude of the slope, and of the
+nonlinearity. The errors of both rows are taken as independent; their elements are the same, so they are rather smaller.
+
+"""
+_CHANGES = """\
+## Other explanations
+Smooth moulds, white roofs and black sides, with another assembly. LEDs of other brightness need no row: they
+multiply all slopes of a taxel by the same factor, and change no nonlinearity. Thin paint is a row above.
+
+"""
+
+
+def _chosen(figures: Figures, pad: str, changed: bool) -> dict[MouldWalls, MouldFigures]:
+    """Rows of a pad, with another assembly or as designed."""
+    return {w: row for w, row in figures.items() if w.pad == pad and (w.change != AS_DESIGNED) == changed}
+
+
+def _name(wall: MouldWalls) -> str:
+    return f"{wall.cell}, {_setting_name(wall)}"
+
+
+def _setting_name(wall: MouldWalls) -> str:
+    words = (wall.pad, wall.mould, f"roof {wall.roof}", f"sides {wall.side:.0%}", wall.change)
+    return ", ".join(word for word in words if word)
+
+
+def _walls(wall: MouldWalls) -> tuple[str, str, str]:
+    """Cells of a table."""
+    return wall.mould, wall.roof, f"{wall.side:.0%}"
+
+
+def _computed(figures: Figures) -> str:
+    """Table of rows of one pad, or of changes of the assembly; columns without numbers are left out."""
+    with_change = any(wall.change != AS_DESIGNED for wall in figures)
+    what = ("pad", "assembly") if with_change else ("mould", "roof", "sides")
+    columns = {"least": "least", "most": "most", "nonlinearity": "nonlinearity [%]", "along_x": "along x"}
+    columns |= {"along_y": "along y"}
+    if all(wall.pad == CELL for wall in figures):
+        columns = {"most": "slope", "nonlinearity": "nonlinearity [%]"}
     rows = [
         (
             wall.cell,
-            wall.mould,
-            wall.roof,
-            f"{wall.side:.0%}",
-            *(micro(*value) for value in (row.least, row.most)),
-            with_error(*row.nonlinearity),
-            *(micro(*value) for value in (row.along_x, row.along_y)),
+            *((wall.pad, wall.change) if with_change else _walls(wall)),
+            *(
+                _bend(row.nonlinearity) if name == "nonlinearity" else micro(*row.numbers()[name])
+                for name in columns
+            ),
         )
-        for wall, row in figures.items()
+        for wall, row in sorted(figures.items(), key=lambda item: _order(item[0]))
     ]
-    return markdown_table(head, rows, head[:3])
+    head = ("shape", *what, *columns.values())
+    return markdown_table(head, rows, head[: 1 + len(what)])
+
+
+def _order(wall: MouldWalls) -> tuple[object, ...]:
+    change = list(CHANGES).index(wall.change)
+    return list(paper.MEASURED_NORMAL).index(wall.cell), wall.direction, wall.layer, wall.roof, wall.side, change
 
 
 def _measured() -> str:
@@ -74,3 +186,310 @@ def _measured() -> str:
         for cell in paper.MEASURED_NORMAL
     ]
     return markdown_table(head, rows)
+
+
+def reference(wall: MouldWalls) -> MouldWalls:
+    """The flat cells of the same roof, sides and assembly, from a smooth mould, as layers leave flat roofs flat."""
+    return replace(wall, cell=FLAT, layer=0.0, direction="")
+
+
+def size(number: Number) -> Number:
+    """The magnitude of a number, and its error."""
+    return abs(number[0]), number[1]
+
+
+def ratio(first: Number, second: Number) -> Number:
+    """Quotient of the magnitudes of two numbers with independent errors."""
+    value = abs(first[0] / second[0])
+    return value, math.hypot(first[1], value * second[1]) / abs(second[0])
+
+
+def difference(first: Number, second: Number) -> Number:
+    """First minus second number, with independent errors."""
+    return first[0] - second[0], math.hypot(first[1], second[1])
+
+
+def bound(number: Number) -> float:
+    """Largest value of a number within `RESOLVED` errors."""
+    return number[0] + RESOLVED * number[1]
+
+
+def _bend(number: Number) -> str:
+    """A nonlinearity in percent, or its bound."""
+    value, error = number
+    return with_error(value, error) if value > RESOLVED * error else f"< {bound(number):.2g}"
+
+
+def _settings(figures: Figures) -> Iterator[tuple[MouldWalls, dict[str, MouldFigures]]]:
+    """Walls with both round shapes and flat cells, with the figures by shape; the cell of the walls is a round one."""
+    for wall in figures:
+        other, flat = replace(wall, cell=ROUND[1]), reference(wall)
+        if wall.cell == ROUND[0] and other in figures and flat in figures:
+            yield wall, {FLAT: figures[flat], ROUND[0]: figures[wall], ROUND[1]: figures[other]}
+
+
+def misfit(row: Mapping[str, MouldFigures]) -> float:
+    """Typical factor by which the sensitivities of round cells, relative to flat ones, are off what was measured.
+
+    Parameters
+    ----------
+    row : Mapping[str, MouldFigures]
+        Figures by shape.
+
+    Returns
+    -------
+    float
+        Exponential of the root mean square of the logarithms; 1 if both agree.
+    """
+    logs = [
+        math.log(ratio(row[cell].most, row[FLAT].most)[0] / measured_ratio(cell)) for cell in ROUND
+    ]
+    return math.exp(math.sqrt(sum(log**2 for log in logs) / len(logs)))
+
+
+def measured_ratio(cell: str) -> float:
+    """Sensitivity of the most sensitive taxel of a shape relative to that of flat cells, Table 2."""
+    return paper.MEASURED_NORMAL[cell][1] / paper.MEASURED_NORMAL[FLAT][1]
+
+
+def _ratios(figures: Figures) -> str:
+    head = ("walls", "spherical / flat", "hemispheric / flat", "misfit", "e_nl flat [%]", "spherical", "hemispheric")
+    rows = []
+    for wall, row in sorted(_settings(figures), key=lambda item: misfit(item[1])):
+        sensitivities = (with_error(*ratio(row[cell].most, row[FLAT].most)) for cell in ROUND)
+        bends = (_bend(row[cell].nonlinearity) for cell in (FLAT, *ROUND))
+        rows.append((_setting_name(wall), *sensitivities, f"{misfit(row):.2f}", *bends))
+    measured = (f"{measured_ratio(cell):.2f}" for cell in ROUND)
+    bends = (f"{paper.MEASURED_NONLINEARITY[cell]:g}" for cell in (FLAT, *ROUND))
+    rows.append(("measured", *measured, "", *bends))
+    return paragraph(_RATIOS) + "\n\n" + markdown_table(head, rows)
+
+
+_RATIOS = (
+    "Sensitivities of the most sensitive taxels relative to flat cells of the same walls, from a smooth mould. "
+    "*Misfit*: the typical factor by which the two ratios are off those measured. The nearest come first."
+)
+
+
+def judgement(figures: Figures) -> list[str]:
+    """Sentences that compare the runs with the experiments and the paper's statements.
+
+    Parameters
+    ----------
+    figures : Mapping[MouldWalls, MouldFigures]
+        Figures of merit by walls.
+
+    Returns
+    -------
+    list[str]
+        Those for which there are rows.
+    """
+    return [
+        *_nearest(figures),
+        *_statement_on_steps(figures),
+        *_statement_on_shapes(figures),
+        *_statement_on_linearity(figures),
+        *_other_explanations(figures),
+        *_reached(figures),
+    ]
+
+
+def _nearest(figures: Figures) -> Iterator[str]:
+    """The walls nearest to the measurements, of whole pads and of one cell."""
+    for pad in (PAD, CELL):
+        settings = [(wall, row) for wall, row in _settings(figures) if wall.pad == pad]
+        if not settings:
+            continue
+        wall, row = min(settings, key=lambda item: misfit(item[1]))
+        left = " and ".join(
+            f"{cell} cells have {with_error(*ratio(row[cell].most, row[FLAT].most))} of the sensitivity of flat ones, "
+            f"{measured_ratio(cell):.2f} on the bench"
+            for cell in ROUND
+        )
+        yield (
+            f"Of {len(settings)} settings of {pad}, *{_setting_name(wall)}* comes nearest to the measured ratios of "
+            f"sensitivities, with a misfit of {misfit(row):.2f}: {left}."
+        )
+
+
+def _pairs(figures: Figures) -> Iterator[tuple[MouldWalls, Number, Number]]:
+    """Rows of round cells with steps: changes of sensitivity in W/N and nonlinearity in points, by steps alone."""
+    for wall, row in sorted(figures.items(), key=lambda item: _order(item[0])):
+        smooth = replace(wall, layer=0.0, direction="")
+        if wall.layer and wall.cell in ROUND and smooth in figures:
+            yield (
+                wall,
+                difference(size(row.most), size(figures[smooth].most)),
+                difference(row.nonlinearity, figures[smooth].nonlinearity),
+            )
+
+
+def _effects_of_steps(figures: Figures) -> Iterator[dict[str, str]]:
+    """The table of :func:`_pairs`, by heading."""
+    for wall, slope, bend in _pairs(figures):
+        yield {
+            **dict(zip(WALL_HEADS, (wall.cell, wall.pad, *_walls(wall)), strict=True)),
+            "change of slope": micro(*slope),
+            "sensitivity": _direction(*slope, "more", "less"),
+            "change of nonlinearity [points]": with_error(*bend),
+            "linearity": _direction(*bend, "less", "more"),
+        }
+
+
+def _direction(value: float, error: float, above: str, below: str) -> str:
+    return "not resolved" if abs(value) <= RESOLVED * error else above if value > 0 else below
+
+
+def _statement_on_steps(figures: Figures) -> Iterator[str]:
+    """Whether steps lower the sensitivity of round cells, as the paper supposes."""
+    pairs = [(wall, slope) for wall, slope, _ in _pairs(figures)]
+    if not pairs:
+        return
+    words = [_direction(*slope, "more", "less") for _, slope in pairs]
+    holds = "does not hold by this model" if "less" not in words else "holds" if "more" not in words else "holds in part"
+    yield (
+        f"**The paper: steps make round cells less sensitive.** This {holds}. Of {len(pairs)} rows with steps, "
+        f"{words.count('less')} are less and {words.count('more')} more sensitive than the smooth mould by over "
+        f"{RESOLVED:g} errors; the others are not resolved."
+    )
+    for cell in ROUND:
+        factors = [
+            f"{with_error(*ratio(figures[wall].most, figures[replace(wall, layer=0.0, direction='')].most))} "
+            f"({wall.mould}, roof {wall.roof}, sides {wall.side:.0%})"
+            for wall, _ in pairs
+            if wall.pad == PAD and wall.cell == cell
+        ]
+        if factors:
+            yield (
+                f"On whole pads, steps multiply the sensitivity of {cell} cells by {' and '.join(factors)}. Compared "
+                f"with flat cells, that of the bench is {measured_ratio(cell):.2f}."
+            )
+
+
+def _statement_on_shapes(figures: Figures) -> Iterator[str]:
+    """Whether flat cells are the most sensitive, under normal and tangential forces."""
+    settings = [row for wall, row in _settings(figures) if wall.pad == PAD]
+    if not settings:
+        return
+    for cell in ROUND:
+        values = [ratio(row[cell].most, row[FLAT].most)[0] for row in settings]
+        spread = [ratio(row[cell].least, row[cell].most)[0] for row in settings]
+        least, most = paper.MEASURED_NORMAL[cell]
+        tangential = [ratio(row[cell].along_x, row[FLAT].along_x)[0] for row in settings]
+        along_x = paper.MEASURED_TANGENTIAL[cell][0] / paper.MEASURED_TANGENTIAL[FLAT][0]
+        yield (
+            f"**The paper: flat cells are the most sensitive, up to one order.** On whole pads, {cell} cells have "
+            f"{_range(values)} of their sensitivity to normal forces ({measured_ratio(cell):.2f} on the bench) and "
+            f"{_range(tangential)} of that to forces along x ({along_x:.2f}). The least sensitive taxel has "
+            f"{_range(spread)} of the sensitivity of the most sensitive one ({least / most:.2f})."
+        )
+
+
+def _range(values: Iterable[float]) -> str:
+    numbers = [value for value in values if not math.isnan(value)]
+    return f"{min(numbers):.2f} to {max(numbers):.2f}" if numbers else "-"
+
+
+def _statement_on_linearity(figures: Figures) -> Iterator[str]:
+    """Whether walls explain the measured nonlinearity."""
+    for cell in (FLAT, *ROUND):
+        whole = [row.nonlinearity for wall, row in figures.items() if wall.cell == cell and wall.pad == PAD]
+        if not whole:
+            continue
+        most, bench = max(map(bound, whole)), paper.MEASURED_NONLINEARITY[cell]
+        verdict = "so these walls do not explain it" if most < bench else "so it is not excluded"
+        yield (
+            f"**The paper: real walls make {cell} cells nonlinear.** In {len(whole)} rows of whole pads, nonlinearity "
+            f"is at most {most:.2g} % (value plus {RESOLVED:g} errors); {bench:g} % was measured, {verdict}."
+        )
+
+
+def _other_explanations(figures: Figures) -> Iterator[str]:
+    """Whether another assembly brings the ratios near those measured."""
+    settings = {
+        wall.change: row
+        for wall, row in _settings(figures)
+        if wall.pad == CELL and wall == MouldWalls(wall.cell, change=wall.change, pad=CELL)
+    }
+    if len(settings) < 2:
+        return
+    values = {change: ratio(row[ROUND[0]].most, row[FLAT].most) for change, row in settings.items()}
+    change = min(values, key=lambda word: values[word][0])
+    lowest = values[change]
+    verdict = "explain" if lowest[0] - RESOLVED * lowest[1] < measured_ratio(ROUND[0]) else "do not explain"
+    yield (
+        f"**Other explanations.** Of {len(settings)} assemblies of one cell, *{change or 'as designed'}* has the least "
+        f"sensitive spherical cells, with {with_error(*lowest)} of that of flat ones; {measured_ratio(ROUND[0]):.2f} "
+        f"were measured. Such packages and flanges {verdict} the insensitivity of spherical cells."
+    )
+    signs = [row.most[0] for wall, row in figures.items() if wall.cell == ROUND[1] and wall.pad == CELL]
+    if min(signs) < 0 < max(signs):
+        yield (
+            f"One hemispheric cell has slopes of both signs, from {1e6 * min(signs):.2g} to {1e6 * max(signs):.2g} "
+            "µW/N: small causes, such as the reflectance of its roof or the position of its package, change a small "
+            "slope by a multiple, so ratios of its slopes say little."
+        )
+    both = [
+        ratio(row.most, figures[replace(wall, pad=CELL)].most)[0]
+        for wall, row in figures.items()
+        if wall.pad == PAD and wall.cell != ROUND[1] and replace(wall, pad=CELL) in figures
+    ]
+    if both:
+        yield (
+            f"One cell does not stand for a pad: the most sensitive flat or spherical taxel of a pad has {_range(both)} "
+            "times the slope of one cell with the same walls; hemispheric cells differ more."
+        )
+
+
+def _reached(figures: Figures) -> Iterator[str]:
+    """How many slopes have an error within the target."""
+    slopes = [
+        number
+        for row in figures.values()
+        for name, number in row.numbers().items()
+        if name != "nonlinearity" and not math.isnan(number[0])
+    ]
+    within = sum(error <= max(RELATIVE_TARGET * abs(value), TARGET) for value, error in slopes)
+    yield (
+        f"{within} of {len(slopes)} slopes have an error within {RELATIVE_TARGET:.0%} or {1e6 * TARGET:g} µW/N. The "
+        "reflectances are assumptions, the silicone is elastic, and the spread of boards and moulds is not modelled."
+    )
+
+
+_PICTURE = """\
+![Sensitivity and nonlinearity against the height of layers](mould/steps.png)
+
+*White roofs, black sides, layers along z; 0 is a smooth mould. Lines: one cell; open markers: whole pads, slightly
+shifted. Bars are two standard errors, dashed lines the measurements.*"""
+
+
+def draw(figures: Figures, file: Path) -> None:
+    """Draw sensitivities and nonlinearity against the height of layers along z, beside the measurements, as PNG."""
+    sensitivity, bend = panel_axes(1, 2)[0]
+    for number, cell in enumerate(ROUND):
+        measured = {sensitivity: measured_ratio(cell), bend: paper.MEASURED_NONLINEARITY[cell]}
+        for ax, value in measured.items():
+            ax.axhline(value, color=COLOURS[number], linestyle="--", linewidth=1)
+        for pad, shift in ((CELL, -0.002), (PAD, 0.002)):
+            rows = [MouldWalls(cell, layer, "z" if layer else "", pad=pad) for layer in LAYERS]
+            rows = [wall for wall in rows if wall in figures and reference(wall) in figures]
+            shown = {
+                sensitivity: [ratio(figures[wall].most, figures[reference(wall)].most) for wall in rows],
+                bend: [figures[wall].nonlinearity for wall in rows],
+            }
+            style: dict[str, Any] = {"color": COLOURS[number], "marker": MARKERS[number], "capsize": 3}
+            if pad == PAD:
+                style |= {"linestyle": "", "markerfacecolor": "white"}
+            at = [wall.layer + (2 * number - 1) * 0.002 + 2 * shift for wall in rows]
+            for ax, values in shown.items():
+                errors = [RESOLVED * error for _, error in values]
+                ax.errorbar(at, [value for value, _ in values], errors, label=f"{cell}, {pad}", **style)
+    sensitivity.set_ylabel("sensitivity / flat cells")
+    bend.set_ylabel("nonlinearity [%]")
+    bend.set_ylim(top=1.3 * max(paper.MEASURED_NONLINEARITY.values()))
+    for ax in (sensitivity, bend):
+        ax.set_xlabel("height of layers [mm]")
+        ax.set_xticks(LAYERS)
+        ax.set_ylim(bottom=0)
+    sensitivity.legend(fontsize="small")
+    save_small(sensitivity.figure, file)

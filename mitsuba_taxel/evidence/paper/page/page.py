@@ -14,6 +14,7 @@ from mitsuba_taxel.evidence.paper.page import plate as page_plate
 from mitsuba_taxel.evidence.paper.page.mould import write_moulds
 from mitsuba_taxel.evidence.paper.page.optima import write_optima
 from mitsuba_taxel.evidence.paper.page.words import Found
+from mitsuba_taxel.evidence.paper.parts import BY_NAME_ONLY
 from mitsuba_taxel.evidence.paper.variations import NOMINAL_SPACING
 from mitsuba_taxel.studies.plan.files import make_folder
 
@@ -50,11 +51,11 @@ SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Found, Path], str]], ...] = (
 
 def write_pages(studies: Found, docs: Path, command: str) -> list[Path]:
     """Write the pages with any complete part: ``paper.md``, ``optimum.md`` (best sensors), ``mould.md`` (moulds)."""
-    pages = [write_page(studies, docs, command)] if set(studies) - {"optimum", "mould"} else []
+    pages = [write_page(studies, docs, command)] if set(studies) - {"optimum", *BY_NAME_ONLY} else []
     if "optimum" in studies:
         pages.append(write_optima(studies["optimum"], docs, command))
-    if "mould" in studies:
-        pages.append(write_moulds(studies["mould"], docs, command))
+    if moulds := {wall: paths for name in BY_NAME_ONLY for wall, paths in studies.get(name, {}).items()}:
+        pages.append(write_moulds(moulds, docs, f"{command} --only mould"))
     return pages
 
 
