@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from mitsuba_taxel.evidence.paper.mould import MouldFigures, MouldWalls
 from mitsuba_taxel.evidence.rows.row_files import read_rows, write_rows
@@ -47,10 +48,10 @@ def write_mould_rows(figures: Mapping[MouldWalls, MouldFigures], file: Path) -> 
     """
     rows = []
     for wall, row in figures.items():
-        numbers: dict[str, float] = {}
+        numbers: dict[str, Any] = {}
         for name, (value, error) in row.numbers().items():
             numbers |= {name: value, f"{name}_error": error}
-        rows.append(MouldRow(wall.folder, **asdict(wall), **numbers, taxel=row.taxel))
+        rows.append(MouldRow(**{"case": wall.folder, **asdict(wall), **numbers, "taxel": row.taxel}))
     write_rows(rows, file)
 
 

@@ -102,7 +102,7 @@ def page_of(figures: Figures, command: str) -> str:
     parts.append(_measured())
     parts += ["## Compared with the experiments\n" + _PICTURE, _ratios(figures)]
     if effects := list(_effects_of_steps(figures)):
-        parts.append(_EFFECTS + markdown_table(effects[0].keys(), [list(row.values()) for row in effects], WALL_HEADS))
+        parts.append(_EFFECTS + markdown_table(list(effects[0]), [list(row.values()) for row in effects], WALL_HEADS))
     parts.append("## What follows\n" + "\n".join(map(_bullet, judgement(figures))))
     if missing := [wall for wall in designed if wall not in figures]:
         parts.append(paragraph("**Not computed**: " + "; ".join(map(_name, missing)) + "."))
@@ -346,7 +346,8 @@ def _statement_on_steps(figures: Figures) -> Iterator[str]:
     if not pairs:
         return
     words = [_direction(*slope, "more", "less") for _, slope in pairs]
-    holds = "does not hold by this model" if "less" not in words else "holds" if "more" not in words else "holds in part"
+    partly = "holds in part" if "more" in words else "holds"
+    holds = partly if "less" in words else "does not hold by this model"
     yield (
         f"**The paper: steps make round cells less sensitive.** This {holds}. Of {len(pairs)} rows with steps, "
         f"{words.count('less')} are less and {words.count('more')} more sensitive than the smooth mould by over "
@@ -436,8 +437,8 @@ def _other_explanations(figures: Figures) -> Iterator[str]:
     ]
     if both:
         yield (
-            f"One cell does not stand for a pad: the most sensitive flat or spherical taxel of a pad has {_range(both)} "
-            "times the slope of one cell with the same walls; hemispheric cells differ more."
+            f"One cell does not stand for a pad: the most sensitive flat or spherical taxel of a pad has "
+            f"{_range(both)} times the slope of one cell with the same walls; hemispheric cells differ more."
         )
 
 
