@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import lazy_loader
 
-from mitsuba_taxel.backend import check_llvm, choose_llvm, register_for_every_variant, wanted_variant
-from mitsuba_taxel.backend.turns import uninterrupted
+from mitsuba_taxel.backend import check_llvm, choose_llvm, load_drjit, register_for_every_variant, wanted_variant
 from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.processes.system import deferred_signals
 
-with uninterrupted():
+with deferred_signals():
     choose_llvm()
+    load_drjit()
     check_llvm(wanted_variant())
     register_for_every_variant()
 

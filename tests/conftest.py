@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import gc
 import os
 import signal
@@ -52,7 +51,12 @@ def after_the_first() -> Iterator[None]:
     if "PYTEST_XDIST_WORKER" not in os.environ or sys.dont_write_bytecode:
         yield
         return
-    with Path(__file__).open() as file:
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    with Path(__file__).open(encoding="utf-8") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -94,7 +98,7 @@ def share_of_the_cores():
 @pytest.fixture(autouse=True, scope="session")
 def signals_reach_programs():
     """Programs do not inherit that signals are ignored, as they are where a shell runs the tests by nohup or &."""
-    for number in (signal.SIGINT, signal.SIGHUP):
+    for number in (getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, lambda *_: None)
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from mitsuba_taxel.backend.llvm import check_llvm, choose_llvm
+from mitsuba_taxel.backend.llvm import check_llvm, choose_llvm, load_drjit
 from mitsuba_taxel.backend.registry import (
     DEFAULT_VARIANT,
     SUPPORTED_VARIANTS,
     activate_variant,
+    check_backend,
     default_variant,
     plugin_files,
     plugin_kind,
     register_for_every_variant,
     wanted_variant,
+    work_of_processor,
 )
 from mitsuba_taxel.backend.turns import in_turn
 from mitsuba_taxel.base.caches import kept
@@ -23,16 +25,19 @@ __all__ = [
     "DEFAULT_VARIANT",
     "SUPPORTED_VARIANTS",
     "activate_variant",
+    "check_backend",
     "check_llvm",
     "choose_llvm",
     "default_variant",
     "in_turn",
+    "load_drjit",
     "plugin_files",
     "plugin_kind",
     "register_for_every_variant",
     "report",
     "versions",
     "wanted_variant",
+    "work_of_processor",
 ]
 
 
@@ -42,8 +47,9 @@ def report() -> dict[str, object]:
     Returns
     -------
     dict[str, object]
-        ``versions``, by name; ``llvm``, with ``path`` and ``version``; ``variants`` that the plugins of this package
-        support; ``plugins``, their sorted names.
+        ``versions``, by name; ``llvm``, with ``path`` and ``version``; ``card``, whether Dr.Jit finds a graphics card;
+        ``variant`` that is used; ``variants`` that the plugins of this package support; ``plugins``, their sorted
+        names.
     """
     import os
 
@@ -57,6 +63,8 @@ def report() -> dict[str, object]:
             "path": os.environ.get("DRJIT_LIBLLVM_PATH", "found by Dr.Jit"),
             "version": ".".join(map(str, version)) if version and version[0] > 0 else "none",
         },
+        "card": "NVIDIA, with a driver" if dr.has_backend(dr.JitBackend.CUDA) else "none",
+        "variant": wanted_variant(),
         "variants": [variant for variant in mi.variants() if variant in SUPPORTED_VARIANTS],
         "plugins": sorted(plugin_files()),
     }

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import os
 import re
+import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,19 +19,32 @@ from mitsuba_taxel.base.caches import kept
 OLDEST_LLVM = 19
 """Oldest major version that is known to render (19, 22 and 23 were tested)."""
 
-_SYSTEM_FOLDERS = (
-    "/usr/lib/x86_64-linux-gnu",
+_LIBRARIES = ("libLLVM*", "LLVM-C.dll")
+_FOLDERS = (
+    "/usr/lib/x86_64-linux-gnu",  # Debian, Ubuntu
     "/usr/lib/aarch64-linux-gnu",
-    "/usr/lib64",
-    "/usr/lib",
+    "/usr/lib/llvm-*/lib",
+    "/usr/lib64",  # Fedora, openSUSE
+    "/usr/lib64/llvm*/lib",
+    "/usr/lib",  # Arch
     "/usr/local/lib",
-    "/opt/homebrew/opt/llvm/lib",
-    "/usr/local/opt/llvm/lib",
+    "/opt/homebrew/opt/llvm*/lib",  # Homebrew on Apple's processors, and on Intel's
+    "/usr/local/opt/llvm*/lib",
+    "/opt/local/libexec/llvm-*/lib",  # MacPorts
 )
-_REMEDY = (
-    "import mitsuba_taxel before mitsuba and drjit, or set DRJIT_LIBLLVM_PATH to a libLLVM "
-    f"of version {OLDEST_LLVM} or newer"
-)
+"""Folders in which systems and package managers keep LLVM. On Windows these are others: see `_folders`."""
+_INSTALL = {
+    "linux": "apt install libllvm19 (Debian, Ubuntu), dnf install llvm-libs (Fedora), pacman -S llvm-libs (Arch)",
+    "darwin": "brew install llvm",
+    "win32": "winget install LLVM.LLVM",
+}
+"""How LLVM is installed, by system."""
+_VERSION = """
+import ctypes, sys
+version = [ctypes.c_uint() for _ in range(3)]
+ctypes.CDLL(sys.argv[1]).LLVMGetVersion(*map(ctypes.byref, version))
+print(version[0].value)
+"""
 
 
 def choose_llvm() -> None:
@@ -40,6 +54,24 @@ def choose_llvm() -> None:
     library = _packaged_library() or _newest(_system_libraries())
     if library is not None:
         os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
+
+
+def load_drjit() -> None:
+    """Import Dr.Jit.
+
+    Raises
+    ------
+    ImportError
+        in one line, if a library of the system is missing, such as libatomic in small containers.
+    """
+    try:
+        import drjit  # noqa: F401
+    except (ImportError, NameError) as error:
+        reason = error.__context__ if isinstance(error, NameError) else error  # Dr.Jit stumbles over its own message
+        raise ImportError(
+            f"Dr.Jit cannot be imported ({reason}): install that library (libatomic: apt install libatomic1, or dnf "
+            "install libatomic)."
+        ) from error
 
 
 def check_llvm(variant: str) -> None:
@@ -68,7 +100,7 @@ def check_llvm(variant: str) -> None:
         )
     if loaded and version[0] < OLDEST_LLVM:
         loaded_version = ".".join(map(str, version))
-        raise ImportError(f"Dr.Jit has loaded LLVM {loaded_version}, which aborts at the first render: {_REMEDY}.")
+        raise ImportError(f"Dr.Jit has loaded LLVM {loaded_version}, which aborts at the first render: {remedy()}.")
     if loaded and chosen:
         _skip_optional_passes(chosen)
 
@@ -106,21 +138,54 @@ def _packaged_library() -> Path | None:
     return _newest(Path(str(file.locate())).resolve() for file in files if file.name.startswith("libLLVM"))
 
 
+def remedy() -> str:
+    """How to get an LLVM on this system, in words."""
+    how = _INSTALL.get(sys.platform, _INSTALL["linux"])
+    return (
+        f"install LLVM {OLDEST_LLVM} or newer ({how}) and import mitsuba_taxel before mitsuba and drjit, or set "
+        "DRJIT_LIBLLVM_PATH to its library"
+    )
+
+
 def _system_libraries() -> Iterable[Path]:
-    """All libraries of LLVM in the usual folders of the system."""
-    for folder in (*_SYSTEM_FOLDERS, *map(str, Path("/usr/lib").glob("llvm-*/lib"))):
-        yield from Path(folder).glob("libLLVM*")
+    """All libraries of LLVM in the usual folders of this system."""
+    for pattern in _folders():
+        anchor = Path(pattern).anchor
+        for folder in sorted(Path(anchor).glob(pattern.removeprefix(anchor))):
+            for name in _LIBRARIES:
+                yield from folder.glob(name)
+
+
+def _folders() -> list[str]:
+    """Patterns of the folders that may hold LLVM: those of conda's environment and of the system."""
+    if sys.platform != "win32":
+        return [f"{sys.prefix}/lib", *_FOLDERS]
+    programs = [os.environ.get(name) for name in ("ProgramFiles", "ProgramW6432")]
+    searched = os.environ.get("PATH", "").split(os.pathsep)
+    folders = [f"{sys.prefix}/Library/bin", *(f"{program}/LLVM/bin" for program in programs if program), *searched]
+    return [folder for folder in folders if os.path.isabs(folder) and os.path.isdir(folder)]
 
 
 def _newest(libraries: Iterable[Path]) -> Path | None:
-    """The library of the highest suitable version, by its file name; None if there is none."""
-    fit = [(version, path) for path in libraries if (version := _version(path)) >= OLDEST_LLVM and path.exists()]
+    """The library of the highest suitable version; None if there is none."""
+    fit = [(version, path) for path in libraries if path.exists() and (version := _version(path)) >= OLDEST_LLVM]
     return max(fit)[1] if fit else None
 
 
 def _version(path: Path) -> int:
-    """Major version in the name of a library (``libLLVM.so.23.1``, ``libLLVM-19.so.1``); 0 without a version."""
-    match = re.fullmatch(r"libLLVM(?:-(\d+))?(?:\.\d+)*\.(?:so|dylib)(?:\.(\d+))?(?:\.\d+)*", path.name)
-    if match is None:
-        return 0
-    return int(match[1] or match[2] or 0)
+    """Major version of a library, 0 if that is not known.
+
+    Most have it in their name (``libLLVM.so.23.1``, ``libLLVM-19.so.1``), or are links to such a name. Others
+    (``LLVM-C.dll``, Homebrew's ``libLLVM.dylib``) are asked in a process that may end.
+    """
+    for name in (path.name, path.resolve().name):
+        match = re.fullmatch(r"libLLVM(?:-(\d+))?(?:\.\d+)*\.(?:so|dylib)(?:\.(\d+))?(?:\.\d+)*", name)
+        if match and (match[1] or match[2]):
+            return int(match[1] or match[2])
+    return _asked_version(path) if path.name in ("libLLVM.so", "libLLVM.dylib", "LLVM-C.dll") else 0
+
+
+def _asked_version(path: Path) -> int:
+    """Major version as the library itself states it; 0 if it cannot be loaded, or is older than version 16."""
+    asked = subprocess.run([sys.executable, "-I", "-S", "-c", _VERSION, str(path)], capture_output=True, text=True)
+    return int(asked.stdout) if asked.returncode == 0 else 0

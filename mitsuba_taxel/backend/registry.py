@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from mitsuba_taxel.backend.llvm import check_llvm
+from mitsuba_taxel.backend.llvm import check_llvm, remedy
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 
@@ -107,8 +107,55 @@ def activate_variant() -> str:
     import mitsuba as mi
 
     if mi.variant() is None:
-        mi.set_variant(default_variant())
+        variant = default_variant()
+        check_backend(variant)
+        mi.set_variant(variant)
     return mi.variant()
+
+
+def check_backend(variant: str) -> None:
+    """Raise if this machine lacks what a variant needs.
+
+    Parameters
+    ----------
+    variant : str
+        Name of a variant of Mitsuba.
+
+    Raises
+    ------
+    ImportError
+        in one line, if Dr.Jit finds no graphics card or driver for a variant of CUDA, or no LLVM for one of LLVM.
+    """
+    import drjit as dr
+
+    if variant.startswith("cuda") and not dr.has_backend(dr.JitBackend.CUDA):
+        raise ImportError(
+            f"the variant {variant} needs an NVIDIA card and its driver, and Dr.Jit finds none: {DEFAULT_VARIANT} uses "
+            "the processor."
+        )
+    if variant.startswith("llvm") and not dr.has_backend(dr.JitBackend.LLVM):
+        raise ImportError(f"the variant {variant} needs LLVM, and Dr.Jit finds none: {remedy()}.")
+
+
+def work_of_processor(variant: str) -> str | None:
+    """What the processor computes although a variant uses a graphics card, in words; None if it uses none.
+
+    Parameters
+    ----------
+    variant : str
+        Name of a variant of Mitsuba.
+
+    Returns
+    -------
+    str or None
+        A sentence.
+    """
+    if not variant.startswith("cuda"):
+        return None
+    return (
+        "Random paths are followed on the graphics card; finite elements, and light without random numbers, are "
+        "computed on the processor."
+    )
 
 
 def _on_variant_change(old: str | None, new: str) -> None:

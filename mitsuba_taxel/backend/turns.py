@@ -1,12 +1,9 @@
-"""Serialised access to Mitsuba: the recording of Dr.Jit and the registered plugins are state of the process, as are
-signals that would interrupt their import."""
+"""Serialised access to Mitsuba: the recording of Dr.Jit and the registered plugins are state of the process."""
 
 from __future__ import annotations
 
-import signal
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
@@ -36,19 +33,3 @@ def in_turn(function: Callable[_P, _R]) -> Callable[_P, _R]:
             return function(*args, **kwargs)
 
     return serialised
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Defer signals of this thread that end the process: Mitsuba and Dr.Jit abort it if their import is interrupted.
-
-    Yields
-    ------
-    None
-        While signals are deferred.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -29,10 +29,12 @@ COMMANDS = (
     "optimise", "report", "export", "calibrate", "dataset", "deform", "parts", "plugins", "bench", "reproduce",
     "validate", "doctor", "cache",
 )  # fmt: skip
+VARIANTS = ("llvm_ad_mono", "llvm_ad_rgb", "cuda_ad_mono", "cuda_ad_rgb")
+"""Those that the package supports, stated here too, as it is not imported for help."""
 
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-_ENDING = (signal.SIGTERM, signal.SIGHUP)
+_ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 
 
 class _Ended(Exception):
@@ -67,14 +69,21 @@ class _Commands(click.Group):
     "--plugin", "plugins", multiple=True, type=click.Path(path_type=Path), metavar="FILE.py",
     help="Python file that registers Mitsuba plugins; it is run, here and in worker processes. May be repeated.",
 )  # fmt: skip
+@click.option(
+    "--variant", type=click.Choice(VARIANTS), help="Variant of Mitsuba, here and in workers on this machine: those of "
+    "cuda follow random paths on an NVIDIA card; mechanics, and light without random numbers, use the processor.",
+    show_default=f"MITSUBA_TAXEL_VARIANT, or {VARIANTS[0]}",
+)  # fmt: skip
 @debug_option
-def taxel(plugins: tuple[Path, ...]) -> None:
+def taxel(plugins: tuple[Path, ...], variant: str | None) -> None:
     """Simulate optoelectronic tactile sensors: force, deformed pad, light, reading.
 
     SCENE is a Mitsuba XML file, or the name of a scene that ships with the package (hexagonal.xml, pad.xml,
     plate.xml).
     Units are mm, N, MPa, W and s.
     """
+    if variant:
+        os.environ["MITSUBA_TAXEL_VARIANT"] = variant
     if plugins:
         from mitsuba_taxel.backend.own_plugins import load_plugins
 
@@ -173,8 +182,10 @@ def _where_to_look(error: click.ClickException) -> str:
     """A hint for missing or unknown arguments, as opposed to refused values."""
     if not isinstance(error, click.UsageError) or type(error) is click.BadParameter or error.ctx is None:
         return ""
-    if isinstance(error, click.NoSuchOption) and error.option_name == "--plugin":
-        return f" (it stands before {error.ctx.info_name}: taxel --plugin FILE.py {error.ctx.info_name} ...)"
+    before = {"--plugin": "FILE.py", "--variant": "NAME"}
+    if isinstance(error, click.NoSuchOption) and error.option_name in before:
+        option = f"{error.option_name} {before[error.option_name]}"
+        return f" (it stands before {error.ctx.info_name}: taxel {option} {error.ctx.info_name} ...)"
     return f" (see {error.ctx.command_path} --help)"
 
 

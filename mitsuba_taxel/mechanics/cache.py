@@ -34,11 +34,11 @@ ROOMS = ("parameters", "base", "geometry", "pads", "mechanics")
 
 def folder() -> Path:
     """Folder of the cache: ``MITSUBA_TAXEL_CACHE``, or ``mitsuba_taxel`` in the user's cache folder."""
-    # `platformdirs` gives the same folder on Linux, which is all that is supported, for one dependency more.
     variable = os.environ.get("MITSUBA_TAXEL_CACHE")
     if variable:
         return Path(variable)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mitsuba_taxel"
+    cache = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")  # Windows sets the latter
+    return (Path(cache) if cache else Path.home() / ".cache") / "mitsuba_taxel"
 
 
 def key(*parts: object) -> str:

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -98,6 +99,76 @@ def test_the_users_choice_is_kept():
 )
 def test_version_in_library_name(name, version):
     assert llvm._version(Path(name)) == version
+
+
+def test_a_library_states_its_version(tmp_path):
+    library = llvm._packaged_library() or llvm._newest(llvm._system_libraries())
+    assert library is not None
+    assert llvm._asked_version(library) == llvm._version(library) >= llvm.OLDEST_LLVM
+    (tmp_path / "LLVM-C.dll").write_bytes(b"no library")
+    assert llvm._asked_version(tmp_path / "LLVM-C.dll") == 0
+
+
+def test_a_library_without_a_version_in_its_name_is_asked(tmp_path, monkeypatch):
+    """As LLVM is called on Windows and by Homebrew."""
+    versions = {"LLVM-C.dll": 18, "libLLVM.dylib": 22, "libLLVM.so": 20, "libLLVM-21.so": 0, "libLLVMSupport.a": 99}
+    monkeypatch.setattr(llvm, "_asked_version", lambda path: versions[path.name])
+    files = [tmp_path / name for name in versions]
+    for file in files:
+        file.touch()
+    assert [llvm._version(file) for file in files] == [18, 22, 20, 21, 0]
+    assert llvm._newest(files) == tmp_path / "libLLVM.dylib"
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "opt/llvm/lib/libLLVM.dylib",
+        "opt/llvm@20/lib/libLLVM.dylib",
+        "lib/llvm-19/lib/libLLVM-19.so.1",
+        "lib/libLLVM.so.23.1",
+    ],
+)
+def test_libraries_are_found_in_folders_of_systems(tmp_path, monkeypatch, place):
+    library = tmp_path / place
+    library.parent.mkdir(parents=True)
+    library.touch()
+    folders = [f"{tmp_path}/{folder}" for folder in ("opt/llvm*/lib", "lib/llvm-*/lib", "lib")]
+    monkeypatch.setattr(llvm, "_FOLDERS", folders)
+    monkeypatch.setattr(sys, "prefix", str(tmp_path / "none"))
+    assert library in llvm._system_libraries()
+
+
+def test_on_windows_programs_and_the_path_are_searched(tmp_path, monkeypatch):
+    places = [tmp_path / "LLVM" / "bin", tmp_path / "tools", tmp_path / "env" / "Library" / "bin"]
+    for place in places:
+        place.mkdir(parents=True)
+        (place / "LLVM-C.dll").touch()
+    for name, value in (("ProgramFiles", tmp_path), ("PATH", f"relative{os.pathsep}{places[1]}")):
+        monkeypatch.setenv(name, str(value))
+    windows = SimpleNamespace(platform="win32", prefix=str(tmp_path / "env"), executable=sys.executable)
+    monkeypatch.setattr(llvm, "sys", windows)
+    assert {library.parent for library in llvm._system_libraries()} == set(places)
+    assert "winget install LLVM.LLVM" in llvm.remedy()
+
+
+@pytest.mark.parametrize("system, how", [("linux", "apt install libllvm19"), ("darwin", "brew install llvm")])
+def test_the_remedy_is_that_of_the_system(monkeypatch, system, how):
+    monkeypatch.setattr(llvm, "sys", SimpleNamespace(platform=system))
+    assert how in llvm.remedy() and "DRJIT_LIBLLVM_PATH" in llvm.remedy()
+
+
+def test_a_missing_library_of_the_system_is_named(tmp_path):
+    """As Dr.Jit fails where it is missing: its extension cannot be loaded, and then its name is unknown."""
+    (tmp_path / "drjit").mkdir()
+    (tmp_path / "drjit" / "__init__.py").write_text(
+        "try:\n    raise ImportError('libatomic.so.1: cannot open shared object file')\n"
+        "except ImportError:\n    _drjit_ext\n"
+    )
+    done = python("import mitsuba_taxel", PYTHONPATH=str(tmp_path))
+    assert done.returncode == 1
+    message = done.stderr.strip().splitlines()[-1]
+    assert message.startswith("ImportError: Dr.Jit cannot be imported (libatomic.so.1: ") and "libatomic1" in message
 
 
 def test_import_is_light():

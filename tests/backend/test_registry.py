@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from mitsuba_taxel import InputError, Scene
+from mitsuba_taxel.backend import registry
 
 PLATE = {"type": "wall", "scattering": "isotropic"}
 
@@ -106,3 +107,29 @@ def test_interrupting_a_plugin_interrupts_the_load(llvm_mono):
     llvm_mono.register_bsdf("interrupted", interrupted)
     with pytest.raises(KeyboardInterrupt):
         Scene({"type": "scene", "plate": {"type": "rectangle", "bsdf": {"type": "interrupted"}}}).load()
+
+
+@pytest.mark.parametrize(
+    "variant, message",
+    [("cuda_ad_mono", "needs an NVIDIA card and its driver"), ("llvm_ad_rgb", "needs LLVM, .*install LLVM 19")],
+)
+def test_a_variant_that_this_machine_lacks_is_refused_in_one_line(monkeypatch, variant, message):
+    import drjit as dr
+
+    monkeypatch.setattr(dr, "has_backend", lambda backend: False)
+    with pytest.raises(ImportError, match=f"^the variant {variant} {message}") as refused:
+        registry.check_backend(variant)
+    assert "\n" not in str(refused.value)
+    monkeypatch.setattr(dr, "has_backend", lambda backend: True)
+    registry.check_backend(variant)
+
+
+def test_the_command_line_allows_the_variants_that_are_supported():
+    from mitsuba_taxel.cli import VARIANTS
+
+    assert VARIANTS == registry.SUPPORTED_VARIANTS and VARIANTS[0] == registry.DEFAULT_VARIANT
+
+
+def test_what_the_processor_does_is_said_for_graphics_cards_only():
+    words = [registry.work_of_processor(variant) for variant in registry.SUPPORTED_VARIANTS]
+    assert words[:2] == [None, None] and all("on the processor" in str(sentence) for sentence in words[2:])

@@ -78,3 +78,20 @@ def test_bad_input_is_one_line(taxel, tmp_path, words, culprit):
     done = taxel(*words)
     (line,) = done.stderr.splitlines()
     assert done.returncode == 2 and done.stdout == "" and culprit in line
+
+
+def test_a_variant_is_used_or_refused_in_one_line(taxel_process):
+    """By whether this machine has a graphics card."""
+    done = taxel_process("--variant", "cuda_ad_mono", "render", "plate.xml", "--points", "64")
+    if done.returncode == 0:
+        assert "Random paths are followed on the graphics card" in done.stdout
+    else:
+        assert done.returncode == 1 and done.stderr.count("\n") == 1
+        assert done.stderr.startswith("taxel: the variant cuda_ad_mono needs an NVIDIA card and its driver")
+
+
+def test_a_variant_stands_before_the_command_and_is_a_supported_one(taxel):
+    done = taxel("render", "plate.xml", "--variant", "cuda_ad_mono")
+    assert done.returncode == 2 and "taxel --variant NAME render ..." in done.stderr
+    done = taxel("--variant", "scalar_rgb", "doctor")
+    assert done.returncode == 2 and "'scalar_rgb' is not one of 'llvm_ad_mono'" in done.stderr

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.processes.system import flush_folder, is_alive
 
 PREFIX = ".taxel-"
 MARGIN = 1 << 18
@@ -61,7 +62,7 @@ def replacing(file: Path) -> Iterator[Path]:
                 os.fsync(written.fileno())
             temporary.chmod(0o666 & ~_umask())
             temporary.replace(file)
-            _flush_folder(file.parent)
+            flush_folder(file.parent)
         finally:
             temporary.unlink(missing_ok=True)
     except Exception as error:
@@ -97,7 +98,7 @@ def write_text(file: Path, text: str) -> None:
         if the file cannot be written.
     """
     with replacing(file) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", newline="\n")  # the same file on every system
 
 
 def reason_of(error: Exception) -> str | None:
@@ -130,33 +131,13 @@ def remove_stale(folder: Path) -> None:
     """
     for file in folder.glob(f"{PREFIX}*"):
         owner = re.match(rf"{re.escape(PREFIX)}{re.escape(_host())}-(\d+)-", file.name)
-        if owner and not file.is_dir() and not _is_alive(int(owner[1])):
+        if owner and not file.is_dir() and not is_alive(int(owner[1])):
             file.unlink(missing_ok=True)
 
 
 def _host() -> str:
     """Name of this machine for file names."""
     return re.sub(r"\W", "", socket.gethostname())[:32]
-
-
-def _is_alive(process: int) -> bool:
-    """Whether a process exists."""
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:  # a process of another user
-        pass
-    return True
-
-
-def _flush_folder(folder: Path) -> None:
-    """Write the entries of a folder to the disk, so that a renaming survives a power cut."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _umask() -> int:

@@ -92,5 +92,5 @@ def _show(columns: Sequence[object], rows: Iterable[Sequence[object]], file: Pat
     if file:
         from mitsuba_taxel.base.files.atomic import replacing
 
-        with replacing(file) as temporary, temporary.open("w", newline="") as stream:
+        with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
             csv.writer(stream).writerows(kept)

@@ -12,7 +12,10 @@ from ..options import debug_option, json_option
 @debug_option
 @click.pass_context
 def command(ctx: click.Context, as_json: bool) -> None:
-    """Print versions, LLVM, variants, plugins and solvers; check optics and mechanics."""
+    """Print versions, LLVM, graphics card, variants, plugins and solvers; check optics and mechanics.
+
+    The optics are checked in the variant that is used: `taxel --variant cuda_ad_mono doctor` checks a graphics card.
+    """
     from mitsuba_taxel import backend
     from mitsuba_taxel.check.selfcheck import run_checks
     from mitsuba_taxel.mechanics import available_solvers
@@ -26,6 +29,8 @@ def command(ctx: click.Context, as_json: bool) -> None:
     else:
         for name, fact in facts.items():
             click.echo(f"{name}: {_words(fact)}")
+        if remark := backend.work_of_processor(backend.wanted_variant()):
+            click.echo(remark)
         for check in checks:
             click.echo(f"{check.name} {'ok' if check.passed else 'FAILED'}: {check.detail}")
     ctx.exit(0 if all(check.passed for check in checks) else 1)

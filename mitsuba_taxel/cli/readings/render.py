@@ -54,6 +54,7 @@ def command(
 ) -> None:
     """Print the optical power on each phototransistor of SCENE, with its standard error."""
     from mitsuba_taxel import sensing
+    from mitsuba_taxel.backend import wanted_variant, work_of_processor
     from mitsuba_taxel.sensing.measurement import measured
 
     from .. import tables
@@ -96,6 +97,8 @@ def command(
         _print_json(readings, volts, matrix, book, lines)
     else:
         _print_tables(readings, ready.scene, volts, matrix, book, lines)
+    if not as_json and (remark := work_of_processor(wanted_variant())):
+        tables.say(remark)
     if not as_json and (readings.power <= 0).any():
         tables.say(f"taxel check {scene} may say why a taxel is dark.")
     if target_error is not None:

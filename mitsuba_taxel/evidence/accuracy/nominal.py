@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -13,6 +12,7 @@ import numpy as np
 
 from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.base.files.markdown import markdown_table
+from mitsuba_taxel.base.processes.system import processor_seconds
 from mitsuba_taxel.evidence.paper.loading import TARGET_ERROR, TARGET_SLOPE
 from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
 from mitsuba_taxel.pads import CELL_SHAPES
@@ -77,9 +77,9 @@ class NominalShape:
         with TemporaryDirectory() as folder:
             store = PaperStudies(Path(folder), announce=lambda name: None)
             for force, studied in (("fz", loading.normal), ("fx", loading.along_x)):
-                start = _processor_seconds()
+                start = processor_seconds()
                 study = studied(store, self.cell)
-                row.seconds.append(_processor_seconds() - start)
+                row.seconds.append(processor_seconds() - start)
                 row.forces.append(study.sizes[force])
                 row.mesh_size.append(loading.settings_of(study)["mesh_size"])
                 row.error.append(float((study.total_error / study.power).max()))
@@ -106,11 +106,6 @@ def nominal(only: str | None = None, starting: Callable[[str], None] | None = No
             if starting:
                 starting(cell)
             yield measure_isolated(NominalShape(cell), MOST_SECONDS, MOST_MEMORY)
-
-
-def _processor_seconds() -> float:
-    usages = [resource.getrusage(process) for process in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
 def nominal_cells(rows: Sequence[NominalRow]) -> list[list[str]]:

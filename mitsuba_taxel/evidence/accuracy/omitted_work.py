@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
+
+from mitsuba_taxel.base.processes.system import processor_seconds
 
 # No further imports: a row counts the modules that its scene needs.
 
@@ -202,11 +203,10 @@ def with_seconds(scene: str, added: list[str]) -> dict:
 
 
 def _run(scene: str, added: list[str], caches: dict[str, str]) -> tuple[dict, float]:
-    start = resource.getrusage(resource.RUSAGE_CHILDREN)
+    start = processor_seconds(children_only=True)
     command = [sys.executable, "-m", "mitsuba_taxel.evidence.accuracy.omitted_work", json.dumps([scene, added])]
     process = subprocess.run(command, env=os.environ | caches, stdout=subprocess.PIPE, text=True, check=True)
-    end = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return json.loads(process.stdout), end.ru_utime + end.ru_stime - start.ru_utime - start.ru_stime
+    return json.loads(process.stdout), processor_seconds(children_only=True) - start
 
 
 def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:

@@ -34,7 +34,7 @@ def write_csv(curves: Sequence[ErrorCurve], file: Path) -> None:
     file : Path
         CSV file, which is replaced.
     """
-    with replacing(file) as temporary, temporary.open("w", newline="") as stream:
+    with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, COLUMNS)
         writer.writeheader()
         for curve in curves:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import resource
 import tempfile
 import time
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.processes.system import peak_memory
 from mitsuba_taxel.evidence.coverage.light_row import LightRow
 from mitsuba_taxel.evidence.rows.kind_examples import cell_parameters, generator, other_cells
 from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
@@ -86,7 +86,7 @@ class LightCase:
         start = time.process_time()
         measure(scene, target_error=TIGHT, mechanics_error=False)
         tight = time.process_time() - start
-        megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        megabytes = peak_memory()
         truth = traced(scene)
         power, true = float(default.power[0]), float(truth.power[0])
         scale = true or power or 1.0

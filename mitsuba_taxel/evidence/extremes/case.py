@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.base.processes.limits import peak_memory
+from mitsuba_taxel.base.processes.system import peak_memory
 from mitsuba_taxel.evidence.extremes.table_case import TableCase
 from mitsuba_taxel.evidence.rows.row import CONVERGED, MechanicsRow
 from mitsuba_taxel.geometry.element_maps import map_determinants

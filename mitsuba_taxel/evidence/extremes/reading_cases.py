@@ -222,9 +222,10 @@ def _below_a_mirror(
     """Compare a VCNT2020 below a mirror, with another resin or shifted dies, with a quadrature of refraction."""
     with TemporaryDirectory() as folder:
         file, scene = Path(folder) / "part.toml", Path(folder) / "scene.xml"
-        file.write_text(VCNT2020.read_text().replace("resin_index = 1.5", f"resin_index = {index}"))
+        text = VCNT2020.read_text(encoding="utf-8").replace("resin_index = 1.5", f"resin_index = {index}")
+        file.write_text(text, encoding="utf-8")
         part = read_part(file)
-        scene.write_text(MIRROR.format(shift=", ".join(map(str, shift)), z=part.body[2] + height))
+        scene.write_text(MIRROR.format(shift=", ".join(map(str, shift)), z=part.body[2] + height), encoding="utf-8")
         readings = read(Scene(scene), points=1 << 13)
     emitter, detector = (side.moved(shift) for side in (part.emitter, part.detector))
     (expected,) = mirror_curve(replace(part, emitter=emitter, detector=detector), height).tolist()

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from mitsuba_taxel.base.processes.limits import peak_memory
+from mitsuba_taxel.base.processes.system import peak_memory
 
 
 class TableCase:

@@ -100,7 +100,7 @@ def write_csv(rows: Sequence[AnyRow], file: Path) -> None:
         CSV file, which is replaced.
     """
     names = dict.fromkeys(field.name for kind in (MechanicsRow, ReadingRow, CircuitRow) for field in fields(kind))
-    with replacing(file) as temporary, temporary.open("w", newline="") as stream:
+    with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, list(names))
         writer.writeheader()
         writer.writerows(map(asdict, rows))

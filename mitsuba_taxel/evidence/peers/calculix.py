@@ -107,7 +107,7 @@ def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        folder.joinpath(f"{_JOB}.inp").write_text(text)
+        folder.joinpath(f"{_JOB}.inp").write_text(text, encoding="utf-8")
         environment = {**os.environ, "OMP_NUM_THREADS": str(threads)}
         start = time.perf_counter()
         process = subprocess.run(["ccx", _JOB], cwd=folder, env=environment, capture_output=True, text=True)
@@ -161,13 +161,13 @@ def read_displacement(file: Path, nodes: int) -> np.ndarray:
 
 def read_force(file: Path) -> np.ndarray:
     """The total force (3,) in N that a `.dat` file ends with; NaN if it holds none."""
-    _, _, total = file.read_text().partition("total force")
+    _, _, total = file.read_text(encoding="utf-8").partition("total force")
     return np.array(total.split()[-3:], dtype=float) if total else np.full(3, np.nan)
 
 
 def _rows(file: Path) -> list[list[str]]:
     """The words of each line that starts with a number."""
-    lines = [line.split() for line in file.read_text().splitlines()]
+    lines = [line.split() for line in file.read_text(encoding="utf-8").splitlines()]
     return [row for row in lines if row and row[0].isdigit()]
 
 

@@ -60,13 +60,13 @@ class PeerCase:
 
     def load(self, integrator: str, sampler: str | None = None) -> Any:
         """The ``mi.Scene`` with the integrator and, if given, the sampler of these plugin names."""
-        text = find_scene(self.scene).read_text().replace('type="taxel_tracer"', f'type="{integrator}"')
+        text = find_scene(self.scene).read_text(encoding="utf-8").replace('type="taxel_tracer"', f'type="{integrator}"')
         response = f'<string name="response" value="cosine_power"/> <float name="exponent" value="{self.exponent}"/>'
         nested = response + (f'<sampler type="{sampler}"/>' if sampler else "")
         text = text.replace('<sensor type="phototransistor"/>', f'<sensor type="phototransistor">{nested}</sensor>')
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / self.scene
-            file.write_text(text)
+            file.write_text(text, encoding="utf-8")
             return Scene.from_file(file, **self.parameters).load()
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import os
-import resource
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -21,6 +20,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.processes.system import peak_memory
 from mitsuba_taxel.evidence.peers import calculix
 from mitsuba_taxel.evidence.peers.elements import CELL, mean_roof_displacement
 from mitsuba_taxel.geometry.mirror import ACROSS_Y, MIRRORS
@@ -297,5 +297,4 @@ def _measured(function: Callable, arguments: tuple) -> tuple:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["MITSUBA_TAXEL_CACHE"] = folder
         result = function(*arguments)
-    usage = max(resource.getrusage(process).ru_maxrss for process in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return *result, usage / 1024
+    return *result, peak_memory(of_children=True)

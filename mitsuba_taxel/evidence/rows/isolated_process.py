@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import os
 import pickle
-import resource
 import signal
 import sys
 import tempfile
 from typing import Any, Protocol
 
-from mitsuba_taxel.base.processes.limits import memory_limit
+from mitsuba_taxel.base.processes.system import memory_limit
 from mitsuba_taxel.base.processes.worker_process import NoAnswer, answer_of
 
 
@@ -45,7 +44,7 @@ def measure_isolated(case: Measurable, seconds: float = MOST_SECONDS, memory: in
     Any
         The row of the case; if the process ends without a row, that of ``case.failed`` with the reason.
     """
-    limit = str(memory_limit(memory, resource.RLIMIT_DATA))
+    limit = str(memory_limit(memory, "DATA"))
     command = [sys.executable, "-m", "mitsuba_taxel.evidence.rows.worker", limit]
     with tempfile.TemporaryDirectory() as cache:
         environment = {**os.environ, "MITSUBA_TAXEL_CACHE": cache}

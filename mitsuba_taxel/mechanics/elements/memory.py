@@ -37,7 +37,7 @@ def _free_by_limit() -> float:
             math.inf if limit == resource.RLIM_INFINITY else limit
             for limit, _ in map(resource.getrlimit, (resource.RLIMIT_AS, resource.RLIMIT_DATA))
         )
-        status = dict(line.split(":") for line in _PROCESS.read_text().splitlines())
+        status = dict(line.split(":") for line in _PROCESS.read_text(encoding="utf-8").splitlines())
         size, data, resident = (1024 * float(status[name].split()[0]) for name in ("VmSize", "VmData", "RssAnon"))
         return min(address_limit - size, data_limit - data) + max(data - resident, 0.0)
     except (ImportError, OSError, KeyError):
@@ -47,7 +47,7 @@ def _free_by_limit() -> float:
 def _free_by_machine() -> float:
     """Bytes that the machine has free, with swap."""
     try:
-        figures = dict(line.split(":") for line in _MACHINE.read_text().splitlines())
+        figures = dict(line.split(":") for line in _MACHINE.read_text(encoding="utf-8").splitlines())
         return 1024 * sum(float(figures[name].split()[0]) for name in ("MemAvailable", "SwapFree"))
     except (OSError, KeyError):
         return math.inf
@@ -56,9 +56,9 @@ def _free_by_machine() -> float:
 def _free_by_group() -> float:
     """Bytes that the limit of the process's control group allows; cached pages of files count as free."""
     try:
-        limit = float((_GROUP / "memory.max").read_text().replace("max", "inf"))
-        used = float((_GROUP / "memory.current").read_text())
-        cached = dict(line.split() for line in (_GROUP / "memory.stat").read_text().splitlines())
+        limit = float((_GROUP / "memory.max").read_text(encoding="utf-8").replace("max", "inf"))
+        used = float((_GROUP / "memory.current").read_text(encoding="utf-8"))
+        cached = dict(line.split() for line in (_GROUP / "memory.stat").read_text(encoding="utf-8").splitlines())
         return limit - used + float(cached["inactive_file"])
     except (OSError, KeyError):
         return math.inf

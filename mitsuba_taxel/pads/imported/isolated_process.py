@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.base.processes.limits import memory_limit
+from mitsuba_taxel.base.processes.system import memory_limit
 from mitsuba_taxel.base.processes.worker_process import NoAnswer, answer_of
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 

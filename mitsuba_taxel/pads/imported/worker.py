@@ -4,31 +4,31 @@ It is run as a script, with the name of a task and its limits (bytes, seconds), 
 
 from __future__ import annotations
 
-import ctypes
 import io
 import os
-import resource
-import signal
+import runpy
+import shutil
 import sys
 import tempfile
-import types
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
+
+SYSTEM = Path(__file__).parents[2] / "base" / "processes" / "system.py"
+"""Run as a script, too: to import it would import this package, and with it Mitsuba."""
 
 UNITS_OF_HEIGHT, SURVEY_UNITS = 4.0, 20.0
 """Height of a body during meshing, diagonal during its survey: Netgen has absolute tolerances."""
 
 
 def main(task: str, memory: int, seconds: int) -> None:
-    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    # End with the parent, even if that is killed.
-    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-    signal.alarm(seconds + 10)
+    system = runpy.run_path(str(SYSTEM))
+    system["confine"](memory)
+    system["stop_after"](seconds + 10)
     # fTetWild would write its surface into the working directory: give it a deleted one.
     folder = tempfile.mkdtemp()
     os.chdir(folder)
-    os.rmdir(folder)
+    _remove(folder)
     # Keep output of the libraries out of standard output, which carries the result.
     answer = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
@@ -46,8 +46,15 @@ def main(task: str, memory: int, seconds: int) -> None:
         result = tasks[task](**arrays)
     np.savez(answer, **result)
     answer.close()
+    os.chdir(tempfile.gettempdir())
+    _remove(folder)
     # An orderly exit crashes in threads of some libraries.
     os._exit(0)
+
+
+def _remove(folder: str) -> None:
+    """Remove a folder if that is possible: Windows keeps the working directory."""
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _fill(vertices: Any, triangles: Any, mesh_size: Any) -> dict[str, Any]:
@@ -71,12 +78,7 @@ def _tetrahedralise(vertices: Any, triangles: Any, mesh_size: Any, epsilon: Any)
     import numpy as np
 
     sys.path.append(os.path.dirname(os.path.abspath(__file__)))  # `taxel` has Python leave it out: PYTHONSAFEPATH
-    from mesher_seed import fix_random_device  # beside this script
-
-    fix_random_device()
-    # pytetwild imports PyVista needlessly.
-    sys.modules["pyvista"] = types.ModuleType("pyvista")
-    from pytetwild import tetrahedralize
+    from ftetwild import tetrahedralize  # beside this script
 
     points, tets = tetrahedralize(
         vertices,
@@ -96,14 +98,13 @@ def _solids_in(path: Any, scale: Any, turn: Any, centred: Any) -> tuple[list[Any
     from netgen.occ import Axis, OCCGeometry, Pnt, Vec
 
     # The reader knows a format by its ending, in small letters.
-    folder = tempfile.mkdtemp()
-    link = os.path.join(folder, "solid.step")
-    os.symlink(str(path), link)
-    try:
-        solids = list(OCCGeometry(link).shape.solids)
-    finally:
-        os.remove(link)
-        os.rmdir(folder)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = os.path.join(folder, "solid.step")
+        try:
+            os.symlink(str(path), copy)
+        except OSError:  # Windows allows few users to make links
+            shutil.copyfile(str(path), copy)
+        solids = list(OCCGeometry(copy).shape.solids)
     if len(solids) != 1:
         return solids, []
     solid, names = solids[0], [face.name or "" for face in solids[0].faces]

@@ -16,6 +16,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
 from mitsuba_taxel.base.errors import UnusedDefault
+from mitsuba_taxel.base.processes.system import FROM_TERMINAL
 from mitsuba_taxel.base.processes.threads import set_thread_count
 
 
@@ -34,7 +35,9 @@ def start(count: int, sharing: int) -> ProcessPoolExecutor:
 
 
 def _start_tracker() -> None:
-    """Start Python's resource tracker such that it survives the closing of the terminal (SIGHUP)."""
+    """Start Python's resource tracker such that it survives the closing of the terminal (SIGHUP); Windows has none."""
+    if not hasattr(signal, "SIGHUP"):
+        return
     if threading.current_thread() is not threading.main_thread():
         resource_tracker.ensure_running()
         return
@@ -69,7 +72,7 @@ def keep_to_share(sharing: int) -> None:
 
 def _begin(sharing: int) -> None:
     """Prepare a worker process: set up signals, warnings and threads, and let it end when its parent ends."""
-    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to all processes; the parent ends this one
+    for number in FROM_TERMINAL:  # the parent ends this process
         signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
     warnings.simplefilter("ignore", UnusedDefault)  # the parent has warned

@@ -1,0 +1,205 @@
+"""What not every operating system has, and what is done without it: all such calls are here.
+
+Names of the standard library that exist on Unix only, or mean something else on Windows, are used nowhere else, except
+the free memory that Linux reports (:mod:`mitsuba_taxel.mechanics.elements.memory`). The file imports nothing but the
+standard library, so that a worker can run it without this package.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+if sys.platform == "win32":
+    import _winapi
+else:
+    import resource
+
+ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
+"""Signals that end a program, besides the interrupt: Windows has no SIGHUP, other systems have no SIGBREAK."""
+FROM_TERMINAL = (signal.SIGINT, *ENDING[1:])
+"""Signals that a terminal sends to all of its processes."""
+_FOLLOWED = 1.0
+"""Seconds between two looks at a parent process, where the system does not end a process with its parent."""
+
+
+@contextmanager
+def deferred_signals() -> Iterator[None]:
+    """Defer signals of this thread that end the process; on Windows they are not deferred.
+
+    Yields
+    ------
+    None
+        While signals are deferred.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, *ENDING))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def memory_limit(most: int, kind: str = "AS") -> int:
+    """Limit of memory for a new process, which does not exceed the limit of this process.
+
+    Parameters
+    ----------
+    most : int
+        Limit in bytes.
+    kind : str
+        What is limited: the address space ("AS") or the data ("DATA").
+
+    Returns
+    -------
+    int
+        Limit in bytes. On Windows it is ``most``.
+    """
+    if sys.platform == "win32":
+        return most
+    current = resource.getrlimit(getattr(resource, f"RLIMIT_{kind}"))
+    return min([most, *(limit for limit in current if limit != resource.RLIM_INFINITY)])
+
+
+def confine(memory: int, kind: str = "AS") -> None:
+    """Limit the memory of this process, let it write no memory dump, and let it end with its parent.
+
+    Windows has no such limit, and macOS may refuse it: there a process that takes too much is not stopped.
+
+    Parameters
+    ----------
+    memory : int
+        Limit in bytes.
+    kind : str
+        What is limited: the address space ("AS") or the data ("DATA").
+    """
+    if sys.platform != "win32":
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        with suppress(*(() if sys.platform == "linux" else (ValueError, OSError))):
+            resource.setrlimit(getattr(resource, f"RLIMIT_{kind}"), (memory, memory))
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: even if the parent is killed
+    else:
+        threading.Thread(target=_follow, args=(os.getppid(),), daemon=True).start()
+
+
+def stop_after(seconds: int) -> None:
+    """End this process after a time, even within a compiled library; on Windows only once Python is run again.
+
+    Parameters
+    ----------
+    seconds : int
+        Wall time.
+    """
+    if hasattr(signal, "alarm"):
+        signal.alarm(seconds)
+        return
+    timer = threading.Timer(seconds, os._exit, (1,))
+    timer.daemon = True
+    timer.start()
+
+
+def _follow(parent: int) -> None:
+    """End this process when its parent has ended."""
+    while os.getppid() == parent and is_alive(parent):  # the id of a parent that has ended changes on Unix only
+        time.sleep(_FOLLOWED)
+    os._exit(1)
+
+
+def is_alive(process: int) -> bool:
+    """Whether a process exists, of any user.
+
+    Parameters
+    ----------
+    process : int
+        Its number.
+
+    Returns
+    -------
+    bool
+        Also True if that is not known.
+    """
+    try:
+        if sys.platform != "win32":
+            os.kill(process, 0)
+            return True
+        handle = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, process)  # os.kill(process, 0) would interrupt it
+        try:
+            return _winapi.WaitForSingleObject(handle, 0) == _winapi.WAIT_TIMEOUT
+        finally:
+            _winapi.CloseHandle(handle)
+    except ProcessLookupError:
+        return False
+    except OSError as error:  # it is another user's, or on Windows there is none
+        return getattr(error, "winerror", None) != 87  # ERROR_INVALID_PARAMETER
+
+
+def peak_memory(of_children: bool = False) -> float:
+    """Peak memory of this process until now.
+
+    Parameters
+    ----------
+    of_children : bool
+        Whether ended child processes are regarded too, the largest of which counts.
+
+    Returns
+    -------
+    float
+        In MB; nan on Windows.
+    """
+    if sys.platform == "win32":
+        return math.nan
+    unit = 2**20 if sys.platform == "darwin" else 2**10
+    children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / unit if of_children else 0.0
+    if sys.platform != "linux":
+        return max(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, children)
+    # Elsewhere Linux counts what the parent had when it started this process.
+    status = Path("/proc/self/status").read_text(encoding="utf-8")
+    return max(int(status.split("VmHWM:")[1].split()[0]) / 1024, children)
+
+
+def processor_seconds(children_only: bool = False) -> float:
+    """Processor time of this process and of its ended child processes.
+
+    Parameters
+    ----------
+    children_only : bool
+        Whether only the time of child processes counts.
+
+    Returns
+    -------
+    float
+        In s; nan on Windows, which does not count children.
+    """
+    if sys.platform == "win32":
+        return math.nan
+    processes = (resource.RUSAGE_CHILDREN,) if children_only else (resource.RUSAGE_CHILDREN, resource.RUSAGE_SELF)
+    usages = map(resource.getrusage, processes)
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+
+def flush_folder(folder: Path) -> None:
+    """Write the entries of a folder to the disk, so that a renaming survives a power cut; Windows has no such call.
+
+    Parameters
+    ----------
+    folder : Path
+        An existing folder.
+    """
+    if sys.platform == "win32":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,96 @@
+"""Commands where what only Linux has is missing, as on Windows and on macOS: modules, calls, names of files.
+
+Compiled libraries remain those of this machine: what they do on another system is not tested here.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+IMITATED = Path(__file__).parent / "helpers" / "imitated"
+RUN = """
+import json, sys, types
+import taxel_cli
+for arguments in json.loads(sys.argv[1]):
+    print(*arguments, file=sys.stderr, flush=True)
+    status = taxel_cli.taxel.main(arguments, obj=types.SimpleNamespace(debug=True, ended=[]), standalone_mode=False)
+    assert not status, status
+"""
+
+
+def run(system: str, folder: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run Python code as on a system, in a folder, with an empty cache of solutions there."""
+    environment = {
+        **os.environ, "IMITATED": system, "PYTHONPATH": str(IMITATED), "PYTHONWARNDEFAULTENCODING": "1",
+        "OMP_NUM_THREADS": "1", "MITSUBA_TAXEL_CACHE": str(folder / "cache"),
+    }  # fmt: skip
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+
+
+COMMANDS = """
+render hexagonal.xml --points 64
+render pad.xml --points 64 -o map.exr
+deform pad.xml -o pad.vtu
+sweep plate.xml --vary z=0.5:1:0.5 --points 64 --workers 2 -o runs
+report runs -o report.html
+"""
+
+
+def test_commands_run_as_on_windows(tmp_path):
+    """All shipped scenes, a study of the plate in two processes, and a report on it."""
+    commands = [line.split() for line in COMMANDS.strip().splitlines()]
+    done = run("Windows", tmp_path, RUN, json.dumps(commands))
+    assert done.returncode == 0, done.stderr
+    assert all((tmp_path / command[-1]).exists() for command in commands if "-o" in command)
+
+
+MESH = """
+import numpy as np
+from mitsuba_taxel.pads.imported.isolated_process import run_isolated
+corners, faces = np.eye(4, 3), np.array([[0, 3, 1], [1, 3, 2], [2, 3, 0], [0, 1, 2]])
+print(len(run_isolated("fill", {"vertices": corners, "triangles": faces, "mesh_size": 0.5})["tets"]))
+"""
+
+
+def test_a_mesher_and_commands_run_as_on_macos(tmp_path):
+    """The process that meshes asks most of the system."""
+    done = run("macOS", tmp_path, MESH + RUN, json.dumps([["render", "plate.xml", "--points", "64"]]))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split()[0] == "1"  # one tetrahedron is filled by one
+
+
+FORBIDDEN = """
+import os, signal, sys
+import mitsuba_taxel.base.processes.system as system
+for name in ("resource", "fcntl"):
+    try:
+        exec(f"import {name}", vars(system))
+    except ModuleNotFoundError:
+        continue
+    print(name)
+for text in ("os.fork", "signal.alarm", "signal.SIGHUP", "os.symlink('a', 'b')", "open('a:b', 'w')", "os.kill(1, 0)"):
+    try:
+        exec(f"import os, signal; {text}", vars(system))
+    except (AttributeError, OSError):
+        continue
+    print(text)
+open("name", "w").close()
+try:
+    open("Name", "w")
+except FileExistsError:
+    pass
+else:
+    print("capital letters")
+"""
+
+
+def test_the_imitation_refuses_what_it_should(tmp_path):
+    done = run("Windows", tmp_path, FORBIDDEN)
+    assert (done.returncode, done.stdout) == (0, ""), done.stdout + done.stderr
+    done = run("macOS", tmp_path, FORBIDDEN)
+    assert done.stdout.split("\n")[:2] == ["resource", "fcntl"] and "capital letters" not in done.stdout, done.stderr
