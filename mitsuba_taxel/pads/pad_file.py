@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mitsuba_taxel.backend import versions
 from mitsuba_taxel.base.arguments import path_of, require
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError
@@ -107,9 +107,9 @@ class PadFile(Displayed):
     def identity(self) -> list[object]:
         """Values that identify the pad, fit for JSON."""
         meshers = ["netgen-mesher", *([] if self.is_drawn else ["pytetwild"])]
-        versions = [[mesher, version(mesher)] for mesher in meshers]
+        installed = [[mesher, versions()[mesher]] for mesher in meshers]
         rules = [asdict(rule) for rule in self.regions]
-        return [self.suffix, self.digest, rules, self.scale, self.up, versions]
+        return [self.suffix, self.digest, rules, self.scale, self.up, installed]
 
     @property
     def placement(self) -> Placement:

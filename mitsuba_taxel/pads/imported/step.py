@@ -23,6 +23,7 @@ from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE, check_mesh_si
 from mitsuba_taxel.pads.imported.symmetric_part import PLANE, TOLERANCE, completed, exactly_on, group_of, planes_of
 from mitsuba_taxel.pads.imported.triangles.curvature import radii
 from mitsuba_taxel.pads.imported.triangles.snapping import Patches
+from mitsuba_taxel.pads.meshers import require_netgen
 from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.meshing import (
     BULK_COARSENING,
@@ -164,6 +165,7 @@ def surveyed(path: Path, digest: str, rules: tuple[Rule, ...], placement: Placem
     GeometryError
         if the file cannot be read, or its solid is not a pad.
     """
+    require_netgen("a pad from a STEP file")
     solid = _read_as(path, placement)
     raw = run_isolated("survey_step", {**solid, "curvature_safety": SURVEY_SAFETY})
     points, triangles, face = raw["points"], raw["triangles"], raw["face"]

@@ -36,6 +36,7 @@ from mitsuba_taxel.pads.imported.tetwild import mesh_by_tetwild
 from mitsuba_taxel.pads.imported.triangles.remeshing import remeshed
 from mitsuba_taxel.pads.imported.triangles.repair import faces_of, repaired
 from mitsuba_taxel.pads.imported.triangles.snapping import Patches, snapped
+from mitsuba_taxel.pads.meshers import has_netgen
 from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.meshing import BULK_COARSENING, CUT, LEAST_QUALITY, REFINEMENTS
 
@@ -75,7 +76,7 @@ def mesh_surface(
     """
     surface, surface_part, edges = parts_of(content, suffix, rules, placement)
     check_mesh_size(mesh_size, volume(surface.vertices, surface.triangles))
-    for refinement in REFINEMENTS:
+    for refinement in REFINEMENTS if has_netgen() else ():
         try:
             mesh = _meshed(surface_part, edges, mesh_size, refinement)
         except ComputationError:  # fTetWild may succeed

@@ -14,6 +14,7 @@ from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE
 from mitsuba_taxel.pads.imported.triangles.borders import conforming
 from mitsuba_taxel.pads.imported.triangles.repair import is_sliver
 from mitsuba_taxel.pads.imported.triangles.snapping import Patches, snapped
+from mitsuba_taxel.pads.meshers import has_ftetwild, require_netgen
 
 ENVELOPE = 0.02
 """Largest distance of the straight mesh from the surface, relative to the mesh size, before projection onto it."""
@@ -47,8 +48,16 @@ def mesh_by_tetwild(
     Raises
     ------
     ComputationError
-        if meshing fails.
+        if meshing fails, or without pytetwild.
+    InputError
+        without pytetwild and Netgen.
     """
+    if not has_ftetwild():
+        require_netgen("meshing a pad")
+        raise ComputationError(
+            "Netgen cannot fill the surface of this pad, and the package pytetwild, which may, is not installed: pip "
+            "install pytetwild, or repair the surface."
+        )
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     mesh_size = min(mesh_size, LARGEST_EDGE * diagonal)
     envelope = min(ENVELOPE * mesh_size, LARGEST_ENVELOPE * diagonal)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.base.files.atomic import replacing
+from mitsuba_taxel.pads.meshers import require_netgen
 from mitsuba_taxel.pads.parametric.lean import leans
 from mitsuba_taxel.pads.parametric.pad import Pad
 
@@ -22,7 +23,8 @@ def solids(pad: Pad) -> dict[str, Any]:
     top.
 
     All are ``netgen.occ`` shapes in mm, by name, in their assembled positions: the pad upright, the frame on the base
-    at z = 0."""
+    at z = 0. Raises InputError without Netgen."""
+    require_netgen("a drawing")
     from netgen.occ import Box, Pnt
 
     width, depth, height = pad.extent
@@ -61,9 +63,11 @@ def write_drawings(pad: Pad, folder: Path) -> None:
         if a file cannot be written.
     """
     import trimesh
+
+    drawn = solids(pad)
     from netgen.occ import OCCGeometry
 
-    for name, solid in solids(pad).items():
+    for name, solid in drawn.items():
         with replacing(folder / f"{name}.step") as file:
             solid.WriteStep(str(file))
         mesh = OCCGeometry(solid).GenerateMesh(maxh=pad.cell_size, curvaturesafety=CURVATURE, perfstepsend=SURFACES)

@@ -19,6 +19,7 @@ from mitsuba_taxel.geometry.untangling import untangled
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.cells.fillet import FILLET
 from mitsuba_taxel.pads.cells.rim_fillet import RimFillet
+from mitsuba_taxel.pads.meshers import require_netgen
 from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
 from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.lean import leaning, leans, on_round_walls
@@ -104,8 +105,8 @@ def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
     Raises
     ------
     InputError
-        if ``mesh_size`` is not a finite length above 0, or if it or the number of cells needs more elements than fit in
-        memory.
+        if ``mesh_size`` is not a finite length above 0, if it or the number of cells needs more elements than fit in
+        memory, or without Netgen.
     ComputationError
         if Netgen fails, or leaves an inverted element that cannot be repaired.
     """
@@ -220,6 +221,7 @@ def _generated(
 ) -> VolumeMesh:
     """Netgen's mesh of the symmetric part, with other ``cell`` solids if given, and elements of at most
     ``fillet_size`` mm on fillets."""
+    require_netgen("meshing a pad")
     with MESHING_LOCK:
         from netgen.meshing import MeshingParameters, NgException, SetMessageImportance
         from netgen.occ import OCCGeometry, Pnt

@@ -1,0 +1,38 @@
+"""The packages that mesh pads; each is needed for some pads only, and has no wheels for some machines."""
+
+from __future__ import annotations
+
+import importlib.util
+
+from mitsuba_taxel.base.errors import InputError
+
+
+def has_netgen() -> bool:
+    """Whether Netgen is installed."""
+    return importlib.util.find_spec("netgen") is not None
+
+
+def has_ftetwild() -> bool:
+    """Whether fTetWild is installed, which meshes surfaces that Netgen cannot."""
+    return importlib.util.find_spec("pytetwild") is not None
+
+
+def require_netgen(what: str) -> None:
+    """Raise unless Netgen is installed.
+
+    Parameters
+    ----------
+    what : str
+        What needs it, in words, as the subject of a sentence.
+
+    Raises
+    ------
+    InputError
+        in one line that says how to install it, and what works without it.
+    """
+    if not has_netgen():
+        raise InputError(
+            f"{what} needs the package netgen-mesher, which is not installed: pip install netgen-mesher. It has no "
+            "wheels for Linux on aarch64; there, plates and fast models work without it, and pads from STL, PLY or OBJ "
+            "files with pytetwild."
+        )
