@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import runpy
 import subprocess
 import sys
@@ -9,7 +10,19 @@ from importlib import import_module
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
+import pytest
+from packaging.requirements import Requirement
+
+from mitsuba_taxel.base.files import toml
+
 ROOT = Path(__file__).parents[1]
+MACHINES = {
+    "Linux x86-64": ("linux", "Linux", "x86_64"),
+    "Linux aarch64": ("linux", "Linux", "aarch64"),
+    "macOS arm64": ("darwin", "Darwin", "arm64"),
+    "Windows x86-64": ("win32", "Windows", "AMD64"),
+}
+"""Names of a system, as Python has them."""
 
 
 def test_every_folder_with_python_is_installed(monkeypatch):
@@ -27,6 +40,59 @@ def test_every_folder_with_python_is_installed(monkeypatch):
         installed.add(ROOT / names[root] / package.removeprefix(root).lstrip(".").replace(".", "/"))
     assert len(installed) == len(arguments["packages"])
     assert installed == folders
+
+
+def test_links_of_the_tree_may_be_files(tmp_path, monkeypatch):
+    """As git writes them on Windows: a text that names the other folder."""
+    given: list[list[str]] = []
+    monkeypatch.setattr("setuptools.setup", lambda **arguments: given.append(arguments["packages"]))
+    for file in (file.relative_to(ROOT) for top in ("mitsuba_taxel", "plugins", "scenes") for file in packages_in(top)):
+        (tmp_path / file.parent).mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).touch()
+    (tmp_path / "README.md").touch()
+    for name in ("plugins", "scenes"):
+        (tmp_path / "mitsuba_taxel" / name).write_text(f"../{name}")
+    for folder in (ROOT, tmp_path):
+        monkeypatch.chdir(folder)
+        runpy.run_path(str(ROOT / "setup.py"))
+    assert sorted(given[0]) == sorted(given[1]) and "mitsuba_taxel.plugins.bsdfs" in given[0]
+
+
+def packages_in(top: str) -> list[Path]:
+    return [file for file in (ROOT / top).glob("**/__init__.py") if "mitsuba_taxel/plugins" not in file.as_posix()]
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_what_has_no_wheel_is_not_asked_for(machine):
+    """As the page says of which packages there are wheels."""
+    page = (ROOT / "docs" / "howto" / "install.md").read_text(encoding="utf-8")
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if line.startswith("| ")]
+    head = next(row for row in rows if machine in row)
+    stated = {row[0].split()[0]: row[head.index(machine)] == "wheel" for row in rows if len(row) == len(head)}
+    names = dict(zip(("sys_platform", "platform_system", "platform_machine"), MACHINES[machine], strict=True))
+    project = toml.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    required = map(Requirement, [*project["dependencies"], *project["optional-dependencies"]["contact"]])
+    asked = {one.name for one in required if one.marker is None or one.marker.evaluate(names)}
+    for package in ("netgen-mesher", "pytetwild", "ipctk"):
+        assert (package in asked) is stated[package], package
+    assert ("karellen-llvm-core" in asked) is stated["LLVM"]
+
+
+def test_links_of_the_readme_lead_to_where_the_source_is_hosted(monkeypatch):
+    arguments = {}
+    monkeypatch.setattr("setuptools.setup", lambda **given: arguments.update(given))
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("PROJECT_URL", "https://example.org/me/taxel/")
+    runpy.run_path("setup.py")
+    text = arguments["long_description"]
+    assert "](https://example.org/me/taxel/blob/HEAD/docs/start.md)" in text
+    assert "](https://example.org/me/taxel/raw/HEAD/docs/pictures/pad_pressed.png)" in text
+    assert all(link.startswith("https://") for link in re.findall(r"\]\(([^)]+)\)", text))
+    assert set(arguments["project_urls"]) == {"Source", "Documentation", "Issues", "Changelog"}
+    monkeypatch.delenv("PROJECT_URL")
+    runpy.run_path("setup.py")
+    assert arguments["long_description"] == (ROOT / "README.md").read_text(encoding="utf-8")
+    assert arguments["project_urls"] == {}
 
 
 def test_shipped_scenes_are_installed():

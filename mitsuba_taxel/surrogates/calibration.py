@@ -118,7 +118,7 @@ def calibrate(
         paths, or the output is saturated in all readings.
     """
     if find_spec("sklearn") is None:
-        raise InputError("calibrations need scikit-learn: install mitsuba_taxel[calibrate].")
+        raise InputError("calibrations need scikit-learn: pip install scikit-learn onnx.")
     # Rows of readings and forces, with noise for those of a study.
     saturated = ""
     if isinstance(source, Measurement):

@@ -279,7 +279,7 @@ def read_polynomial(file: Path) -> Polynomial | None:
 def check_onnx() -> None:
     """Raise `InputError` if onnx is not installed."""
     if find_spec("onnx") is None:
-        raise InputError("models need onnx: install mitsuba_taxel[export].")
+        raise InputError("models need onnx: pip install onnx.")
 
 
 class _Subgraph(NamedTuple):

@@ -44,8 +44,10 @@ def test_a_name_is_kept_with_its_parameters_in_their_order(line, kept):
 
 def test_release_files_name_one_version():
     version = mitsuba_taxel.__version__
-    changes, citation = ((ROOT / file).read_text() for file in ("CHANGELOG.md", "CITATION.cff"))
+    files = ("CHANGELOG.md", "CITATION.cff", "release/recipe.yaml")
+    changes, citation, recipe = ((ROOT / file).read_text() for file in files)
     assert re.search(r"^version: (.*)$", citation, re.M)[1] == version
+    assert re.search(r'^  version: "(.*)"$', recipe, re.M)[1] == version
     released = re.search(rf"^## {re.escape(version)} - (\d{{4}}-\d\d-\d\d)$", changes, re.M)[1]
     assert re.search(r'^date-released: "(.*)"$', citation, re.M)[1] == released
 

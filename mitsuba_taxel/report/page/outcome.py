@@ -122,7 +122,7 @@ def outcome_sections(folder: Path) -> list[str]:
     made = [_section(kind, folder) for kind in OUTCOMES if (folder / kind.file).is_file()]
     models = sorted(folder.glob("*.onnx"))
     if models and find_spec("onnx") is None:
-        return [*made, section("models", "Models", paragraph("To show them, install mitsuba_taxel[export]."))]
+        return [*made, section("models", "Models", paragraph("To show them: pip install onnx."))]
     for number, file in enumerate(models):
         if (printed := onnx_model.read_printed(file)) is not None:
             model = onnx_model.read_polynomial(file)

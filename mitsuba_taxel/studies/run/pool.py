@@ -194,7 +194,7 @@ def _cluster(address: str) -> Iterator[Pool]:
     try:
         from distributed import Client
     except ImportError as error:
-        raise InputError("a scheduler needs Dask: install mitsuba_taxel[cluster].") from error
+        raise InputError("a scheduler needs Dask: pip install distributed.") from error
     try:
         # As this process's default client, xarray would use it too, even if it does not answer.
         client = Client(address, timeout="10s", set_as_default=False)

@@ -105,7 +105,7 @@ def summary_table(study: xr.Dataset) -> pandas.DataFrame:
 def check_parquet() -> None:
     """Raise `InputError` if Parquet files cannot be written here."""
     if find_spec("pyarrow") is None:
-        raise InputError("parquet needs pyarrow: install mitsuba_taxel[parquet].")
+        raise InputError("parquet needs pyarrow: pip install pyarrow.")
 
 
 def _head(study: xr.Dataset) -> list[str]:
