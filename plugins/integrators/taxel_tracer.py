@@ -98,12 +98,16 @@ class TaxelTracer(mi.CppADIntegrator):
             sample, overdrawn = emission.sample(led_index, sample)
         direction = led.sample_direction_of_emission(sample)
         view = techniques.look(sampler.next_2d(), sampler.next_2d())
-        vertex = Vertex(
-            mi.Point3f(source), mi.Normal3f(led.faces.frame.n), power, mi.Float(0), mi.Point2f(0), mi.Float(0)
-        )
+        at = mi.Point3f(source), mi.Normal3f(led.faces.frame.n)
+        vertex = Vertex(*at, power, mi.Float(0), mi.Point2f(0), mi.Float(0), mi.Float(0))
         emit = partial(_emit, led)
         sight = led.window.sight(led_index, mi.Point3f(view.si.p), source)
         value = techniques.connect_subpath(view, vertex, emit, (power > 0) & (most_reflections > 0), sight)
+        if dr.hint(techniques.follows_mirrors, mode="scalar"):
+            reflected = techniques.reflect(view, sampler.next_1d())
+            sight = led.window.sight(led_index, mi.Point3f(reflected.si.p), source)
+            seen = (power > 0) & (reflected.mirrors < most_reflections)
+            value += techniques.connect_subpath(reflected, vertex, emit, seen, sight)
         if dr.hint(not pair.coplanar, mode="scalar"):
             value += techniques.connect(view, vertex, emit, power > 0)
         splat(sensor, index, view.offset, value, pixels)
@@ -117,7 +121,7 @@ class TaxelTracer(mi.CppADIntegrator):
         carried = power * density / overdrawn
         ray = release(vertex.p, vertex.n, direction, clearance)
         specular = mi.Bool(False)
-        mirrored = Mirrored(mi.Float(0), mi.Float(0))
+        mirrored = Mirrored.nowhere()
         reach = mi.Float(dr.inf)  # distance of the point sampled by the guide; infinite without such a point
         target = mi.UInt32(0)  # triangle of that point
         depth = mi.UInt32(0)
@@ -148,12 +152,16 @@ class TaxelTracer(mi.CppADIntegrator):
             # ---------------------- Connections ----------------------
             active &= depth < most_reflections
             inverse = dr.select(specular, 0, dr.square(distance) / (total_density * cosine))
-            vertex = Vertex(si.p, si.n, throughput, guided, surface_uv, inverse)
             bsdf = si.bsdf(ray)
+            ends_views = techniques.ends_views(si, bsdf, active)
+            vertex = Vertex(si.p, si.n, throughput, guided, surface_uv, inverse, ends_views)
             scatter = partial(_scatter, techniques.context, si, bsdf, active)
             value = techniques.connect(view, vertex, scatter, active)
             value += techniques.connect_subpath(view, vertex, scatter, active & (depth + 1 < most_reflections))
             value += techniques.connect_image(view, vertex, scatter, active & (depth + 1 < most_reflections))
+            if dr.hint(techniques.follows_mirrors, mode="scalar"):
+                seen = active & (depth + 1 + reflected.mirrors < most_reflections)
+                value += techniques.connect_subpath(reflected, vertex, scatter, seen)
             splat(sensor, index, view.offset, value, pixels)
             result += value
 
@@ -163,7 +171,7 @@ class TaxelTracer(mi.CppADIntegrator):
             nearness = choice / vertex.guided
             choice = (choice - vertex.guided) / (1 - vertex.guided)
             bs, weight = bsdf.sample(techniques.context, si, choice, sample, active & ~by_guide)
-            direction = si.to_world(bs.wo)
+            arrival, direction = mi.Vector3f(direction), si.to_world(bs.wo)
             density = mi.Float(bs.pdf)
             carried = throughput * weight[0] * density
             arrived_specular = mi.Bool(specular)
@@ -180,10 +188,20 @@ class TaxelTracer(mi.CppADIntegrator):
                 carried = dr.select(by_guide, throughput * value, carried)
                 specular &= ~by_guide
                 reach = dr.select(by_guide, target_distance, reach)
-            if dr.hint(techniques.mirrors is not None, mode="scalar"):
-                # The LED is not connected with its image: emission guiding finds the mirror.
-                from_wall = active & specular & ~arrived_specular & (depth > 0)
-                mirrored = techniques.mirrored(si, from_wall, total_density * density, distance)
+            if dr.hint(techniques.follows_mirrors or techniques.mirrors is not None, mode="scalar"):
+                # The LED is not connected over mirrors: emission guiding finds them.
+                mirrored = techniques.mirrored(
+                    si,
+                    active & specular & (depth > 0),
+                    mirrored,
+                    arrived_specular,
+                    previous,
+                    arrival,
+                    total_density,
+                    density,
+                    direction,
+                    distance,
+                )
             ray = leave(vertex.p, vertex.n, direction, clearance)
             if dr.hint(techniques.guide is not None, mode="scalar"):
                 # From the offset origin to the exact point: otherwise a grazing ray would hit the adjacent triangle.

@@ -11,9 +11,12 @@ The factor of x1 .. x(n-1) is common to the three densities. Their ratios, and w
 heuristic, therefore depend on xn alone (E. Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997,
 chapters 9 and 10).
 
-Where xn is on a plane mirror, none but hits samples the path. Then an *image connection* samples it as well: x1 ..
-x(n-1) by scattering, y uniform, and xn where the straight line from the image of x(n-1) behind the mirror to y crosses
-the mirror.
+Where xn is on a mirror, none but hits samples the path. Then two more techniques sample it as well:
+
+* a *reflected sensor-subpath connection*: the ray from y is reflected by mirrors until it meets a wall that scatters,
+  and the vertex there is connected, see `reflected_views`;
+* an *image connection*, if the mirror is plane: x1 .. x(n-1) by scattering, y uniform, and xn where the straight line
+  from the image of x(n-1) behind the mirror to y crosses the mirror.
 """
 
 from __future__ import annotations
@@ -27,6 +30,14 @@ import mitsuba as mi
 from mitsuba_taxel.kernels.paths.guide import Guide
 from mitsuba_taxel.kernels.paths.plane_mirrors import PlaneMirrors
 from mitsuba_taxel.kernels.paths.ray_offsets import between, leave, release
+from mitsuba_taxel.kernels.paths.reflected_views import (
+    MOST_MIRRORS,
+    ViewRay,
+    follows_mirrors,
+    reflected,
+    specular_probability,
+    stretch_at,
+)
 from mitsuba_taxel.kernels.taxels.windows import Sight, straight
 
 Scattering = Callable[[mi.Vector3f], tuple[mi.Float, mi.Float]]
@@ -44,19 +55,32 @@ class Vertex:
     guided: mi.Float  # probability that the guide samples the next direction
     uv: mi.Point2f  # position of the vertex on the guide's unit square
     inverse: mi.Float  # mm²: reciprocal area density of this vertex; 0 if no sensor subpath can sample it
+    ends_views: mi.Float  # probability with which a reflected view ends at this wall
 
 
 @dataclass
 class Mirrored:
-    """Density and distance of rays that come from a plane mirror, before the reflection."""
+    """How a ray left the mirror that it comes from."""
 
     density: mi.Float  # 1/sr: of its direction before the mirror and of specular reflection; 0 if images have no part
     distance: mi.Float  # mm: from the vertex before the mirror
+    odds: mi.Float  # mm² sr: reflected views over hits, without what depends on the phototransistor; 0 if impossible
+    specular: mi.Float  # probability of specular reflection by the mirror
+    mirrors: mi.UInt32  # number of mirrors since the last wall that scattered
+
+    @classmethod
+    def nowhere(cls) -> Mirrored:
+        """The state of a ray that comes from no mirror."""
+        return cls(*(mi.Float(0) for _ in range(4)), mi.UInt32(0))
 
 
 @dataclass
 class View:
-    """A point y of the phototransistor, and the first point z on a ray from it."""
+    """A point y of the phototransistor, and the first point z on a ray from it.
+
+    In a reflected view the ray goes over mirrors. Area density and solid angle are then those over a plane mirror: they
+    have a meaning as a product only, which does not depend on the curvature.
+    """
 
     y: mi.Point3f
     offset: mi.Point2f  # offset of y from the centre of the phototransistor
@@ -71,6 +95,9 @@ class View:
     member: mi.Bool  # whether the guide can sample z
     guided: mi.Float  # probability that the guide samples the next direction at z
     uv: mi.Point2f  # position of z on the guide's unit square
+    connectable: mi.Bool  # whether a connection samples the same path
+    mirrors: mi.UInt32  # number of mirrors between y and z
+    ray: ViewRay  # as it left the phototransistor
 
 
 class Techniques:
@@ -112,6 +139,7 @@ class Techniques:
         self.detector = mi.ShapePtr(sensor.get_shape())
         dr.make_opaque(self.detector)  # so that another phototransistor needs no new kernel
         self.context = mi.BSDFContext(mi.TransportMode.Importance)
+        self.follows_mirrors, self.has_mixed_walls = follows_mirrors(scene) if self.sensor_subpaths else (False, False)
 
     def look(self, position: mi.Point2f, direction: mi.Point2f) -> View:
         """Sample a point of each phototransistor and a direction distributed as its response, and trace a ray.
@@ -131,7 +159,7 @@ class Techniques:
         d = self.sensor.faces.frame.to_world(local)
         if not self.sensor_subpaths:
             nothing = dr.zeros(mi.SurfaceInteraction3f)
-            return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *[None] * 8)
+            return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *[None] * 11)
         exit_point, is_open = self.sensor.window.leave(self.index, y, d)
         ray = release(exit_point, mi.Normal3f(self.sensor.normal), d, self.clearance)
         si = self.scene.ray_intersect(ray)
@@ -153,7 +181,59 @@ class Techniques:
             member,
             guided,
             uv,
+            mi.Bool(self.connections),
+            mi.UInt32(0),
+            ViewRay(exit_point, d, local.z, of_direction),
         )
+
+    def reflect(self, view: View, choice: mi.Float) -> View:
+        """The view that continues as a reflected view where it meets a mirror.
+
+        Parameters
+        ----------
+        view : View
+            The point of the phototransistor, and the first point on a ray from it.
+        choice : mi.Float
+            Uniform random numbers.
+
+        Returns
+        -------
+        View
+            From the same point of the phototransistor; not valid where the first wall is no mirror.
+        """
+        end = reflected(self.scene, self.context, self.clearance, view.si, view.ray.direction, view.valid, choice)
+        exit_distance = dr.norm(view.si.p - view.ray.exit_point)
+        distance_squared = self.sensor.window.apparent(dr.square(exit_distance + end.distance), view.ray.cosine)
+        cosine = dr.abs(dr.dot(end.si.n, end.direction))
+        valid = end.valid & (cosine > 0)
+        member, guided, uv = self.guidance(end.si, valid)
+        plane = mi.Bool(False)
+        if self.mirrors is not None:
+            plane = (end.mirrors == 1) & self.mirrors.contains(self.index, view.si, valid)
+        return View(
+            view.y,
+            view.offset,
+            end.si,
+            end.si.bsdf(),
+            valid,
+            view.weight * end.weight,
+            end.si.to_local(-end.direction),
+            cosine,
+            view.ray.density * end.stretch * cosine * end.ends / distance_squared,
+            self.area * view.ray.cosine * end.specular / distance_squared,
+            member,
+            guided,
+            uv,
+            plane,
+            end.mirrors,
+            view.ray,
+        )
+
+    def ends_views(self, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool) -> mi.Float:
+        """Probability with which a reflected view ends at a wall that scatters."""
+        if not (self.follows_mirrors and self.has_mixed_walls):
+            return mi.Float(1)
+        return 1 - specular_probability(self.context, si, bsdf, active)[0]
 
     def connect(self, view: View, vertex: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
         """Power [W] of a connection from a vertex to the point y of a view.
@@ -222,7 +302,8 @@ class Techniques:
         drawn = self.drawn(density, vertex, view.member, view.uv, distance_squared / cosine)
         connection = drawn * cosine / (distance_squared * view.density)
         hit = connection * (1 - view.guided) * onward * view.solid_angle
-        weight = self._weight((self.connections, connection), (self.unidirectional, hit))
+        of_connection = dr.select(view.connectable, connection, 0)
+        weight = self._weight((self.connections, of_connection), (self.unidirectional, hit))
         value *= vertex.throughput * passed_on[0] * cosine / (distance_squared * view.cosine)
         return dr.select(active, value * self.area * view.weight * weight, 0)
 
@@ -260,25 +341,59 @@ class Techniques:
 
         solid_angle = self.area * cosine / distance_squared
         hit = (1 - vertex.guided) * density * self.mirrors.specular * solid_angle
+        subpath = self.sensor.density_of_view(-onward) * dr.abs(dr.dot(vertex.n, wo)) / distance_squared
+        subpath *= vertex.inverse * vertex.ends_views
         value *= vertex.throughput * self.mirrors.reflected * solid_angle * self.sensor.response(cosine)
-        return dr.select(active, value * self._weight((self.unidirectional, hit)), 0)
+        return dr.select(
+            active, value * self._weight((self.unidirectional, hit), (self.follows_mirrors, subpath)), 0
+        )
 
-    def mirrored(self, si: mi.SurfaceInteraction3f, active: mi.Bool, density: mi.Float, distance: mi.Float) -> Mirrored:
-        """Density and distance of rays that a plane mirror reflects; the density of all other rays is 0.
+    def mirrored(
+        self,
+        si: mi.SurfaceInteraction3f,
+        active: mi.Bool,
+        arrived: Mirrored,
+        arrived_specular: mi.Bool,
+        previous: Vertex,
+        d: mi.Vector3f,
+        density: mi.Float,
+        specular: mi.Float,
+        onward: mi.Vector3f,
+        distance: mi.Float,
+    ) -> Mirrored:
+        """How rays leave a mirror at ``si``.
 
         Parameters
         ----------
         si : mi.SurfaceInteraction3f
             Hits at which the rays are reflected.
         active : mi.Bool
-            Mask of the rays that are reflected specularly and come from a scattering wall.
+            Whether it is reflected as by a mirror, and has been reflected before.
+        arrived : Mirrored
+            How it left the mirror before, if any.
+        arrived_specular : mi.Bool
+            Whether it comes from a mirror.
+        previous : Vertex
+            The previous vertex.
+        d, onward : mi.Vector3f
+            World directions before and after the mirror.
         density : mi.Float
-            Density of a ray's direction before the reflection [1/sr], times the probability of specular reflection.
+            Density of ``d`` [1/sr].
+        specular : mi.Float
+            Probability of specular reflection.
         distance : mi.Float
-            Distance from the scattering wall, mm.
+            From the previous vertex, mm.
         """
-        assert self.mirrors is not None
-        return Mirrored(dr.select(self.mirrors.contains(self.index, si, active), density, 0), mi.Float(distance))
+        from_wall = active & ~arrived_specular
+        by_image = dr.zeros(mi.Float, dr.width(si))
+        if self.mirrors is not None:
+            by_image = dr.select(self.mirrors.contains(self.index, si, from_wall), density * specular, 0)
+        first = previous.inverse * previous.ends_views * dr.abs(dr.dot(previous.n, d)) / density
+        odds = dr.select(from_wall, first, arrived.odds) * stretch_at(si, onward)
+        mirrors = dr.select(from_wall, 0, arrived.mirrors) + 1
+        return Mirrored(
+            by_image, mi.Float(distance), dr.select(active & (mirrors <= MOST_MIRRORS), odds, 0), specular, mirrors
+        )
 
     def hit(
         self,
@@ -316,11 +431,15 @@ class Techniques:
         subpath = connection * previous.inverse * self.sensor.density_of_view(-d)
         subpath *= dr.abs(dr.dot(previous.n, d)) / distance_squared
         weight = self._weight((self.connections, connection), (self.sensor_subpaths, subpath))
-        of_mirror = mi.Float(1)
+        by_image, by_view = mi.Float(0), mi.Float(0)
         if self.mirrors is not None:
             from_image = dr.square(dr.norm(si.p - previous.p) + mirrored.distance)
             by_image = self.sensor.window.apparent(from_image, cosine) / (mirrored.density * self.area * cosine)
-            of_mirror = dr.select(mirrored.density > 0, self._weight((True, by_image)), 1)
+            by_image = dr.select(mirrored.density > 0, by_image, 0)
+        if self.follows_mirrors:
+            by_view = mirrored.odds * self.sensor.density_of_view(-d) / (mirrored.specular * self.area * cosine)
+            by_view = dr.select(mirrored.odds > 0, by_view, 0)
+        of_mirror = self._weight((True, by_image), (True, by_view))
         weight = dr.select(specular, of_mirror, weight)
         return dr.select(hits, previous.throughput * self.sensor.response(cosine) * weight, 0), offset
 
