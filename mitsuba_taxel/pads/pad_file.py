@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mitsuba_taxel.backend import versions
 from mitsuba_taxel.base.arguments import path_of, require
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError
@@ -28,6 +28,15 @@ if TYPE_CHECKING:
 SURFACE_FORMATS = (".stl", ".ply", ".obj")
 STEP_FORMATS = (".step", ".stp")
 MOST_BYTES = 100 * 2**20
+
+
+def _version(package: str) -> str:
+    """Version of a package, which need not be installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
 
 
 @dataclass(frozen=True)
@@ -107,7 +116,7 @@ class PadFile(Displayed):
     def identity(self) -> list[object]:
         """Values that identify the pad, fit for JSON."""
         meshers = ["netgen-mesher", *([] if self.is_drawn else ["pytetwild"])]
-        installed = [[mesher, versions()[mesher]] for mesher in meshers]
+        installed = [[mesher, _version(mesher)] for mesher in meshers]
         rules = [asdict(rule) for rule in self.regions]
         return [self.suffix, self.digest, rules, self.scale, self.up, installed]
 

@@ -91,6 +91,12 @@ class Parsed:
     def __contains__(self, name):
         return name in self.props
 
+    def __getitem__(self, name):
+        return self.props[name]
+
+    def __setitem__(self, name, value):
+        self.props[name] = value
+
     def get(self, name):
         return self.props[name]
 

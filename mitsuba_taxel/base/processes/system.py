@@ -130,14 +130,14 @@ def is_alive(process: int) -> bool:
         Also True if that is not known.
     """
     try:
-        if sys.platform != "win32":
-            os.kill(process, 0)
-            return True
-        handle = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, process)  # os.kill(process, 0) would interrupt it
-        try:
-            return _winapi.WaitForSingleObject(handle, 0) == _winapi.WAIT_TIMEOUT
-        finally:
-            _winapi.CloseHandle(handle)
+        if sys.platform == "win32":  # os.kill(process, 0) would interrupt it
+            handle = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, process)
+            try:
+                return _winapi.WaitForSingleObject(handle, 0) == _winapi.WAIT_TIMEOUT
+            finally:
+                _winapi.CloseHandle(handle)
+        os.kill(process, 0)
+        return True
     except ProcessLookupError:
         return False
     except OSError as error:  # it is another user's, or on Windows there is none

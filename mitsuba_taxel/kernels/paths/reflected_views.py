@@ -24,7 +24,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.kernels.paths.ray_offsets import leave
 from mitsuba_taxel.kernels.protocols import is_wall
-from mitsuba_taxel.kernels.walls import absorbs, walls_of
+from mitsuba_taxel.kernels.walls import walls_of
 
 MOST_MIRRORS = 4
 """Most mirrors between the phototransistor and the wall that scatters."""
@@ -68,7 +68,8 @@ def follows_mirrors(scene: mi.Scene) -> tuple[bool, bool]:
     follows, has_mixed : bool
         False without mirrors, and without walls that scatter.
     """
-    walls = [wall for wall in walls_of(scene) if wall is not None and not absorbs(wall)]
+    # Reflectances are not read: paths are traced by recorded kernels.
+    walls = [wall for wall in walls_of(scene) if wall is not None]
     mirrors = [wall for wall in walls if wall.flags() & mi.BSDFFlags.Delta]
     scattering = mi.BSDFFlags.Diffuse | mi.BSDFFlags.Glossy
     follows = bool(mirrors) and all(map(is_wall, mirrors)) and any(wall.flags() & scattering for wall in walls)

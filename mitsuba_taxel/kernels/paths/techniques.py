@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -71,7 +72,7 @@ class Mirrored:
     @classmethod
     def nowhere(cls) -> Mirrored:
         """The state of a ray that comes from no mirror."""
-        return cls(*(mi.Float(0) for _ in range(4)), mi.UInt32(0))
+        return cls(mi.Float(0), mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0))
 
 
 @dataclass
@@ -159,7 +160,8 @@ class Techniques:
         d = self.sensor.faces.frame.to_world(local)
         if not self.sensor_subpaths:
             nothing = dr.zeros(mi.SurfaceInteraction3f)
-            return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *[None] * 11)
+            others: list[Any] = [None] * 11
+            return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *others)
         exit_point, is_open = self.sensor.window.leave(self.index, y, d)
         ray = release(exit_point, mi.Normal3f(self.sensor.normal), d, self.clearance)
         si = self.scene.ray_intersect(ray)
