@@ -20,6 +20,8 @@ LARGEST_STRETCH = 10.0
 """Largest stretch that is tested."""
 MODES = np.linspace(-0.5, 1.0, 13)
 """Logarithm of the second stretch relative to the first: -0.5 uniaxial, 0 planar, 1 equibiaxial."""
+ROUNDING = 1e-10
+"""Stiffness that counts as rounding, relative to the largest in other directions."""
 _STEPS = 120
 _PLANE = np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])
 
@@ -79,8 +81,8 @@ def _least_stiffness(material: Law, stretches: np.ndarray) -> np.ndarray:
         normal = np.einsum("...aabb->...ab", moduli) * principal[..., :, None] * principal[..., None, :]
         normal = normal + np.einsum("...aa,...a->...a", stress, principal)[..., None] * np.eye(3)
         stiffness = np.einsum("pa,...ab,qb->...pq", _PLANE, normal, _PLANE)
-    least = np.where(np.isfinite(stiffness).all(axis=(-1, -2)), _smaller_eigenvalue(stiffness), np.inf)
-    return np.asarray(least.min(axis=1))
+        least = _smaller_eigenvalue(stiffness) + ROUNDING * np.linalg.norm(stiffness, axis=(-1, -2))
+    return np.asarray(np.where(np.isfinite(least), least, np.inf).min(axis=1))
 
 
 def _smaller_eigenvalue(matrices: np.ndarray) -> np.ndarray:

@@ -214,3 +214,9 @@ def test_calculix_finds_the_same_stress(name, mode, stretch, tmp_path):
     np.testing.assert_allclose(stretches, MODES[mode](stretch), rtol=0.01)
     # The volume is that of the same bulk modulus, as far as digits are printed.
     assert np.prod(stretches) - 1 == pytest.approx(-isochoric[2] * law.compressibility, abs=1e-4)
+
+
+@pytest.mark.parametrize("exponent", [-20.0, -8.7, 12.0])
+def test_a_positive_term_is_stable_at_any_stretch(exponent):
+    """Its energy is convex in the logarithms of the stretches; rounding made it unstable at 1.9, 4.2 and 8.2."""
+    assert stable_stretch(Ogden(mu_1=0.1, alpha_1=exponent)) == np.inf
