@@ -125,7 +125,7 @@ def test_a_variant_that_this_machine_lacks_is_refused_in_one_line(monkeypatch, v
 
 
 def test_the_command_line_allows_the_variants_that_are_supported():
-    from mitsuba_taxel.cli import VARIANTS
+    from taxel_cli import VARIANTS
 
     assert VARIANTS == registry.SUPPORTED_VARIANTS and VARIANTS[0] == registry.DEFAULT_VARIANT
 
