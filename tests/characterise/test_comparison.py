@@ -152,7 +152,7 @@ def test_studies_have_their_own_circuits():
     [
         ({}, {"by": "beauty"}, "figure 'beauty' is not known"),
         ({}, {"force": "fx"}, "force = 'fx' is not varied: one of fz"),
-        ({"cell": [0]}, {}, "1 variants along a force are not enough"),
+        ({"cell": [0]}, {}, "at least two variants along a force, and the studies hold 1;"),
         ({}, {"by": "hysteresis"}, "hysteresis is unknown for some variants: growing and falling forces"),
         ({"fz": [0, 1]}, {"by": "nonlinearity"}, "three forces are needed"),
     ],

@@ -158,7 +158,7 @@ def compare(
     variants = _in_range(_along(list(_variants(studies, circuits)), force), up_to, notes)
     if len(variants) < 2:
         raise InputError(
-            f"{len(variants)} variants along a force are not enough: at least two are needed; vary a "
+            f"a comparison needs at least two variants along a force, and the studies hold {len(variants)}; vary a "
             f"parameter besides the force."
         )
     variants = _unsaturated(variants, up_to, notes)
