@@ -195,7 +195,8 @@ def _no_design(optimiser: Optimiser) -> InputError:
     said = " and ".join(
         f"{limit.words} (nearest: {worst_of(limit, optimiser.read(nearest)):.4g})" for limit in conflicting
     )
-    return InputError(
-        f"constraints {what}: {said}; {len(optimiser.history)} designs evaluated. Relax one of them, "
-        f"or widen the bounds."
-    )
+    remedy = "Relax one of them, or widen the bounds."
+    if all(limit.figure.kind == SATURATION for limit in conflicting):
+        # It need not be a constraint of the study: see `_unsaturated`.
+        remedy = "Lower the gain of the table [circuit] (load_resistance, transfer, buffer_gain), or widen the bounds."
+    return InputError(f"constraints {what}: {said}; {len(optimiser.history)} designs evaluated. {remedy}")

@@ -357,3 +357,14 @@ def test_the_best_design_behind_a_circuit_is_not_saturated(tmp_path):
     assert limit.before > 1 and limit.best == pytest.approx(0.99, abs=2e-3)
     assert float(found.best["youngs_modulus"]) == pytest.approx(3) and limit.multiplier > 0
     assert any(one.startswith("the first design saturates") for one in found.warnings)
+
+
+def test_a_circuit_that_saturates_in_all_designs_has_too_much_gain(tmp_path):
+    """The constraint is not one of the study: to relax it is no remedy."""
+    study = PLATE.format(points=64).replace('"rest"', '"sensitivity"').replace("evaluations = 12", "evaluations = 2")
+    study = study.replace("z = { low = 0.3, high = 1.5, start = 1.2 }", "")
+    circuit = "[circuit]\nsupply = 3.3\nload_resistance = 1e9\ntransfer = 1\n"
+    (tmp_path / "study.toml").write_text(f"{study}[optimise.loads]\nup = {{ z = [1.5, 1.2] }}\n{circuit}")
+    with pytest.raises(InputError, match="saturation along up.* Lower the gain of the table .circuit. ") as refused:
+        optimise(tmp_path / "study.toml", tmp_path / "out")
+    assert "Relax" not in str(refused.value)
