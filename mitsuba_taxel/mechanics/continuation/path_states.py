@@ -80,8 +80,12 @@ class PathStates(PathProblem):
         """
         if not value.any():
             return np.zeros(3)
-        segments, height = self.driven.segments, float(np.ptp(self.mesh.points[:, 2]))
-        return depth_of(segments, value, height, lambda moved: self._canonical_driven(moved, [], obstacles)) * DOWN
+        driven, height = self.driven, float(np.ptp(self.mesh.points[:, 2]))
+
+        def follow(moved: np.ndarray) -> object:
+            return self._canonical_driven(moved, [], obstacles)
+
+        return depth_of(driven.segments, value, height, follow, driven.solved.keep) * DOWN
 
     def _canonical_driven(
         self, moved: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None

@@ -76,6 +76,21 @@ class SolvedStates:
                     cache.store(name, cache.arrays_of(solved[s]))
         return solved[s]
 
+    def keep(self, segment: LoadSegment, node: Node) -> None:
+        """Store a solved node of a segment, for :meth:`at`.
+
+        Parameters
+        ----------
+        segment : LoadSegment
+            The segment.
+        node : Node
+            An equilibrium at a distance that the segment reaches.
+        """
+        solved = self._at.setdefault(segment, {})
+        if node.s not in solved:
+            solved[node.s] = node
+            cache.store(cache.key("state", self._segments.name_of(segment), node.s), cache.arrays_of(node))
+
     def state(self, part: LoadSegment | BuckledBranch, s: float, pad: LoadedPad) -> Interpolated:
         """The state at a distance that a curve of the path reaches: solved, or interpolated within the tolerance.
 

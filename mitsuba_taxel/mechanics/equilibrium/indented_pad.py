@@ -7,7 +7,7 @@ nodes, by back-solves with the factor of the pad alone.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -32,6 +32,16 @@ MOST_HALVINGS = 5
 """Number of halvings of a Newton step that would invert an element."""
 LIKELY = 0.25
 """Largest gap of nodes that may be in contact at the start of a solve, relative to a step of the path."""
+
+
+@dataclass(frozen=True, eq=False)
+class Nearby:
+    """What a solve knows of the pad, for one under a slightly moved indenter: its unknowns, the factored tangent, and
+    the flexibility at the nodes that the indenter may touch."""
+
+    unknowns: np.ndarray
+    linearised: Linearised
+    contact: _LinearContact | None
 
 
 class IndentedPad(LoadedPad):
@@ -88,11 +98,49 @@ class IndentedPad(LoadedPad):
         )
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        balanced = self._balanced(start, value)
-        largest = np.abs(balanced.unknowns[: self.numbering.displacements]).max()
-        nearby = balanced.linearised if balanced.distance <= NEAR * largest else None
-        linearised = self._linearised(self._entries(balanced, value), balanced.unknowns, value, nearby)
-        return self._accepted(balanced, self.is_stable(linearised, balanced.unknowns, value)), linearised
+        solution, nearby = self.solve_nearby(start, value)
+        return solution, nearby.linearised
+
+    def solve_nearby(self, start: np.ndarray, value: np.ndarray, near: Nearby | None = None) -> tuple[Solution, Nearby]:
+        """See :meth:`solve_linearised`; what a solve nearby has factored is used as long as it converges fast.
+
+        Parameters
+        ----------
+        start : (unknowns,) ndarray
+            Unknowns from which the iteration starts.
+        value : (3,) ndarray
+            Displacement of the indenter, mm.
+        near : Nearby, optional
+            Result of a solve under an indenter that has hardly moved.
+
+        Returns
+        -------
+        solution : Solution
+            The equilibrium.
+        nearby : Nearby
+            What is known of the pad there.
+
+        Raises
+        ------
+        Rejected
+            if there is no acceptable state.
+        """
+        displacements = self.numbering.displacements
+        if near is None:
+            balanced, contact = self._solved(start, value)
+        else:
+            balanced, contact = self._solved(start, value, near.linearised, contact=near.contact)
+        distance = balanced.distance
+        if near is not None and balanced.linearised is near.linearised:
+            distance = float(np.abs((balanced.unknowns - near.unknowns)[:displacements]).max())
+
+        # The factor of a state close by is used, if it suffices; else its memory is freed for the next one.
+        entries = self._entries(balanced, value)
+        if balanced.linearised is None or distance > NEAR * np.abs(balanced.unknowns[:displacements]).max():
+            balanced, contact = replace(balanced, linearised=None), None
+        linearised = self._linearised(entries, balanced.unknowns, value, balanced.linearised)
+        solution = self._accepted(balanced, self.is_stable(linearised, balanced.unknowns, value))
+        return solution, Nearby(balanced.unknowns, linearised, contact)
 
     def is_stable(
         self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
@@ -117,6 +165,16 @@ class IndentedPad(LoadedPad):
         linearised: Linearised | None = None,
         history: History = NO_HISTORY,
     ) -> Balanced:
+        return self._solved(start, value, linearised, history)[0]
+
+    def _solved(
+        self,
+        start: np.ndarray,
+        value: np.ndarray,
+        linearised: Linearised | None = None,
+        history: History = NO_HISTORY,
+        contact: _LinearContact | None = None,
+    ) -> tuple[Balanced, _LinearContact | None]:
         """Newton's method with the pressures of contact, and the tractions of friction, as further unknowns.
 
         In each iteration the pad is linearised, and the contact set of the linearised pad is found exactly: no gap is
@@ -127,7 +185,8 @@ class IndentedPad(LoadedPad):
         unknowns, first_error, last_error, distance = start, 0.0, math.inf, 0.0
         forces = self._initial_pressures(unknowns, value, history)
         state = self._under_forces(unknowns, value, forces, True, history)
-        contact = self._contact(linearised.factor, state) if linearised else None
+        if linearised and contact is None:
+            contact = self._contact(linearised.factor, state)
         for iteration in range(self._most_iterations):
             # Test for equilibrium, with the pressures that follow from the gaps. The error under the pressures of the
             # iteration, and of its gaps, measures how good the tangent still is.
@@ -135,7 +194,7 @@ class IndentedPad(LoadedPad):
             consistent = self._with_gap_pressures(state, unknowns, value, history)
             residual_error = self._error(consistent, unknowns, value)
             if residual_error < RESIDUAL_TOLERANCE:
-                return Balanced(
+                balanced = Balanced(
                     unknowns=unknowns,
                     state=consistent,
                     error=residual_error,
@@ -143,6 +202,7 @@ class IndentedPad(LoadedPad):
                     linearised=linearised,
                     distance=distance,
                 )
+                return balanced, contact
 
             # A tangent is factored at first, and where the last one has become too poor.
             if contact is None or error > SLOW_PRESSED * last_error:

@@ -18,10 +18,12 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics import cache
+from mitsuba_taxel.mechanics.continuation.indenter_depth import DOWN, under_force
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.path_nodes import Interpolated
 from mitsuba_taxel.mechanics.continuation.state import NO_ERROR, State, StateComparison
 from mitsuba_taxel.mechanics.elements.memory import memory_for
+from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 from mitsuba_taxel.mechanics.errors.roof_error import RoofComparison, size_ratio, top_ratio
@@ -110,8 +112,9 @@ class SecondMeshes:
         def compare(second: PadPath, comparison: RoofComparison) -> StateComparison:
             if path.segments.buckled_at(value) is not None:  # second meshes that are not judged would not buckle
                 second = path.on_elements(second.mesh_size, judged=True)
-            on_second, there, at = carried_to(second, path.mesh, value, displacement, pressure)
-            second.refuse_unresolved(value, on_second)
+            moved = value if path.load.driven is None else path.driven_to(value, None)
+            on_second, there, at, moved = carried_to(second, path.mesh, value, displacement, pressure, moved)
+            (second if path.load.driven is None else second.driven).refuse_unresolved(moved, on_second)
             force_error = relative_force_error = 0.0
             if path.load.gives_displacement:
                 forces = [path.force(value, displacement, pressure), second.force(value, on_second, there)]
@@ -234,8 +237,13 @@ def share_of(error: float, force: np.ndarray) -> float:
 
 
 def carried_to(
-    path: PadPath, mesh: VolumeMesh, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, Interpolated]:
+    path: PadPath,
+    mesh: VolumeMesh,
+    value: np.ndarray,
+    displacement: np.ndarray,
+    pressure: np.ndarray,
+    moved: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, Interpolated, np.ndarray]:
     """A canonical state of a path; under an indenter, solved with the same state on another mesh as first guess.
 
     Without friction a state does not depend on the path that leads to it.
@@ -252,6 +260,8 @@ def carried_to(
         Displacement on the other mesh, mm.
     pressure : (corners,) ndarray
         Pressure on the other mesh, MPa.
+    moved : (3,) ndarray, optional
+        Displacement in mm of the indenter on the other mesh; by default the value.
 
     Returns
     -------
@@ -261,24 +271,31 @@ def carried_to(
         Pressure of the state, MPa.
     figures : Interpolated
         Figures with the seconds of its solution.
+    moved : ndarray
+        Displacement of the indenter in mm, which under a force is not that on the other mesh; else the value.
     """
-    if path.load.moved_indenter is None or path.load.self_contact:  # walls of an interpolated state may intersect
-        return path.canonical(value, [], None)
+    on, moved = (path, value) if path.load.driven is None or moved is None else (path.driven, moved)
+    if on.load.moved_indenter is None or path.load.self_contact:  # walls of an interpolated state may intersect
+        return _on_path(path, value)
     name = cache.key("jump", *path.key_parts, RESIDUAL_TOLERANCE, _digest(mesh, displacement), value.tolist())
     with cache.alone(name):
         arrays = cache.load(name)
         if arrays is None:
-            began, pad = time.perf_counter(), path.segments.pad_for(np.zeros(3), value)
+            began, pad = time.perf_counter(), on.segments.pad_for(np.zeros(3), moved)
             try:
                 start = pad.gather(*carried(mesh, displacement, pressure, path.mesh, path.mesh_size))
-                solution, _ = pad.solve_linearised(start, value)
+                if on is path:
+                    unknowns = pad.solve_linearised(start, value)[0].unknowns
+                else:
+                    assert isinstance(pad, IndentedPad)  # loads by an indenter
+                    node = under_force(pad, -value[2], -moved[2], start, (0.0, math.inf))
+                    unknowns, moved = node.unknowns, node.s * DOWN
             except (InputError, Rejected):
-                return path.canonical(value, [], None)
-            arrays = {"unknowns": solution.unknowns, "seconds": np.array(time.perf_counter() - began)}
+                return _on_path(path, value)
+            arrays = {"unknowns": unknowns, "moved": moved, "seconds": np.array(time.perf_counter() - began)}
             cache.store(name, arrays)
-    seconds, pad = float(arrays["seconds"]), path.segments.pad_for(np.zeros(3), value)
-    fields = pad.split(arrays["unknowns"])
-    return *fields, Interpolated(
+    seconds, pad = float(arrays["seconds"]), on.segments.pad_for(np.zeros(3), moved)
+    figures = Interpolated(
         unknowns=arrays["unknowns"],
         min_jacobian=math.nan,
         residual=math.nan,
@@ -286,6 +303,14 @@ def carried_to(
         stability_checked=True,
         seconds=seconds,
     )
+    return *pad.split(arrays["unknowns"]), figures, arrays["moved"]
+
+
+def _on_path(path: PadPath, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, Interpolated, np.ndarray]:
+    """The canonical state to which the path leads, and the displacement of an indenter under a force, else the
+    value."""
+    state = path.canonical(value, [], None)
+    return *state, value if path.load.driven is None else path.driven_to(value, None)
 
 
 def _digest(mesh: VolumeMesh, displacement: np.ndarray) -> str:

@@ -23,9 +23,11 @@ from mitsuba_taxel.mechanics import (
 )
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
+from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
 from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
+from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
@@ -124,6 +126,24 @@ def test_a_force_presses_as_deep_as_it_takes(few_elements_under_bodies):
     np.testing.assert_allclose(rate.displacement, difference, atol=2e-2 * np.abs(difference).max())
     (at_rest,) = pressed((0, 0, 0), load=by_force)
     assert not at_rest.displacement.any()
+
+
+@pytest.mark.parametrize("force", [-0.05, -0.7, -2.6])
+def test_the_depth_under_a_force_takes_few_solves(force, few_elements_under_bodies, monkeypatch):
+    """At most six beyond the steps of the path, with three factors of the pad, and the state there is kept."""
+    by_force, solve, factor = IndenterForce(ASIDE.indenter), IndentedPad._solved, LoadedPad._factored
+    path = pad_path(PAD, LAW, by_force, SIZE)
+    path.driven.canonical(np.array([0.0, 0.0, -0.6]), [], None)
+    solved, factored = [], []
+    monkeypatch.setattr(IndentedPad, "_solved", lambda *all, **more: solved.append(1) or solve(*all, **more))
+    monkeypatch.setattr(LoadedPad, "_factored", lambda pad, lower: factored.append(1) or factor(pad, lower))
+    moved = path.driven_to(np.array([0.0, 0.0, force]), None)
+    assert 0.0 < -moved[2] < 0.6 and 1 < len(solved) <= 6 and len(factored) <= 3
+    count = len(solved)
+    state = path.canonical(np.array([0.0, 0.0, force]), [], None)
+    path.rate_by_depth(np.array([0.0, 0.0, force]))
+    assert len(solved) == count
+    assert glued_force(path.mesh, LAW, *state[:2])[2] == pytest.approx(-force, rel=1e-6)
 
 
 def test_a_path_under_a_force_ends_in_newtons(fresh):
@@ -274,6 +294,23 @@ def test_a_state_on_another_mesh_needs_no_path_of_its_own(few_elements_under_bod
     jumped, *_ = carried_to(other, state.mesh, state.value, state.displacement, state.pressure)
     walked, *_ = other.canonical(state.value, [], None)
     np.testing.assert_allclose(jumped, walked, atol=1e-7)
+
+
+@pytest.mark.parametrize(("load", "force"), [(ASIDE, -1.5), (BALL, -4.0)])
+def test_a_state_under_a_force_on_another_mesh_needs_no_path_of_its_own(
+    load, force, few_elements_under_bodies, monkeypatch
+):
+    """The body on it is moved until the pad presses on the board with the force."""
+    by_force, value = IndenterForce(load.indenter), np.array([0, 0, force])
+    (state,) = pressed(value, load=by_force)
+    other, arguments = pad_path(PAD, LAW, by_force, 2.0, judged=False), (state.displacement, state.pressure)
+    with monkeypatch.context() as patch:
+        patch.setattr(LoadSegment, "extend", None)
+        jumped, _, _, moved = carried_to(other, state.mesh, value, *arguments, state.indenter_moved)
+    walked, squeezed, _ = other.canonical(value, [], None)
+    np.testing.assert_allclose(jumped, walked, atol=1e-7)
+    assert 0 < abs(moved[2] - state.indenter_moved[2]) < 0.1 * abs(moved[2])
+    assert glued_force(other.mesh, LAW, jumped, squeezed)[2] == pytest.approx(-force, rel=1e-6)
 
 
 def test_meshes_finer_than_one_whose_path_ends_are_not_tried(monkeypatch):
