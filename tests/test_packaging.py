@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 
 from mitsuba_taxel.base.files import toml
 
@@ -76,6 +77,19 @@ def test_what_has_no_wheel_is_not_asked_for(machine):
     for package in ("netgen-mesher", "pytetwild", "ipctk"):
         assert (package in asked) is stated[package], package
     assert ("karellen-llvm-core" in asked) is stated["LLVM"]
+
+
+def test_checkers_know_the_oldest_python_and_pages_name_both_ends():
+    """mypy then refuses names of a newer standard library, and ruff newer syntax."""
+    settings = toml.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    allowed = SpecifierSet(settings["project"]["requires-python"])
+    minors = [f"3.{minor}" for minor in range(30) if f"3.{minor}.0" in allowed]
+    named = [line.split(" :: ")[-1] for line in settings["project"]["classifiers"] if "Python :: 3." in line]
+    assert minors == named and len(minors) > 1
+    assert settings["tool"]["mypy"]["python_version"] == minors[0]
+    assert settings["tool"]["ruff"]["target-version"] == f"py{minors[0].replace('.', '')}"
+    for page in ("README.md", "docs/start.md", "docs/reference/compatibility.md"):
+        assert f"{minors[0]} to {minors[-1]}" in (ROOT / page).read_text(encoding="utf-8"), page
 
 
 def test_links_of_the_readme_lead_to_where_the_source_is_hosted(monkeypatch):

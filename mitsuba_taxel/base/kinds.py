@@ -4,7 +4,6 @@ reported at once."""
 from __future__ import annotations
 
 import inspect
-from abc import ABC
 from collections.abc import Iterable, Mapping
 from importlib import import_module
 from pkgutil import iter_modules
@@ -15,13 +14,13 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.spelling import did_you_mean
 
 if TYPE_CHECKING:
-    from typing import Self
+    from typing_extensions import Self
 
 LAST = 1000
 """Rank of kinds without a rank: they are last in lists."""
 
 
-class Kind(ABC):
+class Kind:
     """Base of families of kinds.
 
     A family is a subclass with ``family=``, the name of the parameter that selects its kinds. A kind is a subclass of a
@@ -67,6 +66,8 @@ class Kind(ABC):
 
     def __init_subclass__(cls, /, family: str = "", name: str = "", rank: int = LAST, **others: Any) -> None:
         super().__init_subclass__(**others)
+        # As ABCMeta does, which in Python 3.10 does not accept ``name=``: with abstract methods there are no objects.
+        cls.__abstractmethods__ = frozenset(_abstract_methods(cls))  # type: ignore[attr-defined]
         if family:
             cls.family, cls._registry = family, {}
         if not name:
@@ -115,14 +116,16 @@ def import_all(package: str, path: Iterable[str]) -> None:
         import_module(f"{package}.{module.name}")
 
 
+def _abstract_methods(cls: type) -> set[str]:
+    return {name for name in dir(cls) if getattr(getattr(cls, name, None), "__isabstractmethod__", False)}
+
+
 def _missing_members(cls: type) -> list[str]:
     """Names of abstract methods, and of annotated class variables, that a class does not define."""
-    # ABCMeta collects abstract methods after the class is created, so they are looked up here.
-    abstract = {name for name in dir(cls) if getattr(getattr(cls, name, None), "__isabstractmethod__", False)}
     annotated = {
         name
         for base in cls.__mro__
         for name, annotation in inspect.get_annotations(base).items()
         if "ClassVar" in str(annotation) and not name.startswith("_") and not hasattr(cls, name)
     }
-    return sorted(abstract | annotated)
+    return sorted(_abstract_methods(cls) | annotated)

@@ -255,7 +255,8 @@ def nominal_errors(
             for mode, both in changed_studies.items():
                 for words, which in (("loaded", of_loaded), ("others", ~of_loaded)):
                     changed_power = (study.replicate_power.where(which, mean.replicate_power) for study in both)
-                    changed[(*mode, words)] = [
+                    entry = (*mode, words)
+                    changed[entry] = [
                         figures_of(mean.assign(replicate_power=power))[name] for power in changed_power
                     ]
         with np.errstate(invalid="ignore"):  # infinite figures have no error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from abc import abstractmethod
 from typing import ClassVar
 
@@ -64,6 +65,23 @@ def test_all_that_a_kind_lacks_is_named_when_it_is_defined():
             pass
 
     assert "round" not in Section.kinds()
+
+
+def test_there_are_no_objects_of_incomplete_classes():
+    """A subclass without a name, such as a user's own law, is an abstract class until it defines all methods."""
+
+    class Partial(Section):
+        def area(self) -> float:
+            return 2.0
+
+    class Whole(Partial):
+        perimeter = 6.0
+
+    for incomplete in (Section, Partial):
+        assert inspect.isabstract(incomplete)
+        with pytest.raises(TypeError, match="abstract .*perimeter"):
+            incomplete()
+    assert not inspect.isabstract(Whole) and Whole().area() == 2.0
 
 
 def test_a_name_that_is_taken_is_refused():

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol
 
 from mitsuba_taxel.pads.cells import CellShape
 from mitsuba_taxel.pads.cells.cell_shape import Dimensions
 from mitsuba_taxel.pads.cells.fillet import Fillet
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class DrawnPad(Dimensions, Protocol):

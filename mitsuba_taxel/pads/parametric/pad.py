@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from statistics import mode
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from mitsuba_taxel.base.arguments import as_numbers, check_whole
 from mitsuba_taxel.base.display import Displayed
@@ -19,6 +19,8 @@ from mitsuba_taxel.pads.cells.profile import MOST_POINTS, Profile
 from mitsuba_taxel.parameters import REQUIRED, Kinded, Points, choice, kind, number, parameter_field, text, whole
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
     from mitsuba_taxel.pads.cells.fillet import Fillet
 
