@@ -67,7 +67,8 @@ def load_drjit() -> None:
     try:
         import drjit  # noqa: F401
     except (ImportError, NameError) as error:
-        reason = error.__context__ if isinstance(error, NameError) else error  # Dr.Jit stumbles over its own message
+        # Dr.Jit fails while it formats its own message.
+        reason = error.__context__ if isinstance(error, NameError) else error
         raise ImportError(
             f"Dr.Jit cannot be imported ({reason}): install that library (libatomic: apt install libatomic1, or dnf "
             "install libatomic)."
@@ -120,7 +121,7 @@ def _skip_optional_passes(library: str) -> None:
 
 
 def is_fit() -> bool:
-    """Whether Dr.Jit has loaded a suitable LLVM; without it, an array of an LLVM variant ends the process."""
+    """Whether Dr.Jit has loaded a suitable LLVM. Without one, any array of an LLVM variant terminates the process."""
     import drjit as dr
 
     version = dr.detail.llvm_version()
@@ -139,7 +140,7 @@ def _packaged_library() -> Path | None:
 
 
 def remedy() -> str:
-    """How to get an LLVM on this system, in words."""
+    """Instructions to install an LLVM on this system, as text."""
     how = _INSTALL.get(sys.platform, _INSTALL["linux"])
     return (
         f"install LLVM {OLDEST_LLVM} or newer ({how}) and import mitsuba_taxel before mitsuba and drjit, or set "
@@ -175,8 +176,9 @@ def _newest(libraries: Iterable[Path]) -> Path | None:
 def _version(path: Path) -> int:
     """Major version of a library, 0 if that is not known.
 
-    Most have it in their name (``libLLVM.so.23.1``, ``libLLVM-19.so.1``), or are links to such a name. Others
-    (``LLVM-C.dll``, Homebrew's ``libLLVM.dylib``) are asked in a process that may end.
+    Most have it in their name (``libLLVM.so.23.1``, ``libLLVM-19.so.1``), or are links to such a name. Other libraries
+    (``LLVM-C.dll``, Homebrew's ``libLLVM.dylib``) are loaded in a separate process, which may crash, to ask for their
+    version.
     """
     for name in (path.name, path.resolve().name):
         match = re.fullmatch(r"libLLVM(?:-(\d+))?(?:\.\d+)*\.(?:so|dylib)(?:\.(\d+))?(?:\.\d+)*", name)

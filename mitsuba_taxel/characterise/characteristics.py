@@ -20,7 +20,7 @@ DEVIATIONS = ("nonlinearity", "hysteresis", "repeatability")
 NOT_RESOLVED = "not resolved"
 """Remark on values that are smaller than their standard error."""
 NO_CHANGE = "no change"
-"""Remark on values that are 0 with an error of 0, as the slope of a saturated reading."""
+"""Remark on values that are 0 with an error of 0, such as the slope of a saturated reading."""
 NOT_ABOVE = "as the mean"
 """Remark on a largest slope below the mean slope: the difference is noise."""
 

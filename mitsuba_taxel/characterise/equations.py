@@ -43,7 +43,7 @@ def hysteresis(increasing: Branch, decreasing: Branch, largest_change: np.ndarra
     Returns
     -------
     Deviation
-        In percent of the largest change.
+        Hysteresis in percent of the largest change.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def repeatability(first: Branch, second: Branch, largest_change: np.ndarray) -> 
     Returns
     -------
     Deviation
-        In percent of the largest change.
+        Repeatability in percent of the largest change.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def nonlinearity(branch: Branch, largest_change: np.ndarray) -> Deviation:
     Returns
     -------
     Deviation
-        In percent of the largest change.
+        Nonlinearity in percent of the largest change.
     """
     return _deviation(branch.force, from_line(branch, branch), largest_change)
 
@@ -114,7 +114,7 @@ def from_line(branch: Branch, nominal: Branch) -> np.ndarray:
     Returns
     -------
     (points, replicates, channels) ndarray
-        In the unit of the readings.
+        Differences in the unit of the readings.
     """
     first, last = nominal.samples[0], nominal.samples[-1]
     fraction = (branch.force - nominal.force[0]) / (nominal.force[-1] - nominal.force[0])

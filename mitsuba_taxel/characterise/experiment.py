@@ -34,7 +34,7 @@ class Branch:
     Parameters
     ----------
     force : (points,) ndarray
-        In N, in the order of loading.
+        Forces in N, in the order of loading.
     samples : (points, replicates, channels) ndarray
         Change of each channel's reading since the unloaded start in W or V. Replicates correspond between branches of
         the same experiment. With one replicate there are no errors.

@@ -171,7 +171,8 @@ def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:
     """Every line of load of a study, one experiment for each combination of the other varied parameters.
 
     Experiments of several scenes are distinguished by ``scene``. The runs of a path up and down along one line form one
-    experiment. Runs without any reading are left out. Changes are relative to the first of the points of least force.
+    experiment. Runs without any reading are left out. Changes are relative to the point of least force, or the first of
+    several such points.
 
     Parameters
     ----------
@@ -218,7 +219,7 @@ def _experiment(
 
 
 def _set_line(study: xr.Dataset, dim: str) -> LoadLine:
-    """The line of a force with a dimension of its own, from the smaller magnitude to the larger."""
+    """The line of a force that is a dimension of the study, from the smaller magnitude to the larger."""
     positions = np.argsort(study[dim].values)
     force = study[dim].values[positions]
     outward = slice(None, None, -1 if abs(force[0]) > abs(force[-1]) else 1)

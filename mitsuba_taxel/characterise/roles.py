@@ -45,7 +45,7 @@ def force_parameters(study: xr.Dataset | xr.DataTree) -> list[str]:
     Returns
     -------
     list[str]
-        ``fx``, ``fy`` and ``fz`` if the scenes have no such parameter.
+        Names; ``fx``, ``fy`` and ``fz`` if the scenes have no such parameter.
     """
     names: dict[str, None] = {}
     for scene in study.subtree if isinstance(study, xr.DataTree) else [study]:
@@ -92,7 +92,7 @@ def is_load(study: xr.Dataset, name: str) -> bool:
     Returns
     -------
     bool
-        False for an unknown parameter.
+        Whether the parameter is a load; False for an unknown parameter.
     """
     return _is_load(roles_of_study(study).get(name, ""))
 

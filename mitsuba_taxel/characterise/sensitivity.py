@@ -32,9 +32,9 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     study : xr.Dataset
         Result of ``sweep``.
     force : str
-        ``fx``, ``fy`` or ``fz``, or the name of the parameter with this role, if it is varied alone, along a dimension
-        of its own or in the steps of a path. Or the dimension of a path along which the force changes in one direction:
-        the abscissa is then the component in that direction, such as the resultant of a diagonal load.
+        ``fx``, ``fy`` or ``fz``, or the name of a parameter with this role, if it is varied alone: as a dimension of
+        the study, or in the steps of a path. Alternatively, the dimension of a path along which the force changes in
+        one direction; the abscissa is then the component in that direction, such as the resultant of a diagonal load.
 
     Returns
     -------
@@ -107,7 +107,8 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
 
 
 def _slopes_along(study: xr.Dataset, line: LoadLine, changed_studies: dict[Mode, list[xr.Dataset]]) -> xr.Dataset:
-    """The slopes along a line of load, over the other dimensions and ``taxel``; with the study changed by its shape."""
+    """The slopes along a line of load, over the other dimensions and ``taxel``. Their errors follow from the
+    ``changed_studies``, whose readings are changed by errors of the shape."""
     other_dims = [dim for dim in study.replicate_power.dims if dim not in (line.dim, "replicate", "taxel")]
     shape = tuple(study.sizes[dim] for dim in (*other_dims, "taxel"))
     names = (*Slopes._fields, "relative_slope", "relative_slope_error")

@@ -53,7 +53,7 @@ RANDOM = "course"
 Mode = tuple[str, ...]
 """A kind of error, or `RANDOM` followed by the forces whose components of x are the factors of phi_m."""
 Changed = dict[Mode, list]
-"""By mode: a result for readings changed by the mode, and for readings changed by its negative."""
+"""Results by mode: one for readings changed by the mode, one for readings changed by its negative."""
 
 
 def changed_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
@@ -251,7 +251,8 @@ def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
 
 
 def _along_steps(study: xr.Dataset) -> dict[str, xr.DataArray]:
-    """By dimension: change of each derivative with respect to a force, over the change of the reading along a step.
+    """Ratio of the change of each derivative with respect to a force to the change of the reading along a step, by
+    dimension.
 
     Along a path in which several forces change, the slope is that in the direction of the step.
     """
@@ -293,7 +294,7 @@ def _steps(values: xr.DataArray, dim: str) -> xr.DataArray:
 
 
 def _relative_loads(study: xr.Dataset) -> dict[str, xr.DataArray]:
-    """x along the loads of a study, by force that is varied; the fixed ones contribute to the largest load L."""
+    """Coordinates x of the loads of a study, by varied force; fixed forces contribute to the largest load L."""
     fixed = json.loads(study.attrs.get("parameters", "{}"))
     varied = _varied(study)
     load = {name: study[name] if name in varied else xr.DataArray(float(fixed.get(name, 0.0))) for name in FORCES}

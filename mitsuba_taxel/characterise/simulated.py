@@ -49,7 +49,7 @@ class Simulated(NamedTuple):
 
 
 def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | None = None) -> Simulated:
-    """The experiments of a study, as returned by ``open_study``; none if no force is varied.
+    """The experiments of a study; none if no force is varied.
 
     With a circuit, they are given in watts and in volts, distinguished by ``reading``.
 

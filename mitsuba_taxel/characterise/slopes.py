@@ -52,12 +52,12 @@ def slopes(run: Branch) -> Slopes:
     Parameters
     ----------
     run : Branch
-        If it has tangents, the slopes are those of the tangents.
+        The run. If it has tangents, its slopes follow from them.
 
     Returns
     -------
     Slopes
-        In the unit of the readings per N; NaN for a run of one point.
+        Slopes in the unit of the readings per N; NaN for a run of one point.
     """
     channels = run.samples.shape[2]
     if len(run.force) < 2:
@@ -101,7 +101,7 @@ def relative_slope(run: Branch, run_slopes: Slopes, rest: np.ndarray) -> tuple[n
     Returns
     -------
     slope, error : (channels,) ndarray
-        In %/N.
+        Relative slope and its standard error, in %/N.
     """
     level = rest.mean(axis=0)
     level = np.where(level != 0, level, np.nan)

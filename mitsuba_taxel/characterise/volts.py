@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas
 
 MOST_NAMED = 5
-"""Saturated taxels that are named individually."""
+"""Largest number of saturated taxels that are named individually."""
 
 
 def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float = math.inf) -> pandas.DataFrame:
@@ -74,7 +74,7 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
     Returns
     -------
     list[str]
-        Empty without a circuit.
+        Notes; empty without a circuit.
     """
     if circuit is None or not len(table):
         return []

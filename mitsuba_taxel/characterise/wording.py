@@ -16,14 +16,14 @@ LATEX = {"µ": r"$\mu$", "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "
     letter: f"\\{letter}" for letter in "&%$#_{}"
 }
 
-AS_SHOWN = "As the circuit shows it"
+AS_SHOWN = "Readings behind the circuit"
 """Title of the table of circuit figures."""
 CIRCUIT_UNITS = {"_V_per_N": "V/N", "_counts_per_N": "counts/N", "_counts": "counts", "_V": "V", "_N": "N"}
 """Units by the end of a column's name in the table of circuit figures."""
 REMARKS = {
     NOT_RESOLVED: "smaller than its standard error; the tables on disk contain the number",
     NO_CHANGE: "the reading is the same at all forces, as that of a saturated output",
-    NOT_ABOVE: "no slope is resolved to be larger than the mean slope",
+    NOT_ABOVE: "no slope is significantly larger than the mean slope",
 }
 
 
@@ -35,14 +35,14 @@ def with_error(value: float, error: float, latex: bool = False) -> str:
     Parameters
     ----------
     value, error : float
-        In the same unit; an error of NaN is left out.
+        Value and error in the same unit; an error of NaN is omitted.
     latex : bool
         Whether the result is a formula of LaTeX.
 
     Returns
     -------
     str
-        ``-`` for a value that is missing.
+        The text; ``-`` for a missing value.
     """
     if not math.isfinite(value):
         return "--" if latex else "-"
@@ -274,7 +274,7 @@ def remarks_explained(*tables: pandas.DataFrame) -> list[str]:
     Returns
     -------
     list[str]
-        Empty if there is no remark.
+        Explanations; empty if there is no remark.
     """
     remarks = {remark for table in tables for remark in table.remark}
     return [f"{remark}: {meaning}." for remark, meaning in REMARKS.items() if remark in remarks]
@@ -320,7 +320,7 @@ def as_word(value: Any) -> str:
     Returns
     -------
     str
-        ``-`` for a number that is not finite.
+        The text; ``-`` for a number that is not finite.
     """
     if isinstance(value, float):
         return f"{value:.6g}" if math.isfinite(value) else "-"

@@ -134,6 +134,6 @@ def apply(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     matrix : (4, 4) ndarray
         The transformation.
     points : (..., 3) ndarray
-        In mm.
+        Points in mm.
     """
     return points @ matrix[:3, :3].T + matrix[:3, 3]

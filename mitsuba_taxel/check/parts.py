@@ -201,7 +201,7 @@ class _Maker:
         self.objects: dict[int, SceneObject] = {}
 
     def object_of(self, index: int) -> SceneObject:
-        """The object of one node of Mitsuba's parser, created with its nested objects; ``index`` numbers the nodes."""
+        """The object of node number ``index`` of Mitsuba's parser, created with its nested objects."""
         if index in self.objects:
             return self.objects[index]
         node = self.state.nodes[index]
@@ -359,6 +359,6 @@ def _one_sentence(error: Exception, plugin: str) -> str:
 
 
 def _culprit(message: str, props: Any) -> str:
-    """The property named by the first or second word of a message; empty if there is none."""
+    """The property that the first or second word of a message names; empty if there is none."""
     names = set(props.keys())
     return next((word for word in re.findall(r"\w+", message)[:2] if word in names), "")

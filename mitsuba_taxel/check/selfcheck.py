@@ -22,7 +22,7 @@ def run_checks() -> list[Check]:
     Returns
     -------
     list[Check]
-        In the order in which they ran.
+        Results in the order of the checks.
     """
     return [_guarded("optics", check_optics), _guarded("mechanics", check_mechanics)]
 

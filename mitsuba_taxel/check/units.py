@@ -38,7 +38,7 @@ def unusual(parameter: Parameter, value: float) -> str:
     parameter : Parameter
         The parameter, with its unit and common range.
     value : float
-        In the unit of the parameter.
+        Value in the unit of the parameter.
 
     Returns
     -------
@@ -75,7 +75,7 @@ def _unusual_values(obj: SceneObject, parameter: Parameter) -> Iterator[Finding]
         reason = unusual(parameter, component)
         if reason:
             number = f"{component:g} {parameter.unit}".strip()
-            message = f"{parameter.name} = {number} of {obj.plugin} is odd: {reason}."
+            message = f"{parameter.name} = {number} of {obj.plugin} is unusual: {reason}."
             yield obj.finding("warning", message, parameter.name)
             return
 

@@ -30,7 +30,7 @@ COMMANDS = (
     "validate", "doctor", "cache",
 )  # fmt: skip
 VARIANTS = ("llvm_ad_mono", "llvm_ad_rgb", "cuda_ad_mono", "cuda_ad_rgb")
-"""Those that the package supports, stated here too, as it is not imported for help."""
+"""Variants that the package supports. They are repeated here, because help must not import the package."""
 
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
@@ -169,7 +169,7 @@ def _describe(error: Exception) -> tuple[str, int]:
         return str(error), 1
     if isinstance(error, MemoryError):
         return "there is not enough memory for this command: fewer or smaller pads, points or workers need less.", 1
-    if isinstance(error, UnicodeEncodeError):  # of the name of a folder above, say
+    if isinstance(error, UnicodeEncodeError):  # for example in the name of a parent folder
         culprit = error.object[max(error.start - 40, 0) : error.end + 40]
         return f"{culprit!a} cannot be written: names in UTF-8, and a locale that has their letters, are needed.", 2
     if isinstance(error, OSError) and error.strerror:
@@ -213,7 +213,7 @@ def _keep_stdout_for_results() -> None:
     encodings = [getattr(stream, "encoding", None) or "utf-8" for stream in (sys.stdout, sys.stderr)]
     for stream in filter(None, (sys.stdout, sys.stderr)):
         stream.flush()
-    for number in (0, 1, 2):  # a stream that is closed would be the next file that is opened
+    for number in (0, 1, 2):  # the next opened file would take the number of a closed stream
         try:
             os.fstat(number)
         except OSError:

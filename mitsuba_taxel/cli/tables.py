@@ -124,7 +124,7 @@ def print_volts(taxels: Sequence[int], volts) -> None:
     """Print the output of each taxel behind a circuit, and its derivatives in volts and counts; of many, a summary."""
     from .many_taxels import MOST_ROWS
 
-    say("\nAs the circuit shows it; noise: 1 sigma of the electronics")
+    say("\nReadings behind the circuit; noise: 1 sigma of the electronics")
     if len(taxels) > MOST_ROWS:
         outputs = {"voltage [V]": volts.voltage, "total error [V]": volts.error, "noise [V]": volts.noise}
         print_summary(taxels, outputs | {"counts": volts.counts})

@@ -14,10 +14,10 @@ from mitsuba_taxel.base.files.toml import read_toml
 from mitsuba_taxel.parameters import REQUIRED, Checked, Number, number, parameter_field, values_of, whole
 
 ROOM_TEMPERATURE = 25.0
-"""In degrees C: the temperature to which datasheets refer."""
+"""Temperature in degrees C to which datasheets refer."""
 ZERO_CELSIUS = 273.15
 MOST_DECADES = 100
-"""Most decades by which the dark current may rise with temperature."""
+"""Largest number of decades by which the dark current may rise with temperature."""
 BOLTZMANN = 1.380649e-23
 """In J/K."""
 CHARGE = 1.602176634e-19

@@ -10,7 +10,7 @@ from mitsuba_taxel.electronics.response import respond
 SHARE_OF_COUNT, SHARE_OF_SUPPLY = 0.02, 1e-5
 """Largest error of a piece, as a fraction of a count or as a fraction of the supply voltage: the larger applies."""
 MOST_HALVINGS = 30
-"""Most halvings of the range of powers, towards a corner of the response."""
+"""Largest number of halvings of the range of powers, near a corner of the response."""
 
 
 def straight_pieces(circuit: Circuit, most: float) -> tuple[np.ndarray, np.ndarray]:

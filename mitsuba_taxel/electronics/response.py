@@ -22,7 +22,7 @@ BISECTIONS = 80
 """Bisections of the range of voltages: enough for double precision."""
 LARGEST_EXPONENT = 700.0
 LEAST_CONDUCTANCE = 1e-200
-"""In 1/Ohm; a smaller conductance counts as an open circuit."""
+"""Conductance in 1/Ohm below which the load counts as an open circuit."""
 
 
 class Response(NamedTuple):
@@ -122,12 +122,12 @@ def lit(power: Any) -> np.ndarray:
     Parameters
     ----------
     power : array_like
-        In W, of any shape.
+        Powers in W, of any shape.
 
     Returns
     -------
     ndarray
-        In W, at least 0.
+        Powers in W, at least 0.
     """
     return np.maximum(np.nan_to_num(power), 0.0)
 
@@ -140,12 +140,12 @@ def counts_of(circuit: Circuit, voltage: Any) -> np.ndarray:
     circuit : Circuit
         Circuit with the converter.
     voltage : array_like
-        In V, of any shape; NaN counts as 0.
+        Voltages in V, of any shape; NaN counts as 0.
 
     Returns
     -------
     ndarray of int
-        Of the same shape, within the converter's range.
+        Counts of the same shape, within the converter's range.
     """
     steps = np.floor(np.nan_to_num(np.asarray(voltage, dtype=float)) / circuit.step)
     return np.clip(steps, 0, 2**circuit.adc_bits - 1).astype(int)
@@ -159,13 +159,13 @@ def power_at(circuit: Circuit, voltage: Any) -> np.ndarray:
     circuit : Circuit
         Phototransistor, load, buffer and converter.
     voltage : array_like
-        In V, of any shape, from 0 to below the supply.
+        Voltages in V, of any shape, from 0 to below the supply.
 
     Returns
     -------
     ndarray
-        In W, of the same shape: negative where the dark current alone exceeds the voltage, NaN for a voltage that no
-        power reaches.
+        Powers in W, of the same shape: negative where the dark current alone gives a higher voltage, NaN for a voltage
+        that no power reaches.
     """
     voltage = np.asarray(voltage, dtype=float)
     emitter = voltage / circuit.buffer_gain

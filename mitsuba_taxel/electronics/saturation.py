@@ -22,7 +22,7 @@ def saturating_power(circuit: Circuit) -> float:
     Returns
     -------
     float
-        In W; infinite if no power reaches the limit.
+        Power in W; infinite if no power reaches the limit.
     """
     power = float(power_at(circuit, np.nextafter(circuit.limit, 0.0)))
     return math.inf if math.isnan(power) else power
@@ -41,7 +41,7 @@ def saturated_words(circuit: Circuit, power: Any) -> str:
     Returns
     -------
     str
-        Empty if there is no such reading.
+        The note; empty if there is no such reading.
     """
     power = np.asarray(power, dtype=float)
     saturated = respond(circuit, lit(power)).saturated & np.isfinite(power)
@@ -63,14 +63,14 @@ def saturation_force(circuit: Circuit, force: Any, power: Any) -> np.ndarray:
     circuit : Circuit
         Phototransistor, load, buffer and converter.
     force : (K,) array_like
-        In N, in any order.
+        Forces in N, in any order.
     power : (..., K, T) array_like
         Readings in W at these forces; they are interpolated linearly.
 
     Returns
     -------
     (..., T) ndarray
-        In N; NaN where the output stays below its limit.
+        Force in N; NaN where the output stays below its limit.
     """
     force, power = np.asarray(force, dtype=float), np.asarray(power, dtype=float)
 
@@ -111,7 +111,7 @@ def change_to_saturation(circuit: Circuit, power: Any, slopes: Any) -> np.ndarra
     Returns
     -------
     (T, P) ndarray
-        0 where the output is at its limit, infinite where the power does not depend on the parameter.
+        Changes; 0 where the output is at its limit, infinite where the power does not depend on the parameter.
     """
     slopes = np.asarray(slopes, dtype=float)
     missing = np.maximum(saturating_power(circuit) - np.asarray(power, dtype=float), 0.0)[:, None]

@@ -55,8 +55,8 @@ class Shown(NamedTuple):
     Attributes
     ----------
     voltage, error, noise : (T,) ndarray
-        In V: voltage at the converter, its error due to the total error of the power, and 1 sigma of the noise of the
-        electronics.
+        Voltage at the converter, its error due to the total error of the power, and 1 sigma of the noise of the
+        electronics, all in V.
     counts : (T,) ndarray of int
         Counts of the converter.
     saturated : (T,) ndarray of bool
@@ -131,7 +131,7 @@ def _shown(circuit: Circuit, derivatives: Any, noise: np.ndarray) -> ShownDeriva
     in_volts = replace(
         derivatives,
         units=tuple(unit.replace("W", "V", 1) for unit in derivatives.units),
-        values=response.rate[:, None] * derivatives.values + 0.0,  # which removes the minus sign of a zero
+        values=response.rate[:, None] * derivatives.values + 0.0,  # removes the minus sign of a zero
         standard_errors=response.rate[:, None] * derivatives.standard_errors,
         power=response.voltage,
         power_errors=response.rate * derivatives.power_errors,

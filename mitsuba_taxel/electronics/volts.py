@@ -64,7 +64,7 @@ def circuit_of_study(study: xr.Dataset | xr.DataTree) -> Circuit | None:
     Returns
     -------
     Circuit or None
-        The same for all scenes.
+        Circuit of all scenes; None without a circuit.
     """
     attributes = study.leaves[0].attrs if isinstance(study, xr.DataTree) else study.attrs
     return circuit_of(json.loads(attributes["circuit"])) if "circuit" in attributes else None

@@ -38,14 +38,14 @@ def control_points(nodes: np.ndarray, faces: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     nodes : (N, 3) ndarray
-        In mm.
+        Positions of the nodes in mm.
     faces : (B, 6) ndarray of int
         Nodes of each triangle: corners, then middles of edges.
 
     Returns
     -------
     (3, N) ndarray
-        In mm, with the numbers of the nodes.
+        Control points in mm, numbered like the nodes.
     """
     control = nodes.copy()
     control[faces] = quadratic_shapes.control_points(nodes[faces])
@@ -58,8 +58,8 @@ def first_touch(first: np.ndarray, second: np.ndarray, shared: str, tolerance: f
     Parameters
     ----------
     first, second : (4, 6, n) ndarray
-        Control points of n pairs, in mm, and as fourth coordinate those of a function that is positive where contact
-        counts: two points in contact count unless it is 0 or less at both.
+        Control points of n pairs, in mm. The fourth coordinate is a function that says where contact counts: two points
+        in contact count if it is positive at one of them.
     shared : str
         Common element of both partners, where they may meet: "nothing", "vertex" (their first corner) or "edge" (from
         their first to their second corner).
@@ -109,7 +109,7 @@ def _doubtful(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
 
 
 def _common_point(pair: np.ndarray) -> Place:
-    """The point of a flat patch nearest to its partner."""
+    """The point of the first patch of a pair of flat patches that is nearest to the second patch."""
     from scipy.optimize import nnls  # here, as a pad at rest does without
 
     corners, second_corners = pair[:, :3], pair[:, 6:9]
@@ -177,7 +177,8 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _plain(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
-    """Whether patches that are not proved to be separate touch: patches that are flat, or as small as a point, do.
+    """Whether pairs that are not proved to be separate count as touching: they do if both patches are flat, or as small
+    as a point.
 
     Flatness is absolute for patches that share nothing. For patches with a common vertex or edge it is relative to
     their size, as only angles matter.
@@ -257,7 +258,8 @@ def _apart_but_vertex(pairs: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _divides(normal: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Whether the first points lie strictly behind a plane through 0, and the second points in front of it."""
+    """Whether a plane through 0 has all first points strictly behind it, and all second points strictly in front of
+    it."""
     size = np.maximum(_length(first).max(axis=0), _length(second).max(axis=0))
     limit = STRICT * size * _length(normal)
     return (_dot(normal[:, None], first).max(axis=0) < -limit) & (_dot(normal[:, None], second).min(axis=0) > limit)
@@ -298,7 +300,8 @@ def _apart_but_edge(pairs: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _unfolds(patch: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """Whether a height h exists for which the projection of a patch has a positive definite gradient at its corners.
+    """Whether the projection of a patch has a positive definite gradient at its corners, for some height h of the
+    quadrilateral.
 
     With the derivatives (a, c) along the edge, of length 1, and (b, d) / h away from it, the condition is 4 a d / h >
     (b / h + c)^2. The height h = max |b| / max |c| satisfies it if a d > max |b| max |c|.

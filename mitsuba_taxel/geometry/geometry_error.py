@@ -1,4 +1,4 @@
-"""Errors in a file of geometry, with the coordinates at which they are."""
+"""Errors in a file of geometry, with their coordinates."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import numpy as np
 
 
 class GeometryError(Exception):
-    """A pad's file cannot be used, for the reason in the message; callers that know the file raise an `InputError`."""
+    """A pad's file cannot be used, for the reason in the message. Callers that know the name of the file turn it into
+    an `InputError`."""
 
 
 def place(point: np.ndarray) -> str:

@@ -26,7 +26,8 @@ class Mirror:
     normal: tuple[int, int]
 
     def side(self, points: np.ndarray) -> np.ndarray:
-        """(...,) positive on the kept side of the plane, exactly 0 on it; points are (..., 3)."""
+        """Side of the plane on which points (..., 3) lie: an array (...,), positive on the kept side and exactly 0 on
+        the plane."""
         return self.normal[0] * points[..., 0] + self.normal[1] * points[..., 1]
 
     def image(self, vectors: np.ndarray) -> np.ndarray:
@@ -46,7 +47,8 @@ ACROSS_SECOND_DIAGONAL = Mirror("-xy", (1, 1))
 ACROSS_DIAGONAL = Mirror("xy", (1, -1))
 
 MIRRORS = (ACROSS_X, ACROSS_Y, ACROSS_SECOND_DIAGONAL, ACROSS_DIAGONAL)
-"""In this order: a point that is reflected to the kept side of each plane in turn ends on the kept sides of all."""
+"""Order of the mirrors: if a point is reflected to the kept side of each plane in this order, it ends on the kept sides
+of all planes."""
 
 
 def mirrored(mesh: VolumeMesh, mirror: Mirror) -> VolumeMesh:

@@ -1,4 +1,4 @@
-"""Refinement of second-order tetrahedra, by bisection down to a size or with prescribed pieces.
+"""Refinement of second-order tetrahedra: bisection down to a given size, or division into given pieces.
 
 Elements are bisected at their longest edge, and neighbours as needed for conformity (M.-C. Rivara, Int. J. Numer.
 Methods Eng. 20, 1984): angles stay bounded. New nodes lie on the curved elements, so that the solid is unchanged.
@@ -56,12 +56,13 @@ def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: fl
         cut = _with_longest(squared > size(coordinates.mean(axis=1)) ** 2, of_tets, longest)
         if not cut.any():
             return mesh
-        cut[of_tets[cut[of_tets] & (of_tets != longest)]] = False  # their turn comes when they are the longest
+        # They are cut in a later round, when they are the longest.
+        cut[of_tets[cut[of_tets] & (of_tets != longest)]] = False
         mesh = bisected(mesh, ends[cut])
 
 
 def _with_longest(cut: np.ndarray, of_tets: np.ndarray, longest: np.ndarray) -> np.ndarray:
-    """The edges to be cut, as a mask (E,), with the longest edge of every element that has any of them."""
+    """Mask (E,) of the edges to be cut, to which the longest edge of every element with such an edge is added."""
     while True:
         more = cut.copy()
         more[longest[cut[of_tets].any(axis=1)]] = True
@@ -97,7 +98,7 @@ def bisected(mesh: VolumeMesh, ends: np.ndarray) -> VolumeMesh:
 def _halves(
     simplices: np.ndarray, pairs: tuple[tuple[int, int], ...], keys: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Simplices, of which those with an edge in ``keys`` are halved.
+    """Halve the simplices that have an edge in ``keys``; the others stay whole.
 
     Returned are the corners (P, n) of the pieces, their barycentric coordinates (P, n, n) in the parents, and the
     numbers (P,) of the parents.

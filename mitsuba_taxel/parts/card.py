@@ -40,7 +40,7 @@ def card_curve(part: Part, heights: Any) -> np.ndarray:
     Returns
     -------
     (N,) ndarray
-        In W per W that the emitter's die sends into the resin, for a reflectance of 1, to about 1 %.
+        Power in W per W that the emitter's die sends into the resin, for a reflectance of 1; accurate to about 1 %.
 
     Raises
     ------

@@ -108,7 +108,7 @@ def mirror_curve(part: Part, heights: Any) -> np.ndarray:
     Returns
     -------
     (N,) ndarray
-        In W per W that the emitter's die sends into the resin.
+        Power in W per W that the emitter's die sends into the resin.
 
     Raises
     ------

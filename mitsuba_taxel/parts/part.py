@@ -140,7 +140,7 @@ def part_names() -> list[str]:
     Returns
     -------
     list[str]
-        In alphabetical order.
+        Names in alphabetical order.
     """
     return sorted(file.stem for file in _catalogue().glob(f"*{SUFFIX}"))
 
@@ -156,7 +156,7 @@ def read_part(part: str | Path) -> Part:
     Returns
     -------
     Part
-        Lengths in mm.
+        The part; its lengths are in mm.
 
     Raises
     ------

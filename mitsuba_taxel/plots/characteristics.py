@@ -56,7 +56,7 @@ def write_characteristics(
     Parameters
     ----------
     folder : Path
-        An existing one.
+        Existing folder.
     experiments : sequence of Experiment
         Experiments of a study or a measurement.
     maps : sequence of TangentialMap
@@ -316,7 +316,7 @@ def _groups(experiments: Sequence[Experiment]) -> list[_Group]:
 
 
 def _of(group: _Group) -> str:
-    """End of an axis label that names the shown channel."""
+    """Suffix of an axis label, which names the channel that is drawn."""
     return f", {group.channel}" if group.channel else ""
 
 
@@ -358,7 +358,7 @@ def plot_tangential_maps(maps: Sequence[TangentialMap], narrow: bool = False) ->
     Parameters
     ----------
     maps : sequence of TangentialMap
-        At least one.
+        Maps, at least one.
     narrow : bool
         Whether the picture is for a phone.
 

@@ -178,9 +178,9 @@ def plot_curves(study: xr.Dataset, narrow: bool = False) -> Figure:
     cubic curves through readings without random numbers. Steps that touch several places once are not joined.
 
     A single curve has a line for each taxel and, if there are several, a second panel with the difference of each from
-    their mean, and the error of that difference. Of several curves, each is a line, the taxel that
-    changes most, with a panel below for its change in percent of the reading at rest; of curves at several places, each
-    has its own such taxel, which the legend names. More than
+    their mean, and the error of that difference. If there are several curves, each is a line for the taxel that changes
+    most, with a panel below for its change in percent of the reading at rest; of curves at several places, each is
+    drawn for the taxel that changes most in this curve, which the legend names. More than
     :data:`mitsuba_taxel.plots.figures.MOST_LINES` lines are distributed over panels with the same axes. A ``narrow``
     picture, for a phone, has all panels and the legend in one column.
 

@@ -52,9 +52,9 @@ def compared(cases: Sequence[Case], where: Callable[[Case], Mapping[str, object]
     Returns
     -------
     panels : list[Panel[Case]]
-        At most `MOST_PANELS`.
+        Panels, at most `MOST_PANELS`.
     left_out : int
-        Number of cases in none of them.
+        Number of cases that are in no panel.
     """
     # The varied parameters, and the one that is compared within panels.
     values: dict[str, dict[str, None]] = {}
@@ -148,7 +148,7 @@ def save_figure(figure: Figure, folder: Path, name: str) -> None:
     figure : Figure
         Matplotlib figure.
     folder : Path
-        An existing one.
+        Existing folder.
     name : str
         Name of the files, without ending.
 
@@ -192,7 +192,7 @@ def label_with_prefix(axes: Iterable[Axes], words: str, unit: str) -> None:
     Parameters
     ----------
     axes : iterable of Axes
-        The first of which gets the label.
+        Axes of the panels; the first gets the label.
     words : str
         Description of the plot's content.
     unit : str
@@ -207,7 +207,8 @@ def label_with_prefix(axes: Iterable[Axes], words: str, unit: str) -> None:
 
 
 def label_below(figure: Figure, last: Axes, words: str) -> None:
-    """Label the common x axis of all panels: below all of them, or below the last if they are in one column."""
+    """Label the common x axis of all panels: below the whole figure, or below the last panel if they are in one
+    column."""
     if figure.get_figwidth() > NARROW:
         figure.supxlabel(words)
     else:

@@ -78,7 +78,8 @@ def has_map(study: xr.Dataset) -> bool:
 
 
 def pair_among(study: xr.Dataset, names: Sequence[str]) -> tuple[str, str] | None:
-    """The first two of these parameters that are x and y of the same position or load; None if there are none."""
+    """The first two parameters among ``names`` that are x and y of the same position or load; None if there are
+    none."""
     roles = roles_of_study(study)
     by_role = {roles[name]: name for name in names if name in roles}
     pairs = ((name, by_role.get(f"{role[:-1]}y")) for role, name in by_role.items() if role.endswith("x"))
@@ -193,7 +194,7 @@ def _panels(shown: xr.Dataset, plane: tuple[str, str], count: int, narrow: bool)
         ax.set_aspect("equal")
         ax.set(xlabel=labels[0], ylabel=labels[1])
         ax.label_outer()
-        if number + below >= count:  # there is no panel below
+        if number + below >= count:  # this panel is the last in its column
             ax.set_xlabel(labels[0])
             ax.tick_params(labelbottom=True)
     return list(axes.flat[:count])

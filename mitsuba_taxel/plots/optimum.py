@@ -78,7 +78,7 @@ def plot_sections(before: Pad, best: Pad) -> Figure:
     Parameters
     ----------
     before, best : Pad
-        Designs, mm.
+        Pads of both designs, with lengths in mm.
 
     Returns
     -------

@@ -18,7 +18,7 @@ class Specification(Checked):
     nested: ClassVar[tuple[Nested, ...]] = ()
     """Objects that may be nested in the plugin, but are not fields of the Python object."""
     DRJIT_STRUCT: ClassVar[dict[str, type]] = {}
-    """Keeps Dr.Jit from searching specifications for variables, which they do not have."""
+    """Prevents Dr.Jit from searching specifications for variables: they have none."""
 
     @classmethod
     def read(cls, props: Any) -> Any:

@@ -198,7 +198,7 @@ def wall_table() -> list[tuple[str, ...]]:
     Returns
     -------
     list[tuple[str, ...]]
-        For each material: name, what it is, reflectance at `SHOWN_AT` with its spread, wavelengths with data, nearest
+        For each material: name, description, reflectance at `SHOWN_AT` with its spread, wavelengths with data, nearest
         law, and sources with limits.
     """
     rows: list[tuple[str, ...]] = []

@@ -56,11 +56,11 @@ class Calibration(NamedTuple):
     coverage : float
         Fraction of the forces that the intervals should contain.
     covered : float
-        Fraction of the forces on left-out paths within intervals whose width is from the other paths.
+        Fraction of the forces on left-out paths that lie in intervals computed from the other paths.
     unit : str
         Unit of the readings, W or V.
     noise : float
-        Relative standard deviation added to the light; NaN of a measurement, which has its own.
+        Relative standard deviation of the noise added to the light; NaN for a measurement, which has its own noise.
     tested : str
         A description of the test.
     saturated : str
@@ -183,7 +183,7 @@ def _fit(rows: _Rows) -> Pipeline:
 
 
 def _terms(degree: int, *fit: BaseEstimator) -> Pipeline:
-    """Pipeline of readings scaled to -1 ... 1, their products up to a degree, and a fit if one is given."""
+    """A pipeline that scales readings to -1 ... 1, forms their products up to a degree, and fits if a fit is given."""
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures
 
@@ -191,7 +191,7 @@ def _terms(degree: int, *fit: BaseEstimator) -> Pipeline:
 
 
 def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarray, tested: str) -> Polynomial:
-    """The polynomial from readings to forces in N; ``size`` is the range of the forces to which the fit is relative."""
+    """The polynomial from readings to forces in N. The fit is relative to ``size``, the range of the forces."""
     scaler, features, ridge = (step for _, step in fitted.steps)
     inputs = len(scaler.data_min_)
     labels = tuple(f"reading_{number}" for number in range(1, inputs + 1))
@@ -256,7 +256,8 @@ def _measured(measurement: Measurement) -> tuple[tuple[str, ...], str, _Rows]:
 
 
 def _saturated(study: xr.Dataset) -> str:
-    """A note on saturated readings of a study; InputError if all are saturated, which do not contain the force."""
+    """A note on saturated readings of a study. Raises `InputError` if all are saturated: they contain no information on
+    the force."""
     circuit = circuit_of_study(study)
     if circuit is None:
         return ""

@@ -54,16 +54,16 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        Result of ``open_study``, of one scene.
+        Result of ``open_study`` for a study of one scene.
     file : str or Path
-        Must end in ``.onnx``.
+        Output file, whose name must end in ``.onnx``.
 
     Returns
     -------
     model : Polynomial
         Contents of the file.
     notes : list[str]
-        Errors of the model, and what they leave out.
+        Errors of the model, and the sources of error that they do not contain.
 
     Raises
     ------
@@ -96,7 +96,9 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
         f"scale (at worst {in_percent(own_error.worst)}); total: {in_percent(total)}"
     ]
     if model.rms > TARGET:
-        notes.append(f"error {model.rms:.2%} of full scale: more values, or more points, make it less")
+        notes.append(
+            f"error {model.rms:.2%} of full scale: more values of the varied parameters, or more points, reduce it"
+        )
     # With a circuit: error in V, from the same test readings.
     circuit = circuit_of_study(study)
     if circuit is not None:
@@ -170,7 +172,7 @@ def json_number(number: float) -> float | None:
 
 
 def _voltage_error(circuit: Circuit, unseen: Unseen) -> tuple[float, float]:
-    """Error in V of readings unseen by the fit: root mean square of the worst taxel, and largest of all."""
+    """Error in V of readings that the fit has not seen: root mean square of the worst taxel, and largest error."""
     expected, predicted = (respond(circuit, lit(power)).voltage for power in unseen)
     residual = predicted - expected
     return float(np.sqrt(np.square(residual).mean(axis=0)).max()), float(np.abs(residual).max())

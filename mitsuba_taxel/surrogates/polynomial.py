@@ -13,7 +13,7 @@ from mitsuba_taxel.base.errors import InputError
 
 MOST_DEGREE = 8
 MOST_TESTS = 24
-"""Most paths that are left out in turn, spread evenly over the candidates."""
+"""Largest number of paths that are left out in turn; they are spread evenly over the candidates."""
 
 
 class Unseen(NamedTuple):
@@ -35,7 +35,7 @@ class Polynomial(NamedTuple):
     exponents : (terms, inputs) ndarray of int
         Exponents of the inputs, scaled to -1 ... 1.
     weights : (terms, taxels) ndarray
-        In W.
+        Coefficients of the terms, in W.
     rms, worst : float
         Error of readings unseen by the fit, relative to the taxel's full scale, the range of its readings: root mean
         square of the worst taxel, and largest of all.
@@ -84,7 +84,7 @@ def polynomial_of(study: xr.Dataset) -> Polynomial:
     Returns
     -------
     Polynomial
-        Readings in W from the varied parameters, with its error on what was left out.
+        Readings in W from the varied parameters, with the error on the readings that were left out.
 
     Raises
     ------
@@ -191,5 +191,6 @@ def terms(scaled: np.ndarray, exponents: np.ndarray) -> np.ndarray:
     Returns
     -------
     (rows, terms) ndarray
+        Value of each term.
     """
     return np.prod(scaled[:, None] ** exponents[None], axis=2)

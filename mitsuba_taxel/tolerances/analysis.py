@@ -26,7 +26,7 @@ from mitsuba_taxel.tolerances.shares import ENOUGH, SobolIndices, fewest_of, fit
 if TYPE_CHECKING:
     import pandas
 
-NOISY = "samples are read with random numbers, whose noise is part of the spread: what is not explained may be that"
+NOISY = "samples are read with random numbers, whose noise is part of the spread: it may be the unexplained share"
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,14 +283,15 @@ def _readings(plan: TolerancePlan, study: xr.Dataset, name: str) -> np.ndarray:
         readings = readings.mean("replicate")
     if not plan.force:
         readings = readings.expand_dims("force")
-    (along,) = (dim for dim in readings.dims if dim not in (STEP, "taxel"))  # the force, whatever it is called
+    # The force component, under any parameter name.
+    (along,) = (dim for dim in readings.dims if dim not in (STEP, "taxel"))
     return readings.transpose(STEP, along, "taxel").values
 
 
 def _rates(plan: TolerancePlan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
     """Derivatives of readings with respect to the laws, (forces, taxels, laws) in W per unit of the law.
 
-    They are NaN for a law on which a parameter without derivative depends.
+    They are NaN for a law if a parameter that depends on it has no derivative.
     """
     rates = np.full((*nominal.shape, len(plan.laws)), math.nan)
     if "derivative" in mean:
@@ -387,7 +388,8 @@ def _corrected(
 
 
 def _linear(plan: TolerancePlan, at_mean: np.ndarray, slopes: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Linear answer (samples, T) to the laws with a derivative, at standardised values (samples, laws)."""
+    """Linear estimate (samples, T) of the figure at standardised values (samples, laws), from laws with a
+    derivative."""
     rates = np.where(np.isfinite(slopes), slopes, 0.0)
     return at_mean + z @ (rates * [law.deviation for law in plan.laws]).T
 
@@ -407,7 +409,7 @@ def deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     deviation, error : (T,) ndarray
-        In the unit of the samples.
+        Standard deviations and their standard errors, in the unit of the samples.
     """
     from scipy.stats import kurtosis
 

@@ -25,7 +25,7 @@ class Factors:
     products : dict[str, tuple[str, ...]]
         For each parameter of the scene that varies, the names of the laws whose product it is.
     constants : dict[str, float]
-        Values in the scene of those without a law of their own, which the factors multiply.
+        Values in the scene of scaled parameters without a law of their own.
     """
 
     laws: list[Law]
@@ -51,10 +51,10 @@ class Factors:
             scaled = [name for name, laws in self.products.items() if law.name in laws and law.name != name]
             own = [name for name in scaled if name not in self.constants]
             if scaled:
-                rest = f"; that of {', '.join(own)} is of what {law.name} leaves of it" if own else ""
+                rest = f"; the index of {', '.join(own)} is that of its own law, without {law.name}" if own else ""
                 lines.append(
-                    f"{', '.join(scaled)} vary with {law.name}: shares and Sobol' indices are those of the independent "
-                    f"laws, {law.name} one of them{rest}"
+                    f"{', '.join(scaled)} vary with {law.name}: shares and Sobol' indices are those of independent "
+                    f"laws, and {law.name} is one of these{rest}"
                 )
         return lines
 

@@ -150,7 +150,8 @@ def _exact(exact: Any, samples: int) -> int:
 
 
 def _force(batch: Batch) -> str:
-    """Name of the varied force, empty if none; raises `InputError` if anything else varies, or there is one value."""
+    """Name of the varied force, empty if none; raises `InputError` if anything else varies, or the force has one
+    value."""
     axes = [axis for axis in batch.axes if axis.dim != STEP]
     if not axes:
         return ""

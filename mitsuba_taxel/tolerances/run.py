@@ -39,8 +39,8 @@ def run_tolerance(
 ) -> Tolerance:
     """Propagate distributions of parameters of a scene to its readings.
 
-    Every sample is a job of a study in ``output``: the same call resumes an interrupted one, and one with a larger
-    ``exact`` computes the missing ones.
+    Every sample is a job of a study in ``output``. The same call resumes an interrupted run; a call with a larger
+    ``exact`` computes the missing samples.
 
     Parameters
     ----------
@@ -49,9 +49,9 @@ def run_tolerance(
     output : str or Path
         Folder for the results; new, empty, or that of the same study.
     exact : int, optional
-        Number of samples computed by the whole chain, from 8 to all, instead of ``exact`` in the table ``[tolerance]``,
-        and of all if that says nothing. The others get the linear answer from derivatives, and mean, spread and
-        quantiles are those of the linear answer of all, corrected by the exact ones.
+        Number of samples computed by the whole chain, from 8 to all; by default ``exact`` in the table ``[tolerance]``,
+        or all samples. The other samples get a linear estimate from derivatives. Mean, spread and quantiles are those
+        of the linear estimates of all samples, corrected by the exact samples.
     workers : int, optional
         Number of processes to use, in place of this one.
     scheduler : str, optional

@@ -21,7 +21,7 @@ RESAMPLES = 32
 SPARE = 1.5
 """Least number of samples per coefficient."""
 HIGHEST_DEGREE, MOST_TERMS, MOST_OF_SECOND = 10, 400, 1000
-"""Of polynomials: the largest degree, the largest number of terms, and that for first and second degree."""
+"""Largest degree of a polynomial; its largest number of terms; the same for first and second degree."""
 HYPERBOLIC = 0.75
 """Exponent of the norm of degrees that omits most products of several parameters (G. Blatman, B. Sudret,
 Adaptive sparse polynomial chaos expansion based on least angle regression, J. Comput. Phys. 230, 2011)."""
@@ -106,7 +106,7 @@ class SobolIndices(NamedTuple):
     polynomial explains less than ENOUGH of the variance.
 
     Errors are those of the coefficients, by a bootstrap of the residuals (B. Efron, R. Tibshirani, An Introduction to
-    the Bootstrap, 1993, section 9.4), and half of the unexplained share, which may be due to any parameter.
+    the Bootstrap, 1993, section 9.4), combined with half of the unexplained share, which may be due to any parameter.
     """
 
     first: np.ndarray
@@ -128,7 +128,7 @@ def indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> SobolIndices:
     Returns
     -------
     SobolIndices
-        First and total ones and their errors; NaN where too little is explained.
+        First and total indices and their errors; NaN where the polynomial explains too little.
     """
     # Indices of the fit, and of the fits to resampled residuals.
     resamples, terms, outputs = polynomial.redrawn.shape
@@ -190,7 +190,8 @@ def _quadrature(law: Law) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bases(parameters: int, most: int) -> list[np.ndarray]:
-    """Degrees (terms, parameters) of all polynomials with at most ``most`` terms, by increasing number of terms."""
+    """Yield the degrees (terms, parameters) of polynomials with at most ``most`` terms, by increasing number of
+    terms."""
     by_count: dict[int, np.ndarray] = {}
     for degree in range(1, HIGHEST_DEGREE + 1):
         limit = min(most, MOST_OF_SECOND if degree <= 2 else MOST_TERMS)

@@ -25,7 +25,7 @@ class Box:
     Attributes
     ----------
     centre : (3,) ndarray
-        In mm.
+        Centre in mm.
     axes : (3, 3) ndarray
         Unit vectors along its sides, as rows.
     half : (3,) ndarray
@@ -117,7 +117,7 @@ class Passage:
 
 
 def _extreme(pick, bound: float, values: list[Float64]) -> tuple[Float64, UInt32]:
-    """The extreme of a bound and three values, and the index of the value that it is, 3 for the bound."""
+    """The extreme of a bound and three values, and its index among the values; the index is 3 if it is the bound."""
     extreme = pick(pick(values[0], values[1]), pick(values[2], bound))
     index = dr.full(UInt32, 3, dr.width(extreme))
     for k, value in enumerate(values):

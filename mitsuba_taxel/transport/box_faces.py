@@ -1,4 +1,4 @@
-"""Faces of a box as patches that scatter light, its top cut along the edges of openings."""
+"""Faces of a box as patches that scatter light. The top is cut along the edges of openings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.patches import LATTICE
 
 THIN = 1e-6
-"""Width relative to the box up to which a strip is left out."""
+"""Width, relative to the box, up to which a strip is omitted."""
 
 Rectangle = tuple[float, float, float, float]
 """(x_min, x_max, y_min, y_max) in mm, in the frame of the top."""
@@ -24,7 +24,7 @@ class BoxFaces:
     Attributes
     ----------
     corner : (R, 3) ndarray
-        In mm.
+        Corner from which both sides start, in mm.
     sides : (R, 2, 3) ndarray
         Two sides, such that their cross product points outwards.
     kind : (R,) ndarray
@@ -42,7 +42,7 @@ class BoxFaces:
     def cuts(self, longest: float) -> np.ndarray:
         """Numbers (R, 2) of equal parts into which both sides are divided, so that parts are at most ``longest`` mm.
 
-        Patches may be slender: the box is convex, so that nothing that they see is near.
+        Patches may be slender, because the box is convex: no wall that they see is close to them.
         """
         return np.ceil(np.linalg.norm(self.sides, axis=2) / longest * (1 - THIN)).astype(int)
 
@@ -64,9 +64,9 @@ def faces_of(box: Box, openings: Sequence[Rectangle]) -> BoxFaces:
     Parameters
     ----------
     box : Box
-        In mm.
+        The box, in mm.
     openings : sequence of Rectangle
-        Faces in the top of the box.
+        Openings in the top of the box.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def around(face: Rectangle, openings: Sequence[Rectangle]) -> list[Rectangle]:
     face : Rectangle
         Face that is covered.
     openings : sequence of Rectangle
-        They may overlap, and extend beyond the face.
+        Openings, which may overlap and extend beyond the face.
 
     Returns
     -------

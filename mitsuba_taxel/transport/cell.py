@@ -28,10 +28,9 @@ from mitsuba_taxel.transport.reception import Reception, accepted, radiance
 from mitsuba_taxel.transport.rules import triangle_rule
 
 DISTANCE = 0.8
-"""As for :func:`cut_near`: with twice the value, readings change by 3e-5 and derivatives by 2e-4."""
+"""Argument ``distance`` of :func:`cut_near`: with twice this value, readings change by 3e-5 and derivatives by 2e-4."""
 BEND = 1e-5
-"""Displacement of the walls in mm, in the difference that shows how light begins to pass between points of one
-plane."""
+"""Displacement of the walls in mm, for the finite difference by which light between points of one plane is found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +44,11 @@ class ScatteringWalls:
     isotropic, lambertian : (F,) ndarray
         Fraction of the incident light that each patch scatters with this law.
     of_box : int
-        Number of patches on the box, which are the last. LED and phototransistor, at the top of the box, do not see
-        them, and the box does not block their light.
+        Number of patches on the box; these come last. LED and phototransistor lie in the top of the box: they do not
+        see these patches, and the box does not block their light.
     have_edges : bool
-        Whether walls meet at edges. Isotropic light then passes along the horizon of a point onto another wall, and a
-        patch that the horizon crosses counts by the fraction above it.
+        Whether walls meet at edges. Then the horizon of a point may cross a patch of another wall, which receives
+        isotropic light in proportion to its fraction above the horizon.
     """
 
     positions: np.ndarray
@@ -78,7 +77,7 @@ class Mesh:
     Attributes
     ----------
     own : (T,) ndarray
-        Number of the patch of each target.
+        Number of the patch on which each target lies.
     targets : PatchPoints
         The points at which W is solved for.
     pairs : Pairs
@@ -115,16 +114,16 @@ class Cell:
     mesh : Mesh
         Quadrature on its walls.
     walls : ScatteringWalls
-        F patches.
+        Patches of the walls; F is their number.
     led, phototransistor : End
         Ends of the path.
     box : Box, optional
-        Box whose top they may be at, and which blocks light between the walls.
+        Box that blocks light between the walls; LED and phototransistor may lie in its top.
 
     Attributes
     ----------
     response : (T,) ndarray
-        W at the targets of the mesh, in W per W.
+        Response W(x) at the targets of the mesh, in W per W.
     """
 
     def __init__(
@@ -162,16 +161,17 @@ class Cell:
 
     @property
     def emission_error(self) -> float:
-        """Error of the reading by the power of the LED on each patch, in W per W.
+        """Error of the reading due to the quadrature of the LED's power on each patch, in W per W.
 
-        It is the difference from the power within the outline of the patch, times the mean response to the light on
+        It is the deviation from the exact power within the outline of the patch, times the mean response to light on
         the patch.
         """
         return abs(float(self._emission.deviation @ self._mean_response))
 
     @cached_property
     def reception_error(self) -> float:
-        """Error of the reading by the light that the phototransistor accepts from each patch, in W per W.
+        """Error of the reading due to the quadrature of the light that the phototransistor accepts from each patch, in
+        W per W.
 
         It combines the sum of the errors of all patches and their root sum of squares; see :func:`acceptance`.
         """
@@ -179,7 +179,8 @@ class Cell:
         return float(np.hypot(errors.sum(), np.linalg.norm(errors)))
 
     def conservation_slope_error(self, velocity: np.ndarray) -> float:
-        """Error of a derivative of the reading, by light that the walls receive and the phototransistor accepts.
+        """Error of a derivative of the reading, due to the quadrature of the light that the walls receive and that the
+        phototransistor accepts.
 
         Parameters
         ----------
@@ -189,7 +190,7 @@ class Cell:
         Returns
         -------
         float
-            In W per W and unit of the parameter.
+            Error in W per W and unit of the parameter.
         """
         lit, response = self._emission, self._mean_response
         gradient = lit.gradient(response[lit.inside.points.face], response[lit.edge.points.face])
@@ -204,14 +205,17 @@ class Cell:
 
     @cached_property
     def _accepted(self) -> tuple[np.ndarray, np.ndarray]:
-        """Light that the phototransistor accepts from each patch that it sees, by the rules and along outlines."""
+        """Light that the phototransistor accepts from each patch that it sees, by quadrature over the patch and by
+        integrals along its outline."""
         return accepted(self._phototransistor, self._walls.seen, self._mesh.degree)
 
     def _reception_errors(self, positions: np.ndarray | None = None) -> np.ndarray:
-        """Errors in W per W by the light that the phototransistor accepts from each patch that it sees.
+        """Errors of the reading in W per W, due to the light that the phototransistor accepts from each patch that it
+        sees.
 
-        If patches are divided for the light of the LED, the errors of patches count light from other walls alone, and
-        those of all subpatches follow, for the light of the LED. The patches may have moved to other ``positions``.
+        If patches are divided into subpatches for the light of the LED, the errors of the patches contain only light
+        from other walls; the errors of the subpatches, for the light of the LED, are appended. The patches may have
+        moved to other ``positions``.
         """
         moved = None if positions is None else accepted(self._phototransistor, positions, self._mesh.degree)
         by_rule, by_outline = moved or self._accepted
@@ -237,7 +241,8 @@ class Cell:
 
     @cached_property
     def _mean_response(self) -> np.ndarray:
-        """Mean response (F,) to the light of the LED on each patch, or to all light where there is none."""
+        """Mean response (F,) to the light of the LED on each patch; on patches without light of the LED, mean response
+        to all light."""
         response = self.response[self._seen].reshape(len(self._walls.seen), -1)
         power = np.abs(self._emission.power).reshape(response.shape)
         weight = np.where(power.sum(axis=1, keepdims=True) > 0, power, 1.0)
@@ -345,7 +350,7 @@ class Cell:
         Returns
         -------
         (F, 15, 3) ndarray
-            In W per W and mm.
+            Derivatives in W per W and mm.
         """
         if wider in self._gradients:
             return self._gradients[wider]
@@ -354,7 +359,7 @@ class Cell:
         points, size = pairs.interpolation.shape
         response = np.einsum("pq,pq->p", pairs.interpolation, self.response.reshape(-1, size)[pairs.points.face])
         weight = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
-        slopes = self._slopes(weight, wider)  # whose arrays take four times the memory of a cell
+        slopes = self._slopes(weight, wider)  # these arrays take four times the memory of a cell
         # From the walls to the phototransistor, A . dD; the light of the LED is in the finer direct response below.
         adjoint = self._adjoint[self._seen] - self._emission.power
         by_start, by_normal = map(self._of_all, self._reception.gradient(adjoint, wider))
@@ -376,7 +381,7 @@ class Cell:
         return gradient
 
     def bent(self, velocity: np.ndarray, side: int) -> np.ndarray:
-        """Derivatives through light between points of one plane, which :meth:`gradient` leaves out.
+        """Derivatives due to light between points of one plane, which :meth:`gradient` omits.
 
         Points of a plane see each other when it bends inwards, and not when it bends outwards, so that derivatives on
         both sides differ.
@@ -386,7 +391,8 @@ class Cell:
         velocity : (F, 15, 3) ndarray
             Velocity of the patches, in mm per unit of the parameter.
         side : int
-            1 for the derivative along the velocity, -1 for that of walls that arrive along it.
+            1 for the derivative when walls leave the plane along the velocity, -1 for the derivative when they arrive
+            at it.
 
         Returns
         -------
@@ -429,7 +435,7 @@ class Cell:
         Returns
         -------
         float
-            In W per W of the LED.
+            Change in W per W of the LED.
         """
         change = 0.0
         if led != self._led:

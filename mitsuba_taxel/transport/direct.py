@@ -25,7 +25,7 @@ from mitsuba_taxel.transport.rules import monomials
 MOST_CUTS = 9
 """Largest number of subdivisions of a patch."""
 _NODES = 1 / 3 + 0.8 * (LATTICE - 1 / 3)
-"""(15, 2) coordinates (s, t) of interpolation: within patches, as the response may end at their rim."""
+"""(15, 2) coordinates (s, t) of interpolation: inside the patches, as the response may jump to 0 at their rim."""
 _COEFFICIENTS = np.linalg.inv(monomials(_NODES, DEGREE))
 """Matrix (15, 15) from values at the nodes to the coefficients of the polynomial through them."""
 
@@ -40,7 +40,7 @@ class Direct:
     phototransistor : End
         Phototransistor that receives it.
     isotropic, lambertian : (F,) ndarray
-        Fraction of the incident light that each patch scatters with this law.
+        Fraction of the incident light that each patch scatters by the law of this name.
     coarse : (F * Q,) ndarray
         Direct response at the points of the patches, as :class:`Emission` interpolates it.
     """
@@ -104,7 +104,7 @@ class Direct:
         Returns
         -------
         (M,) ndarray
-            In W per W of the LED.
+            Errors in W per W of the LED.
         """
         by_rule, by_outline = self._accepted if positions is None else self._accepted_at(positions)
         return self._radiance * (by_rule - by_outline)
@@ -136,7 +136,8 @@ class Direct:
 
 
 class _Subpatches:
-    """Equal triangles into which patches are divided; a polynomial interpolates on each. Only lit ones are kept.
+    """Equal triangles into which patches are divided, with an interpolation polynomial on each. Only lit triangles are
+    kept.
 
     Attributes
     ----------
@@ -193,6 +194,7 @@ class _Subpatches:
         return (self._origin[:, None] + self.side[:, None, None] * _NODES).reshape(-1, 2)
 
     def interpolation(self, lit: LitPoints, number: np.ndarray) -> np.ndarray:
-        """Weights (N, 15) of the values at the nodes of subpatches, by their numbers, for those at lit points."""
+        """Weights (N, 15) that interpolate values at lit points from values at the nodes of their subpatches, numbered
+        by ``number``."""
         at = (lit.points.at - self._origin[number]) / self.side[number, None]
         return monomials(at, DEGREE) @ _COEFFICIENTS

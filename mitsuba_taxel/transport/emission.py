@@ -23,12 +23,13 @@ pieces."""
 EDGE_CUTS = 2
 """Number of subdivisions of pieces that the edge of the cone crosses, before the edge is approximated by a parabola."""
 MOST_EDGE_CUTS = 4
-"""The same for pieces that the edge leaves by the side by which it entered."""
+"""The same for pieces that the edge of the cone enters and leaves through the same side."""
 CLOSED, CLOSE = 1e-6, 0.01
 """Walls are closed around a point of an LED if at most this fraction of its power misses them; largest relative error
 of the rules on pieces that is then corrected."""
 CHECKED = 4
-"""One in 4 points of an LED with a wide beam is checked against the power within outlines: all emit alike."""
+"""Every fourth point of an LED with a wide beam is checked against the power within outlines, as all points emit
+alike."""
 STEP = 1e-3
 """Displacement of the walls in mm in differences of the power within outlines, times the spread of narrow beams."""
 RIM_POINTS = 4
@@ -51,7 +52,7 @@ class LitPoints:
     points : PatchPoints
         The N lit points.
     weight : (N,) ndarray
-        In the integral over s and t; at the edge of the cone, lit area per change of the cosine.
+        Weight in the integral over s and t. At the edge of the cone: lit area per change of the cosine.
     """
 
     source: np.ndarray
@@ -91,17 +92,18 @@ class Emission:
 
     @cached_property
     def lit(self) -> np.ndarray:
-        """Fractions (N,) of the LED's power for each of the points inside its cone."""
+        """Fractions (N,) of the LED's power at the points inside its cone."""
         return self._integrated * self._scale[self.inside.source]
 
     @cached_property
     def _integrated(self) -> np.ndarray:
-        """Fractions (N,) of the LED's power for each of these points, by the rules on the pieces alone."""
+        """Fractions (N,) of the LED's power at the points inside its cone, by quadrature alone."""
         return _Rays(self.led, self.inside, self.positions).value
 
     @cached_property
     def _scale(self) -> np.ndarray:
-        """Factors (L,) of the light of each point of the LED, by which closed walls receive exactly its power.
+        """Correction factors (L,) for the light of each point of the LED, with which closed walls receive exactly its
+        power.
 
         They differ from 1 for narrow beams only: derivatives of the power through the position of such a beam are
         differences of large numbers, which cancel exactly with these factors.
@@ -167,7 +169,7 @@ class Emission:
         Returns
         -------
         (F, 15, 3) ndarray
-            Per mm.
+            Derivatives per mm.
         """
         rays, rim = _Rays(self.led, self.inside, self.positions), _Rays(self.led, self.edge, self.positions)
         # With the light v of a scaled source and the function R, d(sum v R / sum v) = sum dv (R - mean of R) / sum v.
@@ -192,14 +194,14 @@ class Emission:
         Parameters
         ----------
         lit : LitPoints
-            N of them.
+            N lit points.
         values : (F * Q,) ndarray
             Values at the points of the patches.
 
         Returns
         -------
         (N,) ndarray
-            Interpolated.
+            Interpolated values.
         """
         of_patch = values.reshape(len(self.positions), -1)[lit.points.face]
         return np.einsum("nq,nq->n", self._interpolation(lit), of_patch)
@@ -249,8 +251,9 @@ def emission(
 ) -> Emission:
     """Power of an LED on patches.
 
-    Patches are subdivided by their undeformed positions, so that sums are smooth in the load; by their deformed ones if
-    the law of LED or phototransistor is peaked, as the walls move sideways below the peak.
+    Patches are subdivided by their undeformed positions, so that sums are smooth in the load. If the law of LED or
+    phototransistor is peaked, they are subdivided by their deformed positions, as the walls move sideways below the
+    peak.
 
     Parameters
     ----------
@@ -261,7 +264,7 @@ def emission(
     degree : int
         Degree of the polynomials that interpolate values on each patch.
     phototransistor : End, optional
-        Pieces resolve its response as well.
+        Phototransistor whose response the pieces must resolve as well.
 
     Returns
     -------

@@ -22,7 +22,7 @@ from mitsuba_taxel.transport.box import Box, Passage
 HORIZON = 4e-3
 """Cosine of the angle to the normal up to which a direction counts as along the horizon."""
 IN_PLANE = 1e-10
-"""Cosine up to which two points count as points of one plane, which do not see each other."""
+"""Cosine up to which two points count as points of one plane; such points do not see each other."""
 _TURN = threading.Lock()
 """Lets one thread at a time launch kernels."""
 
@@ -36,7 +36,7 @@ class Starts:
     at, normal : (S, 3) ndarray
         Positions in mm, and unit normals.
     isotropic, lambertian : (S,) ndarray
-        Fraction of the incident light that each point scatters with this law.
+        Fraction of the incident light that each point scatters by the law of this name.
     """
 
     at: np.ndarray
@@ -78,7 +78,7 @@ class Exchange:
     Parameters
     ----------
     starts : Starts
-        S points.
+        Points of walls where the light starts; S is their number.
     at, area : (E, 3) ndarray
         Points of the surface, and its area normals.
     start, end : (N,) ndarray
@@ -114,7 +114,7 @@ class Exchange:
         Returns
         -------
         (N,) ndarray
-            Per unit of the integration variables of the surface.
+            Light per unit of the integration variables of the surface.
         """
         with _TURN:
             pair = self._pairs()
@@ -134,7 +134,7 @@ class Exchange:
         return Exchange(self._starts, *self._ends, self._start[pairs], self._end[pairs], self._box, can_block)
 
     def in_plane(self) -> np.ndarray:
-        """Mask (N,): whether both ends of a pair lie in one plane: they see each other as soon as it bends."""
+        """Mask (N,) of the pairs whose ends lie in one plane, and would see each other if it bent inwards."""
         with _TURN:
             pair = self._pairs()
             most = IN_PLANE * pair.distance
@@ -231,7 +231,7 @@ class _Pairs:
 
     @property
     def even_below(self) -> Float64:
-        """Factor of isotropic light without its end at the horizon."""
+        """Factor of isotropic light without the step to 0 at the horizon."""
         over = dr.select(self.facing > 0, dr.rcp(dr.square(self.distance)), 0)
         return self.isotropic / (2 * math.pi) * over * dr.sqrt(over)
 

@@ -29,7 +29,7 @@ class PiecesAtHorizon(NamedTuple):
     fraction : (M,) ndarray
         Fraction of the area of the piece that is above the horizon.
     by_height : (M / Q, Q) ndarray
-        Derivatives per mm of the fraction of each piece by the heights of its Q points.
+        Derivatives per mm of the fraction of each piece with respect to the heights of its Q points.
     """
 
     pairs: np.ndarray
@@ -54,7 +54,7 @@ def pieces_at_horizon(pairs: Pairs, own: np.ndarray, normal: np.ndarray, leaving
     Returns
     -------
     PiecesAtHorizon
-        In the order of the pairs.
+        Results in the order of the pairs.
     """
     of_patch = normal.reshape(int(own[-1]) + 1, -1, 3).mean(axis=1)
     patch = pairs.points.face[pairs.point]

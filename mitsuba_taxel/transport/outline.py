@@ -21,7 +21,8 @@ TOLERANCE = 1e-6
 MOST_CUTS = 24
 """Largest number of times that an interval is halved."""
 GRAIN = 1e-7
-"""Sides whose points differ by less are the same; relative to the largest coordinate."""
+"""Largest difference between the points of two sides that count as the same side, relative to the largest
+coordinate."""
 _SIDES = np.array([[0, 1, 2, 3, 4], [4, 8, 11, 13, 14], [14, 12, 9, 5, 0]])
 """Numbers (3, 5) of a patch's points (see `LATTICE`) along its sides, counterclockwise in (s, t)."""
 _POWERS = np.arange(5)
@@ -32,7 +33,7 @@ _FIRST = (0.0, 1.0), (0.0, 0.5), (0.5, 0.5)
 """Start and width of the intervals of a side and of its two halves."""
 
 Cumulative = Callable[[np.ndarray], np.ndarray]
-"""Fraction of the power at polar angles below those whose cosines are passed."""
+"""Function of the cosines of polar angles that returns the fraction of the power within these angles."""
 
 
 def power_within(points: np.ndarray, normal: np.ndarray, within: Cumulative, positions: np.ndarray) -> np.ndarray:
@@ -52,7 +53,7 @@ def power_within(points: np.ndarray, normal: np.ndarray, within: Cumulative, pos
     Returns
     -------
     (L, F) ndarray
-        Negative for a patch that turns its back on the source.
+        Fractions; negative for a patch whose back faces the source.
     """
     # The polar axis is the third axis of a right-handed frame.
     across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])

@@ -53,7 +53,7 @@ def pairs_of(targets: np.ndarray, positions: np.ndarray, own: np.ndarray, degree
     Parameters
     ----------
     targets : (T, 3) ndarray
-        In mm: the points of :func:`triangle_rule`, patch by patch.
+        Positions in mm of the points of :func:`triangle_rule`, patch by patch.
     positions : (F, 15, 3) ndarray
         Positions of the patches, in mm.
     own : (T,) ndarray
@@ -66,7 +66,7 @@ def pairs_of(targets: np.ndarray, positions: np.ndarray, own: np.ndarray, degree
     Returns
     -------
     Pairs
-        Ordered by target.
+        Pairs ordered by target.
     """
     rule, weights = triangle_rule(degree)
     target, point, weight, face, at, count = [], [], [], [], [], 0

@@ -1,4 +1,4 @@
-"""Patches cut along a plane in which the light that they receive or send has a kink, into smaller curved triangles."""
+"""Patches cut into smaller curved triangles along a plane, where the light that they receive or send has a kink."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def cut_at_plane(positions: np.ndarray, point: np.ndarray, normal: np.ndarray) -
     Parameters
     ----------
     positions : (F, 15, 3) ndarray
-        In mm.
+        Positions of the patches in mm.
     point, normal : (3,) ndarray
         A point and the normal of the plane.
 

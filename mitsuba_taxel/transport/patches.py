@@ -25,7 +25,7 @@ class PatchPoints:
     face : (P,) ndarray
         Number of the patch, in ascending order.
     at : (P, 2) ndarray
-        Coordinates (s, t) on it.
+        Coordinates (s, t) of each point on its patch.
     """
 
     face: np.ndarray
@@ -65,7 +65,7 @@ class PatchPoints:
         Returns
         -------
         (P, 3) ndarray
-            In mm.
+            Positions in mm.
         """
         return self._evaluated(positions, _COEFFICIENTS[:1])[0]
 
@@ -80,7 +80,7 @@ class PatchPoints:
         Returns
         -------
         at : (P, 3) ndarray
-            In mm.
+            Positions in mm.
         area : (P, 3) ndarray
             Normals, whose length is the area per unit of s and t.
         """
@@ -100,7 +100,7 @@ class PatchPoints:
         Returns
         -------
         (F, 15, 3) ndarray
-            Per mm.
+            Derivatives per mm.
         """
         by_s, by_t = self._evaluated(positions, _COEFFICIENTS[1:])
         # Derivatives by the position and by both tangents, whose cross product is the area normal.

@@ -12,7 +12,8 @@ from mitsuba_taxel.transport.patches import PatchPoints
 MOST_CUTS = 7
 """Largest number of subdivisions of a patch."""
 FEW = 4
-"""Numbers are sorted if fewer than 1 in 4 of all possible ones occurs, as for small pieces, which lie near targets."""
+"""If fewer than 1 in 4 of all possible numbers occur, as for small pieces near targets, the numbers are sorted; else a
+mask is used."""
 WHOLE = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 QUARTERS = np.stack([WHOLE / 2, WHOLE / 2 + (0.5, 0), WHOLE / 2 + (0, 0.5), 0.5 - WHOLE[[0, 1, 2]] / 2])
 """Corners (4, 3, 2) of the four quarters of a triangle."""
@@ -44,7 +45,7 @@ class Pieces:
         return np.abs(a * d - b * c)
 
     def extents(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where the pieces are, and how large.
+        """Centres and sizes of the pieces.
 
         Parameters
         ----------
@@ -80,7 +81,7 @@ def cut_near(
     Parameters
     ----------
     targets : (T, 3) ndarray
-        In mm.
+        Positions of the targets in mm.
     positions : (F, 15, 3) ndarray
         Positions of the patches, in mm.
     own : (T,) ndarray or None

@@ -13,9 +13,10 @@ from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.rules import gauss, triangle_rule
 
 CHECKED, ANGLES = 7, 1024
-"""One in 7 points of a phototransistor is checked; number of intervals of the angles on which its response depends."""
+"""Every seventh point of a phototransistor is checked; number of intervals of the angle for the integral of its
+response."""
 PAIRS_AT_ONCE = 1 << 20
-"""Most pairs of points of walls and of a phototransistor in memory, some 200 bytes each."""
+"""Largest number of pairs of points of walls and phototransistor in memory at once; a pair takes some 200 bytes."""
 WIDER = 10.0
 """Width over which the step at the horizon of a wall is smoothed, relative to that between walls. It is the spacing of
 the points of a phototransistor as seen from a wall nearby, whose horizon passes entire rows of them at once."""
@@ -119,7 +120,8 @@ def acceptance(
     Returns
     -------
     by_rule, by_outline : (F,) ndarray
-        In mm² sr, for a sample of the points of the phototransistor. The second is exact (see :func:`power_within`).
+        Accepted light in mm² sr, for a sample of the points of the phototransistor. The second result is exact (see
+        :func:`power_within`).
     """
     sample = slice(CHECKED // 2, None, CHECKED)
     at, area = points.positions_and_areas(positions)
@@ -150,7 +152,7 @@ def accepted(end: End, positions: np.ndarray, degree: int) -> tuple[np.ndarray, 
     Returns
     -------
     by_rule, by_outline : (F,) ndarray
-        In mm² sr.
+        Accepted light in mm² sr, as of :func:`acceptance`.
     """
     rule, weights = triangle_rule(degree)
     points = PatchPoints(np.repeat(np.arange(len(positions)), len(rule)), np.tile(rule, (len(positions), 1)))
@@ -181,8 +183,9 @@ def radiance(
     Returns
     -------
     (F,) ndarray
-        In W per mm² and sr. Where the rule sees less than half of what the outline does, it is the mean radiance in all
-        directions; it is 0 where less is accepted than integrals along three sides resolve.
+        Radiance in W per mm² and sr. Where the rule finds less than half of the outline's result, it is the mean
+        radiance in all directions. It is 0 where the accepted light is below the resolution of the integrals along
+        three sides.
     """
     sampled = end.weights[CHECKED // 2 :: CHECKED].sum() / end.weights.sum()
     visible = by_rule > np.abs(by_outline) / 2

@@ -35,7 +35,7 @@ def triangle_rule(degree: int) -> Rule:
     Returns
     -------
     points : (Q, 2) ndarray
-        3 for degree 1, 6 for 2.
+        Points: 3 for degree 1, 6 for degree 2.
     weights : (Q,) ndarray
         Weights, whose sum is 1/2.
     """
@@ -57,7 +57,7 @@ def monomials(points: np.ndarray, degree: int) -> np.ndarray:
     Returns
     -------
     (Q, C) ndarray
-        Each column is contiguous in memory.
+        Values of the C monomials; each column is contiguous in memory.
     """
     table = np.empty((len(_exponents(degree)), len(points)))
     table[0] = 1
@@ -73,8 +73,8 @@ def monomials(points: np.ndarray, degree: int) -> np.ndarray:
 
 @kept(128)
 def differentiated(degree: int) -> np.ndarray:
-    """Matrices (3, C, C) from the coefficients of a polynomial to these, and to those of its derivatives with respect
-    to s and t."""
+    """Matrices (3, C, C) that map the coefficients of a polynomial to themselves, and to those of its derivatives with
+    respect to s and t."""
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
     result = np.stack([np.eye(len(numbers)), *np.zeros((2, len(numbers), len(numbers)))])
     for (i, j), number in numbers.items():

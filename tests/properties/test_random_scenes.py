@@ -70,4 +70,4 @@ def test_friction_beyond_what_is_common_is_odd(tmp_path, monkeypatch):
     monkeypatch.setattr("mitsuba_taxel.check.scene.check_prepared", lambda scene, file: [])
     (tmp_path / "scene.xml").write_text(CELL.format(pad=RUBBED, sensor=""))
     messages = [finding.message for finding in check_scene(tmp_path / "scene.xml")]
-    assert "friction = 20 of deformable_pad is odd: 0 to 2 is common." in messages
+    assert "friction = 20 of deformable_pad is unusual: 0 to 2 is common." in messages

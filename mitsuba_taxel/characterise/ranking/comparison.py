@@ -42,7 +42,7 @@ DRAWS = 20_000
 
 
 class Comparison(NamedTuple):
-    """Variants by rank.
+    """Variants in the order of their ranks, with probabilities.
 
     If no variant meets the limits with a probability of at least one half, no variant has a rank, and ``behind`` is
     NaN.

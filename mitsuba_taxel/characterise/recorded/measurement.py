@@ -31,13 +31,13 @@ class Measurement:
     Attributes
     ----------
     time : (rows,) ndarray or None
-        In s; None if the record has no column of time.
+        Times in s; None if the record has no column of time.
     force : (rows, 1 or 3) ndarray
-        In N.
+        Force in N: one column, or three components.
     force_names : tuple[str, ...]
         Names of the columns of ``force``.
     voltage : (rows, taxels) ndarray
-        In V.
+        Voltages in V.
     taxel : (taxels,) ndarray
         Numbers of the taxels.
     file : str
@@ -72,7 +72,7 @@ def read_measurement(file: str | Path) -> Measurement:
     Returns
     -------
     Measurement
-        In s, N and V.
+        The record, converted to s, N and V.
 
     Raises
     ------

@@ -17,12 +17,12 @@ import numpy as np
 from mitsuba_taxel.base.caches import kept
 
 CHUNK = 48
-"""Most consecutive rows from which residuals are taken."""
+"""Largest number of consecutive rows that form a chunk for residuals."""
 CORRELATIONS = np.linspace(-0.6, 0.98, 80)
 LEAST_CORRELATION = 0.1
 """Least correlation that is mentioned in a note."""
 FEWEST_DEGREES = 8
-"""Fewest degrees of freedom with which the noise counts as known."""
+"""Least number of degrees of freedom with which the noise counts as known."""
 LOCAL_DEGREES = 60
 """Degrees of freedom of the neighbouring points from which the noise of a point is taken."""
 QUARTERS = 4
@@ -31,7 +31,7 @@ STILL = 0.1
 PHASES = 4
 """Fractions into which a step is divided: points within the same fraction have the same error of the converter."""
 MOST_DIVISOR = 6
-"""Most steps of the converter between the two closest voltages of a recording."""
+"""Largest number of steps of the converter between the two closest voltages of a recording."""
 LATTICE = 0.15
 """Largest distance of a difference of voltages from an integer number of steps, in steps."""
 
@@ -182,7 +182,7 @@ def with_errors(values: list[np.ndarray], errors: PointErrors, replicates: int) 
     Returns
     -------
     list of (points, replicates, channels) ndarray
-        In V.
+        Samples in V.
     """
     random = np.random.default_rng(0)
     size = np.sqrt(replicates * (replicates - 1))

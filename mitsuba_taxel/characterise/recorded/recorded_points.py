@@ -8,9 +8,9 @@ POINTS = 40
 """Most points of the ranges in which the force of a run moves: linear interpolation between them is accurate to 1/1600
 of the largest change times the curvature."""
 MOST_HOLDS = 60
-"""Most holds of a run: if there are more, they are the steps of the converter that recorded the force."""
+"""Largest number of holds of a run: if there are more, they are steps of the converter that recorded the force."""
 FEWEST_ROWS = 8
-"""Fewest rows of a point in a moving range; fewer rows between two holds are a transition."""
+"""Least number of rows of a point in a moving range; fewer rows between two holds are a transition."""
 JUMP = 5.0
 """Least step of the force between holds, in standard deviations of its noise."""
 LEAST_DISTANCE = 4.0
@@ -35,7 +35,7 @@ def middle_of_turn(force: np.ndarray, row: int, noise: float) -> int:
     Parameters
     ----------
     force : (rows,) ndarray
-        In N.
+        Force in N.
     row : int
         Row of the turning point.
     noise : float
@@ -44,7 +44,7 @@ def middle_of_turn(force: np.ndarray, row: int, noise: float) -> int:
     Returns
     -------
     int
-        ``row`` itself if the hold reaches an end of the record, as it may continue beyond.
+        Middle row; ``row`` itself if the hold reaches an end of the record, as the hold may continue beyond.
     """
     within_noise = np.abs(force - force[row]) <= max(6 * noise, ROUNDING * np.ptp(force))
     ends = np.flatnonzero(~within_noise)

@@ -34,13 +34,13 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
     over the ranges in which the force moves. A point is the mean of its rows. Errors of points follow from the noise of
     the rows around the curve, with its correlation, and from the steps of the converter; the scatter of the samples
     represents them. Slower changes are not noise: drift and creep count as hysteresis and lack of repeatability. If the
-    noise is unknown, as for few rows, there is one sample and no error. Changes are relative to the first of the points
-    of least force.
+    noise is unknown, as for few rows, there is one sample and no error. Changes are relative to the point of least
+    force, or the first of several such points.
 
     Parameters
     ----------
     measurement : Measurement
-        In s, N and V.
+        Record in s, N and V.
 
     Returns
     -------

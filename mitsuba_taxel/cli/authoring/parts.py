@@ -10,7 +10,8 @@ import click
 from ..options import debug_option, json_option
 
 CLEARLY = 0.05
-"""Smaller difference of a datasheet's curve, relative to its peak, for which another reflector is proposed."""
+"""Least reduction of the difference from a datasheet's curve, relative to its peak, for which another reflector is
+proposed."""
 
 
 @click.command(short_help="Photo-reflectors from datasheets.")
@@ -138,7 +139,7 @@ def _show(part) -> None:
         say(f"\nNot known: {', '.join(part.unknown)}.")
     if part.sources:
         say()
-        print_text_table(("number", "where it is from; all others are from the source above"), part.sources.items())
+        print_text_table(("number", "its source; all other numbers are from the source above"), part.sources.items())
     curve = _curve(part)
     if curve:
         say(f"\nCurrent under a {part.distance_reflector}, relative to the largest")
@@ -150,4 +151,7 @@ def _show(part) -> None:
         for other in REFLECTORS:
             under_other = _largest_difference(_curve(replace(part, distance_reflector=other)))
             if under_other < difference - CLEARLY:
-                say(f"With distance_reflector = {other!r}, for a curve of a {other}, it would be {under_other:.1%}.")
+                say(
+                    f"With distance_reflector = {other!r}, for a curve under a {other}, the difference is "
+                    f"{under_other:.1%}."
+                )

@@ -36,7 +36,7 @@ class Estimate(NamedTuple):
 
 
 Estimator = Callable[[int, int], Estimate]
-"""(samples for each taxel, seed) -> estimate."""
+"""Function of (samples per taxel, seed) that returns an `Estimate`."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,9 @@ def estimator(method: Method, scene: Scene, folder: Path, stray: float) -> Estim
     """
     if not method.is_ours and not stray <= LARGEST_STRAY:
         fraction = "an unknown share" if math.isnan(stray) else f"{stray:.1%}"
-        raise InputError(f"it lights all LEDs at once, and {fraction} of a reading would be of other taxels.")
+        raise InputError(
+            f"it lights all LEDs at once, and {fraction} of a reading would come from LEDs of other taxels."
+        )
     prepared = prepare(_variant(method, scene, folder))
     if method.is_ours:
         return of_readings(prepared)

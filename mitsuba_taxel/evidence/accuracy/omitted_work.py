@@ -27,7 +27,7 @@ SCENES: dict[str, tuple[str, dict[str, object]]] = {
 }
 POINTS = 256
 SMALLEST_KERNEL = 100
-"""Number of operations from which kernels count: the number of smaller ones, which only read values, varies."""
+"""Least number of operations of a counted kernel. Smaller kernels only read values, and their number varies."""
 HEAVY = ("matplotlib", "meshio", "netgen", "pandas", "pytetwild", "rslab", "scipy", "trimesh", "xarray")
 AS_IS, ALL = "as it is", "all of these"
 HEADINGS = ("scene", "added work", "modules", "slow ones", "triangles", "unknowns", "kernels", "operations",

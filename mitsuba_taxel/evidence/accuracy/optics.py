@@ -189,7 +189,9 @@ def _referees(trials: Sequence[_Trial]) -> list[_Trial]:
         best.setdefault(trial.method.integrator, trial)
     if len(best) < 2:
         reasons = "; ".join(f"{trial.method.name}: {trial.reason or 'no light found'}" for trial in trials)
-        raise ComputationError(f"fewer than two independent methods can do the scene, and none is judged: {reasons}.")
+        raise ComputationError(
+            f"fewer than two independent methods support the scene, so no method can be judged: {reasons}."
+        )
     return list(best.values())[:2]
 
 
@@ -210,10 +212,10 @@ def _curve(trial: _Trial, truth: TruthEstimate, unbounded: bool) -> ErrorCurve:
             "with isotropic walls, the weights of paths from the detector are unbounded: the error may fall slowly"
         )
     if trial.rungs and not trial.rungs[-1].power.any():
-        return ErrorCurve("optics", method.name, [], remark="it finds no light here")
+        return ErrorCurve("optics", method.name, [], remark="this method finds no light in this scene")
     bias, z = _bias(trial.rungs, truth) if trial.rungs else (0.0, 0.0)
     if abs(z) > SIGNIFICANT:
-        remarks.append(f"off by {bias:+.1g} of the reference ({z:+.0f} standard errors)")
+        remarks.append(f"deviates by {bias:+.1g} of the reference ({z:+.0f} standard errors)")
     return ErrorCurve("optics", method.name, points, launched=True, remark="; ".join(remarks))
 
 

@@ -111,7 +111,7 @@ def settings_accuracy(folder: Path, seconds: float, starting: Starting = lambda 
         curves += [replace(curve, part=name) for curve in measured(seconds, starting)]
         write_csv(curves, folder / "accuracy.csv")
     titles = {name: name for name in settings()}
-    plot_accuracy(curves, "What sensors are read by", folder, titles, labelled=tuple(titles))
+    plot_accuracy(curves, "Methods by which sensors are read", folder, titles, labelled=tuple(titles))
     return curves
 
 

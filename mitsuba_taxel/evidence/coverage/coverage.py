@@ -34,7 +34,7 @@ def parts_with_cases(only: str | None, part: str | None = None) -> list[str]:
     Returns
     -------
     list[str]
-        In the order of the page.
+        Names of the tables, in the order of the page.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def coverage(
     Returns
     -------
     Iterator[CoverageRow]
-        In the order of the table.
+        Rows in the order of the table.
     """
     page = CoveragePage(csv_file, markdown)
     table = ResumedTable(

@@ -163,8 +163,9 @@ class CoveragePage:
 
 
 def _in_order(kept: Sequence[Any], rows: Sequence[Any], names: Sequence[str]) -> list[Any]:
-    """Kept rows in the order of the cases, those of the cases of ``rows`` replaced; cases that are no more are left
-    out."""
+    """Merge ``rows`` into the kept rows, in the order of the cases ``names``.
+
+    New rows replace kept rows of the same case. Kept rows of cases that no longer exist are dropped."""
     renewed = {row.case for row in rows}
     all_rows = [row for row in kept if row.case not in renewed and row.case in names] + list(rows)
     return sorted(all_rows, key=lambda row: names.index(row.case))

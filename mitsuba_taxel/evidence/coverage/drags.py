@@ -228,7 +228,7 @@ def drags(
     Returns
     -------
     Iterator[DragRow]
-        In the order of the table.
+        Rows in the order of the table.
     """
     table = ResumedTable("drags", drag_cases(), DragRow, lambda case: measure_isolated(case), write_page)
     return table.rows(only, csv_file, markdown, starting)

@@ -244,7 +244,7 @@ def _diffuse(random: np.random.Generator) -> dict[str, Any]:
 
 
 def _with_walls(case: LightCase, pad: dict[str, Any], roof: dict, side: dict, words: str) -> LightCase:
-    """The case with another pad and other walls, named by these words, the walls and its optics."""
+    """The case with another pad and other walls; its new name consists of ``words``, the walls and the optics."""
     walls = ", ".join(f"{name} {wall['scattering']} {wall['reflectance']:g}" for name, wall in
                       (("roof", roof), ("sides", side)))  # fmt: skip
     source = {**case.source, "pad": {**pad, "bsdf": {"type": "region", "roof": roof, "side": side}}}
@@ -267,7 +267,7 @@ def estimators(
     Returns
     -------
     Iterator[EstimatorRow]
-        In the order of the table.
+        Rows in the order of the table.
     """
     cases = estimator_cases()
     table = ResumedTable("estimators", cases, EstimatorRow, lambda case: measure_isolated(case), write_page)

@@ -28,7 +28,8 @@ HEADINGS = ("scene", *(f"{figure}, {NAMES[t]}" for figure in SHOWN for t in TARG
 COUNTS = ("figure", "target", "figures", "not judged", "within once", "within twice", "stated / true, median", "worst")
 
 DIFFERENCE = math.sqrt(2 * (1 - math.exp(-1 / 2)))
-"""Standard deviation of the difference of two values, the largest load apart, of a course of standard deviation 1."""
+"""Standard deviation of the change of a course from zero load to the largest load, if the course has standard deviation
+1."""
 
 _PAGE = """\
 # Figures of scenes drawn at random
@@ -114,7 +115,7 @@ def figures(
     Returns
     -------
     Iterator[FigureRow]
-        In the order of the table.
+        Rows in the order of the table.
     """
     table = ResumedTable(
         "figures", figure_cases(), FigureRow, lambda case: measure_isolated(case, MOST_SECONDS), write_page
@@ -221,7 +222,7 @@ def cells(row: Any) -> list[str]:
 
 
 def before_the_rule(rows: Sequence[Any]) -> str:
-    """A sentence with the numbers of the rows whose truth is on larger elements than their scene has now."""
+    """A sentence that lists the rows whose truth was computed on larger elements than the present rule requires."""
     largest = {case.name: case.largest_fine for case in figure_cases()}
     numbers = [row.case[:2] for row in rows if row.case in largest and row.fine > largest[row.case] + 1e-9]
     return f" Rows from before it, on larger elements: {', '.join(numbers)}." if numbers else ""

@@ -77,7 +77,7 @@ def light(
     Returns
     -------
     Iterator[LightRow]
-        In the order of the table.
+        Rows in the order of the table.
     """
     table = ResumedTable("light", light_cases(), LightRow, _measured, write_page)
     return table.rows(only, csv_file, markdown, starting)

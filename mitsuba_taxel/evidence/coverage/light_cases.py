@@ -155,7 +155,7 @@ def light_cases(seed: int = 52) -> list[LightCase]:
     Returns
     -------
     list of LightCase
-        In the order of the table.
+        Rows in the order of the table.
     """
     random = np.random.default_rng(seed)
     cases = []

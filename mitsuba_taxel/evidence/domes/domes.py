@@ -59,7 +59,7 @@ PADS: tuple[tuple[float, dict[str, float]], ...] = (
 )
 """Pads of one hemispheric mirror: force in N, and parameters that are not the default, in mm and MPa."""
 LARGER, SMALLEST = 1.25, 0.3
-"""Mesh sizes in mm of these pads: one that is compared beside the default size, and that of the truth."""
+"""Mesh sizes in mm of these pads: an additional size that is tested beside the default, and that of the truth."""
 POINTS, RAYS = 1 << 13, 1 << 19
 """Points per replicate for all taxels of a mirror together; rays of each of the 16 runs of a reference."""
 MORE_POINTS = {("spherical", "rough mirror"): 16}

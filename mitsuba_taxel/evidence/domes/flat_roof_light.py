@@ -47,7 +47,7 @@ class FlatRoof:
         Returns
         -------
         float
-            In W.
+            Power in W.
         """
         # Points of the roof, and their areas.
         r, weight = gauss(0.0, self.radius, count)
@@ -80,7 +80,7 @@ class FlatRoof:
         Returns
         -------
         power, standard_error : float
-            In W.
+            Power and its standard error in W.
         """
         if not rms_slope:
             return self._of_image(), 0.0

@@ -43,7 +43,7 @@ class RoughRow:
     case : str
         Name of the case in `CASES`.
     points : int
-        Per replicate.
+        Number of light paths per replicate.
     reading : float
         Relative error of the worst reading by the light.
     slope, light, shape : float

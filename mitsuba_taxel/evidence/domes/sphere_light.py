@@ -16,7 +16,7 @@ from scipy.special import erf
 from scipy.stats import qmc
 
 RADIUS = 1.275
-"""Of the cell's mouth."""
+"""Radius of the cell's mouth."""
 BOARD = 0.5
 """Height of the plane of LED and phototransistor above the board."""
 LED, WIDTH, DEPTH = 0.25, 0.52, 0.3
@@ -83,7 +83,7 @@ class Dome:
         Returns
         -------
         float
-            In W.
+            Power in W.
         """
         # Points of the roof, and their areas.
         polar, weight = gauss(0.0, self.widest, count)
@@ -160,7 +160,7 @@ class Dome:
         Returns
         -------
         power, standard_error : float
-            In W.
+            Power and its standard error in W.
         """
         runs = [self._rays(rms_slope, qmc.Sobol(24, rng=seed * 16 + run).random(points)) for run in range(16)]
         return float(np.mean(runs)), float(np.std(runs, ddof=1) / 4)
@@ -204,7 +204,7 @@ def direct_response(points, normals, law, spacing):
     Parameters
     ----------
     points, normals : (N, 3) ndarray
-        In mm above the LED; unit vectors into the cell.
+        Points in mm, with z above the LED; unit normals that point into the cell.
     law : str
         ``lambertian`` or ``isotropic``.
     spacing : float

@@ -37,7 +37,7 @@ NORMAL = (0.0, 0.0, -20.0)
 FINER = 1.5
 """Mesh size of a case, relative to that of the finer mesh."""
 JUST_BEFORE = 0.999
-"""Load of the last state of a path that ends, relative to its end."""
+"""Load of the state that is reported for a path that ends early, relative to the load at its end."""
 MOST_IMBALANCE = 1e-2
 """Allowed imbalance of an interpolated state with accurate displacements."""
 MOST_UNDERSTATED = 2.0
@@ -115,7 +115,7 @@ def with_flaw(row: MechanicsRow, refused: bool) -> MechanicsRow:
 
 
 def failure_of(row: MechanicsRow, refused: bool = False) -> str:
-    """Reason why a finished row is a failure.
+    """Reason why a finished row counts as a failure.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def _state_figures(state: State | None) -> dict[str, float | str]:
 
 
 def node_jacobian(mesh: VolumeMesh, displacement: np.ndarray, linear: np.ndarray | None = None) -> float:
-    """Smallest volume ratio J of any element, at its judged nodes and its corners.
+    """Smallest volume ratio J of all elements, at their corners and at the other nodes of `judged_nodes`.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def mean_roof(mesh: VolumeMesh, displacement: np.ndarray) -> np.ndarray:
     Returns
     -------
     (3,) ndarray
-        In mm.
+        Mean displacement in mm.
     """
     faces = mesh.faces[mesh.face_region == REGIONS["roof"]]
     tangents = [np.einsum("qa,fai->fqi", slopes, mesh.points[faces]) for slopes in shape_slopes(_MIDPOINTS)]

@@ -1,4 +1,5 @@
-"""Extreme circuits: no load and open emitters, no light and all of it, converters of 1 and of 24 bits.
+"""Extreme circuits: extreme load resistances and open emitters, no light and too much light, converters of 1 and of 24
+bits.
 
 Each voltage is compared with the root of Kirchhoff's current law at the emitter, found in decimal arithmetic.
 """
@@ -47,7 +48,7 @@ class CircuitCase(TimedCase):
             circuit = Circuit(**{"supply": 3.3, "load_resistance": 1e4, "transfer": 8e-3, **self.settings})
             response, noise = respond(circuit, self.power), float(total_noise(circuit, self.power))
         except InputError as error:
-            return CircuitRow(self.name, f"refused: {error}", wrong="it should be read")
+            return CircuitRow(self.name, f"refused: {error}", wrong="it should not be refused")
         exact = emitter_voltage(circuit, self.power)
         reference = min(circuit.buffer_gain * float(exact), circuit.supply, circuit.full_scale)
         voltage, counts = float(response.voltage), int(response.counts)
@@ -118,7 +119,7 @@ def _flaw(circuit: Circuit, voltage: float, reference: float, counts: int, noise
     largest = 2**circuit.adc_bits - 1
     if not min(max(math.floor(lowest), 0), largest) <= counts <= min(math.floor(highest), largest):
         return "other counts"
-    return "" if math.isfinite(noise) and noise >= circuit.step / math.sqrt(12) else "not a noise"
+    return "" if math.isfinite(noise) and noise >= circuit.step / math.sqrt(12) else "the noise is not a number"
 
 
 def _loads() -> Iterator[CircuitCase]:

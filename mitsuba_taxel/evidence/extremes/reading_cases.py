@@ -51,7 +51,7 @@ MIRROR = """<scene version="3.9.0">
 POINTS_OF_A_BILLION = 1 << 20
 
 read = partial(measure, mechanics_error=False)
-"""Readings without the error of the mechanics, which no row shows and which needs a second mesh."""
+"""Readings without the error of the mechanics: no row shows this error, and it needs a second mesh."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class ReadingCase(TimedCase):
         try:
             compared = self.look()
         except (InputError, ComputationError) as error:
-            return ReadingRow(self.name, f"refused: {error}", wrong="" if self.refused else "it should be read")
+            return ReadingRow(self.name, f"refused: {error}", wrong="" if self.refused else "it should not be refused")
         spread = np.hypot(compared.error, compared.reference_error)
         change = compared.power - compared.reference
         deviations = 0.0 if change == 0 else float(np.divide(change, spread))
@@ -107,7 +107,7 @@ class ReadingCase(TimedCase):
         return ReadingRow(
             case=self.name,
             verdict=f"{RIGHT}{compared.remark and '; '}{compared.remark}",
-            wrong="it should be refused" if self.refused else "" if right else "not what it should be",
+            wrong="it should be refused" if self.refused else "" if right else "it deviates from its reference",
             power=compared.power,
             error=compared.error / compared.power if compared.power > 0 else 0.0,
             reference=compared.reference,
@@ -251,7 +251,7 @@ def _compared(
 
 
 def _all_but_closed() -> ComparedReading:
-    """Compare readings in two narrow gaps: light is proportional to the square of the height."""
+    """Compare readings in two narrow gaps: the power is proportional to the square of the gap's height."""
     wide, narrow = (read(_plate(z=z, scattering="lambertian")(), points=1 << 14) for z in (1e-4, 1e-5))
     scaled = replace(wide, replicates=wide.replicates * 1e-2)
     return _compared(narrow, scaled, "law of scale", rounding=1e-2)

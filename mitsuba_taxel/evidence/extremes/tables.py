@@ -95,7 +95,7 @@ def write_csv(rows: Sequence[AnyRow], file: Path) -> None:
     Parameters
     ----------
     rows : sequence of rows
-        Columns that a row does not have are empty; missing numbers are ``nan``.
+        Rows to write. Columns that a row lacks stay empty; missing numbers are ``nan``.
     file : Path
         CSV file, which is replaced.
     """

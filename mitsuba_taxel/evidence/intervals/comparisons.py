@@ -36,7 +36,7 @@ def comparison_cases() -> dict[str, Callable[[int], dict[str, float]]]:
 
 
 def probability_cases() -> dict[str, Callable[[int], dict[str, Truth]]]:
-    """Cases by name. A case returns, for a seed, stated probabilities (variants,) and whether they came true.
+    """Cases by name. A case returns, for a seed, stated probabilities (variants,) and whether each event occurred.
 
     The events are that a variant is the first, and that it is within a limit.
     """
@@ -55,8 +55,9 @@ def _sizes(errors: str) -> dict[str, float]:
 
 
 def _behind(by: str, errors: str, seed: int) -> dict[str, float]:
-    """Error of the difference of two variants. With more variants, the rank would select those that their errors
-    favour."""
+    """Error of the difference of two variants, over the stated error.
+
+    There are only two variants: among more, ranking would favour variants whose errors happen to be large."""
     study, true_study = (study.isel(case=[0, 1]) for study in _made_up(errors, seed))
     table = compare({"made up": study}, by).table.sort_values("case")
     residual = np.diff(table[by].to_numpy()) - np.diff(_figures(true_study)[by])
@@ -81,9 +82,9 @@ def _probabilities(by: str, errors: str, seed: int) -> dict[str, Truth]:
 def _made_up(errors: str, seed: int) -> tuple[xr.Dataset, xr.Dataset]:
     """Studies of variants: readings with errors and stated errors, and true readings.
 
-    The error of the elements is the stated error times a normal number of the whole path plus a random course of a
-    tenth of its size; an eighth of the variance differs between variants. The noise of each replicate is a smooth
-    random course.
+    The error of the elements is the stated error times the sum of a normal random number, which is common to the path,
+    and a random course of a tenth of its size; an eighth of the variance differs between variants. The noise of each
+    replicate is a smooth random course.
     """
     random, x = np.random.default_rng(seed), LOADS / LOADS[-1]
     case = (VARIANT_COUNT, 1)

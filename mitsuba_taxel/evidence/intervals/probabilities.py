@@ -1,4 +1,4 @@
-"""Table of stated probabilities and the frequency with which they come true, on synthetic data."""
+"""Table of stated probabilities of events and their observed frequencies, on synthetic data."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def with_all_kinds(rows: Sequence[ProbabilityRow]) -> list[ProbabilityRow]:
 def pooled(rows: Sequence[ProbabilityRow]) -> list[ProbabilityRow]:
     """Rows of all cases together, by figure and range.
 
-    One case has some 15 probabilities in a range, so that the fraction that comes true has a standard error of 12
+    One case has some 15 probabilities in a range, so that the observed frequency has a standard error of 12 percentage
     points.
     """
     groups: dict[tuple[str, str], list[ProbabilityRow]] = {}

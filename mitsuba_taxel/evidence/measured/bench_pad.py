@@ -1,8 +1,8 @@
 """The measured pad of 5 x 5 cells as a scene, and its paths under the end of a rod.
 
-The silicone is glued to a rigid grid whose collars reach into the cells, flush with their walls, and hold the lowest
-part of these between them: the model of the pad begins at the top of the collars. The grid's plate lies on the board,
-and the packages stand in its windows, level with the plate. All of the grid is opaque.
+The silicone is glued to a rigid grid. Collars of the grid reach into the cells, flush with the cell walls, and hold the
+lowest part of these walls. So the model of the pad begins at the top of the collars. The grid's plate lies on the
+board, and the packages stand in its windows, level with the plate. All of the grid is opaque.
 """
 
 from __future__ import annotations

@@ -56,8 +56,8 @@ PRESSES = {
         (0.158, 0.462, 0.691, 0.898, 1.104, 1.336, 1.559, 1.774, 1.955),
     ),
 }
-"""Records of pressed taxels by number. Numbers are as ours: 13 is the middle, 17 is below it to the left, 5 is the
-upper right corner."""
+"""Records of pressed taxels by number. Taxels are numbered as in this program: 13 is the middle, 17 is below it to the
+left, 5 is the upper right corner."""
 HELD_AT = 1.70
 HELD_MAP = (
     (2, 2, 14, 7, 0),

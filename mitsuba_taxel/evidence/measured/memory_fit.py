@@ -30,13 +30,15 @@ SLOW = np.geomspace(1.0, 1e4, 81)
 
 
 class HysteresisLoop(NamedTuple):
-    """Widths of a cycle, in percent of the largest force or change, and energy lost, in percent of that of loading.
+    """Widths of the hysteresis loops of a cycle, in percent of the largest force or change, and the energy lost, in
+    percent of the energy of loading.
 
     Attributes
     ----------
     force : float
         Loop of the force at equal travel.
     energy : float
+        Energy lost in a cycle.
     change_at_force, change_at_travel : float
         Widths of the loop of the reading at equal force, and at equal travel.
     """
@@ -48,7 +50,9 @@ class HysteresisLoop(NamedTuple):
 
 
 class MemoryErrors(NamedTuple):
-    """Numerical errors of a `PronyFit`: by elements, from a finer mesh; by time steps; and by the light.
+    """Numerical errors of a `PronyFit`, due to elements (from a finer mesh), time steps and light.
+
+    Attributes are errors of those of `PronyFit` with the same name.
 
     Attributes
     ----------
@@ -98,8 +102,9 @@ class PronyFit(NamedTuple):
 
 
 def results(store: PaperStudies, press: IndenterPress, late: float) -> PronyFit:
-    """Fit of the Prony series to the voltage after release, and predictions. Missing paths are computed; records begin
-    at a travel of ``late`` mm."""
+    """Fit the Prony series to the voltage after release, and predict the hold and the loops.
+
+    Missing paths are computed. Records begin at a travel of ``late`` mm."""
 
     def computed(terms: Prony) -> np.ndarray:
         return tail_of(hold_and_release(store, press, terms, late))
@@ -122,7 +127,7 @@ def results(store: PaperStudies, press: IndenterPress, late: float) -> PronyFit:
 
 
 def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer: xr.Dataset) -> MemoryErrors:
-    """Errors of a hold with its release, and of a cycle, from their differences to finer elements."""
+    """Numerical errors of a hold with its release, and of a cycle, from the differences from finer elements."""
     pressed = {"taxel": measured.PRESSED}
     light = (study.change_error / study.change[len(HOLD_TIMES)]).sel(pressed).values
     step_error = study.step_error.values
@@ -152,9 +157,9 @@ def held_change_of(study: xr.Dataset) -> float:
 def slow_term() -> tuple[float, float]:
     """An additional relaxation term that explains the measured loop of the force.
 
-    The solid is linear, and its load is a triangle in time. The relaxation time is that of `SLOW` with the least change
-    at the end of the record of the release. Returned are this time in s, and the fraction of the change that
-    remains."""
+    The solid is linear, and its load is a triangle in time. Of the relaxation times `SLOW`, the one that leaves the
+    least change at the end of the record of the release is chosen. The function returns this time in s, and the
+    fraction of the change that remains."""
     end, hold = measured.TAIL_TIMES[-1], measured.HOLD_WINDOWS[-1][-1]
     remaining = []
     for time in SLOW:
@@ -175,8 +180,10 @@ def linear_loop(terms: Prony) -> float:
 
 
 def _loop_per_share(time: float) -> tuple[float, float]:
-    """Width of the loop of a linear solid with one term of this time, per weight, relative to the largest force without
-    the term; and the fraction that has relaxed at the turn."""
+    """Loop of a linear solid with one Prony term of relaxation time ``time``, in s.
+
+    Returns the width of the loop per weight of the term, relative to the largest force without the term, and the
+    fraction of the term that has relaxed when the load turns."""
     half = measured.CYCLE_SECONDS / 2
     t = np.linspace(0.0, half, 401)
     loading = -time / half * np.expm1(-t / time)
@@ -186,15 +193,16 @@ def _loop_per_share(time: float) -> tuple[float, float]:
 
 
 def measured_tail() -> np.ndarray:
-    """Change left (8,) after release, relative to that during the hold."""
+    """Measured changes (8,) that remain after release, relative to the change during the hold."""
     return np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.PRESSES[measured.PRESSED].at_rest)
 
 
 def fit(computed: Callable[[Prony], np.ndarray]) -> tuple[Prony, int]:
-    """The series whose tail ``computed(terms)`` is nearest to the measured one, and the number of series tried.
+    """The series whose tail ``computed(terms)`` is nearest to the measured tail, and the number of series tried.
 
-    Least squares of the relative errors of :func:`linear_tail`, times the ratio of the computed tail to it at the
-    shares before, until the shares settle (space mapping; J. W. Bandler et al., 1994).
+    Space mapping (J. W. Bandler et al., 1994): each iteration minimises the squared relative errors of
+    :func:`linear_tail`, scaled by the ratio of the computed tail to :func:`linear_tail` at the last shares, until the
+    shares converge.
     """
     target, shares = measured_tail(), np.array([0.1, 0.01, 0.01])
     ratio = np.ones(len(target))
@@ -212,23 +220,26 @@ def fit(computed: Callable[[Prony], np.ndarray]) -> tuple[Prony, int]:
 
 
 def linear_tail(shares: np.ndarray) -> np.ndarray:
-    """Small strain (8,) after a long hold and a release of the stress, relative to that held, at the record's times.
+    """Small strain (8,) after a long hold and a release of the stress, relative to the held strain, at the record's
+    times.
 
-    With p the strain of each dashpot's spring less that of the solid, times its share g, the strain is the negative sum
-    of all p, and dp/dt = -(p + g strain) / tau; after the hold p = -g.
+    For each term with share g, p is g times the difference between the strain of the term's spring and the strain of
+    the solid. The strain of the solid is the negative sum of all p, and dp/dt = -(p + g strain) / tau; p = -g after the
+    hold.
     """
     rates = -(np.eye(len(shares)) - shares[:, None]) / np.array(TIMES)[:, None]
     return np.array([(expm(rates * time) @ shares).sum() for time in measured.TAIL_TIMES])
 
 
 def tail_of(study: xr.Dataset) -> np.ndarray:
-    """Changes (8,) after release, relative to that at the end of the hold."""
+    """Computed changes (8,) after release, relative to the change at the end of the hold."""
     change = study.change.sel(taxel=measured.PRESSED).values
     return change[-len(measured.TAIL_TIMES) :] / change[len(HOLD_TIMES)]
 
 
 def hold_of(study: xr.Dataset) -> np.ndarray:
-    """Mean forces (4,) in the windows of the hold, relative to the last; linear in the logarithm of time between."""
+    """Mean forces (4,) in the windows of the hold, relative to the last window; interpolated linearly in the logarithm
+    of time."""
     force = study.force.values[1 : 1 + len(HOLD_TIMES)]
     means = []
     for window in measured.HOLD_WINDOWS:
@@ -258,8 +269,9 @@ def loop_of(study: xr.Dataset) -> HysteresisLoop:
 def _at_equal_force(
     force: np.ndarray, change: np.ndarray, force_back: np.ndarray, change_back: np.ndarray
 ) -> np.ndarray:
-    """Change during unloading minus change during loading, at the forces of loading.
+    """Change during loading minus change during unloading, at the forces of unloading.
 
-    The curves have no common end at rest, as the indenter leaves the pad before it has recovered: that end is left out.
+    The end at rest is left out: there the curves do not meet, as the indenter leaves the pad before the pad has
+    recovered.
     """
     return CubicSpline(force, change)(force_back[1:]) - change_back[1:]

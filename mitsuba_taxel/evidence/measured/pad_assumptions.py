@@ -1,5 +1,5 @@
-"""Other assumptions of the model of the measured pad, one at a time, and their effects. Height and end of the indenter
-are those of the fit; the modulus and the start of the record are fitted again."""
+"""Effects of other assumptions of the model of the measured pad, changed one at a time. The height of the pad and the
+radius of the indenter are those of the fit; the modulus and the start of the record are fitted again."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OTHERS = {
     "walls of the cells that reflect 20 %": PadAssumptions("grey_walls", walls=0.2),
     "collars that hold nothing: walls are free down to the dies": PadAssumptions("free_walls", collar=0.0),
 }
-"""Assumptions, by their words on the page."""
+"""Assumptions by their description on the page."""
 
 
 class AssumptionResult(NamedTuple):
@@ -72,8 +72,8 @@ def rings(values: np.ndarray) -> np.ndarray:
 
 
 def expected_at(results: PadComparison) -> tuple[float, float, float]:
-    """Change of the taxel :data:`PREDICTED` in the map: measured, computed, and computed with the sensitivity that it
-    has when it is pressed itself."""
+    """Change of the taxel :data:`PREDICTED` in the map: measured, computed, and computed with the sensitivity of that
+    taxel when it is pressed itself."""
     position = np.unravel_index(PREDICTED - 1, results.moved.shape)
     computed = float(results.moved[position])
     return float(np.array(measured.HELD_MAP)[position]), computed, own_sensitivity(results.taxels[PREDICTED]) * computed

@@ -69,6 +69,7 @@ class PadComparison(NamedTuple):
     Attributes
     ----------
     found : FittedPad
+        The fitted height, modulus and indenter.
     taxels : dict[int, TaxelComparison]
         Comparisons by the pressed taxel.
     offset : (2,) ndarray
@@ -82,7 +83,8 @@ class PadComparison(NamedTuple):
     finer : xr.Dataset
         Force and changes during the hold on smaller elements.
     widest : NeighbourChange
-        The pad, among those tried, whose map is nearest to the measured map at the four nearest taxels.
+        The pad, among those tried, whose map agrees best with the measured map at the four taxels nearest to the
+        middle.
     """
 
     found: FittedPad
@@ -172,9 +174,9 @@ def held_map(study: xr.Dataset) -> np.ndarray:
 def offset_from(centred: np.ndarray, measured_map: np.ndarray) -> np.ndarray:
     """x and y in mm of the indenter relative to the middle, from the asymmetry of the nearest taxels.
 
-    The asymmetry of the centred map, whose dies are off the axes of the cells, is subtracted. Changes are assumed to
-    depend on the distance r from the indenter only; the slope of their logarithm at one pitch is that of an even
-    quartic in r through the computed changes at 0, 1 and 2 pitches."""
+    The asymmetry of the map under a centred indenter, due to dies beside the axes of the cells, is subtracted. Changes
+    are assumed to depend on the distance r from the indenter only; the slope of their logarithm at one pitch is that of
+    an even quartic in r through the computed changes at 0, 1 and 2 pitches."""
     first_ring, second_ring = ring(centred, 1), ring(centred, 2)
     a, b = np.linalg.solve([[1.0, 1.0], [4.0, 16.0]], np.log([first_ring / 100.0, second_ring / 100.0]))
     slope = first_ring * (2 * a + 4 * b) / measured.PITCH

@@ -35,9 +35,9 @@ class PressedTaxel(NamedTuple):
     Attributes
     ----------
     travel : (S,) ndarray
-        In mm.
+        Travel of the indenter in mm.
     force : (S,) ndarray
-        In N; for a modulus of 1 MPa if computed.
+        Force in N; computed forces are those of a modulus of 1 MPa.
     change : (S,) ndarray
         Change of the reading, relative to rest.
     """
@@ -64,7 +64,7 @@ class FittedPad(NamedTuple):
     unknowns : (2,) ndarray
         Height of the pad and radius of the indenter's end, in mm.
     modulus : float
-        In MPa.
+        Young's modulus in MPa.
     late : float
         Travel in mm at which the record begins.
     deviations : (3,) ndarray

@@ -13,7 +13,7 @@ from mitsuba_taxel.evidence.paper.scenes import YOUNGS_MODULUS
 from mitsuba_taxel.studies import sweep
 
 FORCES = (0.0, 1.0, 2.0, 3.0)
-"""In N, along x or y; the largest force of the experiments is not published."""
+"""Forces in N along x or y; the largest force of the experiments is not published."""
 
 
 def pushed(store: PaperStudies, cell: str, along: str) -> xr.Dataset:

@@ -71,9 +71,9 @@ def max_slopes(force: np.ndarray, power: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     force : (F,) ndarray
-        N.
+        Forces in N.
     power : (F, repetitions) ndarray
-        In W, or (F, repetitions, taxels): then the largest of all taxels.
+        Power in W. With shape (F, repetitions, taxels), the result is the largest slope of all taxels.
     """
     steps = np.abs(np.diff(power.reshape(*power.shape[:2], -1), axis=0))
     return (steps / np.abs(np.diff(force))[:, None, None]).max(axis=(0, 2))
@@ -114,9 +114,9 @@ def counting_test(samples: np.ndarray, rays: int) -> CountingTest:
     Parameters
     ----------
     samples : (readings, repetitions) ndarray
-        W of 1 W, independent of each other.
+        Independent readings in W of an LED of 1 W.
     rays : int
-        N.
+        Number of rays of each reading.
     """
     p = samples.mean(axis=1)
     ratios = samples.var(axis=1, ddof=1) / (p * (1 - p) / rays)

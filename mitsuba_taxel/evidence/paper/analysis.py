@@ -41,7 +41,8 @@ def expected_of_counting(nominal: Mapping[str, Paths]) -> dict[str, dict[str, Em
 
 
 def readings(nominal: Mapping[str, Paths]) -> dict[str, dict[str, float]]:
-    """Mean reading of the taxels in W before the slopes are taken: at rest, and at -8 N, by kind of force and shape."""
+    """Mean reading of the taxels in W where the slopes begin, by kind of force and shape: at rest for normal forces, at
+    -8 N for tangential forces."""
     return {
         "normal": {cell: float(paths["fz"].power.sel(fz=0).mean()) for cell, paths in nominal.items()},
         "tangential": {cell: float(paths["fx"].power.sel(fx=0).mean()) for cell, paths in nominal.items()},
@@ -56,9 +57,9 @@ def explanations(
 ) -> dict[str, CommonFactorFit]:
     """Three explanations of a column of Table 1, by shape, each with one free common factor.
 
-    The explanations are: the published numbers are true slopes, with the errors of the computed slopes; they are
-    proportional to the square root of the reading; or they are proportional to the maximum slope with counting noise,
-    with the scatter of one repetition.
+    Each explanation assumes that the published numbers are proportional to something: to the true slopes, with the
+    errors of the computed slopes; to the square root of the reading; or to the maximum slope with counting noise, with
+    the scatter of one repetition.
     """
     cells = list(published)
     numbers = np.array([published[cell] for cell in cells])
@@ -80,14 +81,14 @@ def against_slopes(published: np.ndarray, slopes: list[Sensitivity]) -> CommonFa
 
 
 def least(slope: Sensitivity) -> float:
-    """A positive maximum slope for ratios: at least its error."""
+    """Maximum slope, or its error if that is larger, so that ratios stay finite."""
     return max(slope.max_slope, slope.max_slope_error)
 
 
 def against_table_one(table: Mapping[str, Mapping[str, Sensitivity]]) -> CommonFactorFit:
     """Fit all eight numbers of Table 1 by one common factor times ours.
 
-    All have equal weight, as they differ from ours by much more than our errors."""
+    All have equal weight, because their deviations from ours are much larger than our errors."""
     pairs = [(PUBLISHED[kind][cell], least(slope)) for kind in PUBLISHED for cell, slope in table[kind].items()]
     published, slopes = np.array(pairs).T
     return common_scale(published, slopes, np.ones(len(slopes)))
@@ -125,7 +126,8 @@ def skewness(study: xr.Dataset) -> dict[str, ReadingDifference]:
 def nonlinearity_of(study: xr.Dataset) -> tuple[float, float]:
     """Nonlinearity in percent (paper, equation 7) of the taxel with the largest change up to 10 N, and its error.
 
-    The error is its change with slopes changed by their errors, with opposite signs at no force and at the end.
+    The error is the change of the nonlinearity if the slopes at both ends of the curve change by their errors, with
+    opposite signs.
     """
     curve = curves(study, "fz")
     force = np.linspace(0, -paper.MEASURED_FORCE, PLACES)

@@ -50,7 +50,9 @@ class CommonFactorFit(NamedTuple):
     Attributes
     ----------
     scale : float
-        The factor; ``scale_error`` its standard error.
+        The factor.
+    scale_error : float
+        Standard error of the factor.
     chi_square, freedom, p : float and int
         Sum of squared deviations over their variances, degrees of freedom, and p-value.
     misfit : float
@@ -68,7 +70,7 @@ class CommonFactorFit(NamedTuple):
 def common_scale(numbers: np.ndarray, expected: np.ndarray, spread: np.ndarray) -> CommonFactorFit:
     """Fit ``numbers`` = scale x ``expected``, whose relative standard deviations are ``spread``.
 
-    In logarithms, to first order in the spread; numbers and expected values must be above 0.
+    The fit uses logarithms, to first order in the spread; numbers and expected values must be above 0.
     """
     difference = np.log(numbers / expected)
     weights = 1 / np.asarray(spread) ** 2

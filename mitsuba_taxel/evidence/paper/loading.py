@@ -74,9 +74,9 @@ def settings_of(study: xr.Dataset) -> dict[str, Any]:
 def beyond(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
     """The tangential paths beyond the paper's limits, in steps of 1 N, to the end of the load path.
 
-    With the mesh and the number of light paths of :func:`normal`, which is computed if missing: those of the readings
-    below the limits may be finer. The attribute ``failures`` of each gives the reason for the end; its first line is
-    the first failure.
+    Mesh and number of light paths are those of :func:`normal`, which is computed if missing; the readings below the
+    limits may use a finer mesh and more paths. The attribute ``failures`` of each study gives the reason why its path
+    ends; its first line is the first failure.
     """
     settings = settings_of(normal(store, cell))
     forces = np.arange(paper.TANGENTIAL_LIMIT[cell], FURTHEST + 1)

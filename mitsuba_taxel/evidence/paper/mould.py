@@ -22,7 +22,7 @@ from mitsuba_taxel.studies import sweep
 from mitsuba_taxel.studies.plan.files import make_folder
 
 PADS = {"one cell": (1, 1), "6 x 2 cells": (6, 2)}
-"""Rows and columns of the pads; forces are per cell those of the experiments, on 6 x 2."""
+"""Rows and columns of the pads. Forces per cell are those of the experiments, whose pads have 6 x 2 cells."""
 CELL, PAD = PADS
 LAYERS = (0.0, 0.05, 0.1, 0.2)
 """Heights of a printed layer in mm; 0 is a smooth mould."""
@@ -175,7 +175,8 @@ class MouldWalls:
 def design() -> Iterator[MouldWalls]:
     """Smooth white roofs and black sides, one factor at a time around them, and some combinations of extremes.
 
-    Changes of the assembly are factors too. All are computed for one cell; then the most telling for whole pads.
+    Changes of the assembly are factors too. All rows are computed for one cell, and those with the largest effects for
+    whole pads.
     """
     smooth = MouldWalls("", pad=CELL)
     every, round_cells = tuple(paper.MEASURED_NORMAL), ("spherical", "hemispheric")
@@ -208,7 +209,8 @@ def design() -> Iterator[MouldWalls]:
 
 
 def rest() -> Iterator[MouldWalls]:
-    """The combinations of shape, mould, roof and sides that the design leaves out for whole pads, black sides first."""
+    """The combinations of shape, mould, roof and sides for whole pads that :func:`design` leaves out, black sides
+    first."""
     moulds = [(layer, direction) for layer in LAYERS for direction in (DIRECTIONS if layer else ("",))]
     done = set(design())
     for side, roof, (layer, direction), cell in product(SIDES, ROOFS, moulds, paper.MEASURED_NORMAL):

@@ -124,7 +124,7 @@ def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None) 
 
 
 def _reach(store: PaperStudies, name: str, values: Mapping[str, float]) -> xr.Dataset:
-    """Normal force in N, at most `RANGE`, up to which the best pad touches nothing, and what ends it there."""
+    """Normal force in N, at most `RANGE`, up to which the best pad touches nothing, and the reason for this limit."""
     defines = {str(parameter): repr(float(value)) for parameter, value in values.items()}
 
     def compute() -> xr.Dataset:
@@ -203,8 +203,9 @@ def _dataset(optimum: Any) -> xr.Dataset:
 def _descents(optimum: Any) -> dict[str, tuple[str, np.ndarray]]:
     """Figures of each descent.
 
-    They are the numbers of its designs without the initial ones, and of failed designs; the seconds of all; the best
-    allowed objective; and the number of designs to come within 1 % of the best of all descents, NaN if it did not."""
+    They are the number of its designs without the initial ones, and of failed designs; the seconds of all designs; the
+    best allowed objective; and the number of designs until the descent came within 1 % of the best of all descents, NaN
+    if it did not."""
     history, goal = optimum.history, optimum.figures.figure[0].split(" ", 1)[1]
     sign = -1 if optimum.figures.figure[0].startswith("maximise") else 1
     loss = sign * history[goal].where(history.allowed == True)  # noqa: E712  (others are missing)

@@ -53,7 +53,7 @@ class PaperStudies:
         Raises
         ------
         InputError
-            if the file is of another request.
+            if the file belongs to a study with other settings.
         MissingStudy
             if there is no file, and the store is read-only.
         """

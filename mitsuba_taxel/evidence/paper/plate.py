@@ -90,9 +90,9 @@ def peak(height: np.ndarray, samples: np.ndarray) -> CurveMaximum:
     Parameters
     ----------
     height : (H,) ndarray
-        In mm, increasing.
+        Heights in mm, increasing.
     samples : (H, replicates) ndarray
-        W.
+        Readings in W.
     """
     fitted = samples.mean(axis=1) > NEAR_PEAK * samples.mean(axis=1).max()
     if fitted[0] or fitted[-1] or fitted.sum() < 5:

@@ -20,7 +20,9 @@ class Sensitivity(NamedTuple):
     Attributes
     ----------
     max_slope : float
-        Largest magnitude over all taxels and forces; ``at`` is that force in N, ``taxel`` the number of the taxel.
+        Largest magnitude of the slope over all taxels and forces.
+        at, taxel : float, int
+            Force in N and number of the taxel with that slope.
     mean_slope : float
         Mean slope from the first force to the last, of the taxel for which it is largest in magnitude, with its sign.
     """
@@ -36,8 +38,8 @@ class Sensitivity(NamedTuple):
 def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
     """The paper's sensitivity, the maximum slope of all curves, and the mean slope.
 
-    From the cubic curves through readings without random numbers and their derivatives; without derivatives, between
-    the forces of the study.
+    Slopes are those of the cubic curves through readings without random numbers and their derivatives. If there are no
+    derivatives, slopes are differences between successive forces.
     """
     slopes = characterise.sensitivity(study, force)
     steepest = slopes.isel(taxel=int(np.abs(slopes.max_slope.values).argmax()))
@@ -102,10 +104,10 @@ def _branch(study: xr.Dataset, force: str) -> Branch:
 
 
 def change(study: xr.Dataset, force: str, shown: float, weights: np.ndarray) -> tuple[float, float]:
-    """Change in W of a sum of the taxels' readings, with ``weights`` (taxels,), from no force to a force, and its
-    error.
+    """Change in W of a weighted sum of the taxels' readings, with ``weights`` (taxels,), from zero force to the force
+    ``shown``, and its error.
 
-    The error is that of the slopes in between, with those of all taxels taken as fully correlated.
+    The error follows from those of the slopes in between, which are taken as fully correlated between taxels.
     """
     curve = curves(study, force)
     zero, final = curve.power(np.array([0.0, shown])) @ weights

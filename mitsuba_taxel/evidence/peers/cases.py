@@ -17,7 +17,8 @@ LED_SIDE = 0.25
 DETECTOR = (0.52, 0.3)
 
 Estimator = Callable[[int, int], np.ndarray]
-"""(samples per taxel, seed) -> (T,) power on each taxel's phototransistor, in W; all LEDs emit 1 W."""
+"""Function of (samples per taxel, seed) that returns the power (T,) on each taxel's phototransistor in W; all LEDs emit
+1 W."""
 
 
 class UnsupportedCase(Exception):
@@ -47,7 +48,8 @@ class PeerCase:
         return self.scene == "plate.xml"
 
     def plate(self) -> tuple[float, float]:
-        """Height of the plate and spacing in mm; raises for other cases, as a peer was modelled for the plate alone."""
+        """Height of the plate and spacing in mm; raises `UnsupportedCase` for other scenes, which were not modelled for
+        the peer."""
         self.require_ideal()
         if not self.single_bounce:
             raise UnsupportedCase("the pad's mesh with its region-wise walls was not modelled for it")

@@ -1,6 +1,7 @@
 """The quadratic tetrahedron with displacements only and four quadrature points, as CalculiX's C3D10.
 
-It verifies the results of CalculiX node by node. It locks near incompressibility, and is not a reference.
+It verifies the results of CalculiX node by node. It locks near incompressibility, so it is no reference for true
+displacements.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ LEAST_STEP = 1 / 64
 def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> np.ndarray:
     """Displacement (N, 3) in mm of a pad glued to the board, under a dead load spread over its undeformed top.
 
-    Newton's method with the whole load; if that fails, in halves, quarters and so on.
+    Newton's method applies the whole load in one step; if that fails, in halves, quarters and so on.
 
     Parameters
     ----------

@@ -171,7 +171,8 @@ def _grown(side: int, load: str) -> tuple[int, float]:
 
 
 def parts_table() -> Iterator[tuple[object, ...]]:
-    """CPU seconds of 41 normal steps with their stated error to one force per cell, and fractions of components."""
+    """CPU seconds of 41 normal load steps to one force per cell, with their stated error, and the fractions spent in
+    each component."""
     yield "cells", "steps", "CPU seconds", "factorisation", "stability", "second mesh", "MB"
     for side in (1, 3, 6):
         total, *components, memory = _isolated(_parts, Pad(rows=side, columns=side), NORMAL)

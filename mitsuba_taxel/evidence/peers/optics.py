@@ -24,7 +24,7 @@ PEERS = {
     "embree-numpy": ("embree", {}),
     "raysect": ("raysect_path", {}),
 }
-"""Name -> module in `peers` and the arguments of its ``prepare`` besides the case."""
+"""By name of a peer: its module in `peers`, and the arguments of ``prepare`` besides the case."""
 COLUMNS = ("case", "system", "error/run", "bias", "Z", "s/run", "set-up s", "FoM", "x ours", "")
 
 
@@ -86,7 +86,7 @@ def rows_of(case: PeerCase, peers: Sequence[str], runs: int, seconds: float) -> 
 
 
 def _run(prepare: Callable[[], Estimator], truth: TruthEstimate, runs: int, seconds: float) -> tuple[PeerResult, float]:
-    """Outcome of a system's runs, and the seconds until its first small answer (loading, compilation)."""
+    """Result of a system's runs, and the seconds until its first small result (loading, compilation)."""
     gc.collect()  # a live scene adds its plugins to the kernels of every other
     start = time.perf_counter()
     estimate = prepare()

@@ -62,7 +62,7 @@ def table(mesh_sizes: Sequence[float], depths: Sequence[float]) -> Iterator[tupl
 
 
 def row_of(mesh_size: float, depth: float) -> tuple[object, ...]:
-    """The row of a mesh size and a depth, both in mm."""
+    """The row of the table for a mesh size and a depth, both in mm."""
     (state,) = load_path(PAD, MATERIAL, [(0, 0, -depth)], load=IndenterDisplacement(BALL), mesh_size=mesh_size)
     ours, peer = indentation_of(state)[1].force, press(state.mesh, MATERIAL, BALL, depth)
     difference = np.linalg.norm(peer.force - ours) / np.linalg.norm(ours)

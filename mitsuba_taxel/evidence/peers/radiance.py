@@ -47,7 +47,7 @@ def prepare(case: PeerCase) -> Estimator:
 
 
 def _scene(z: float, spacing: float) -> str:
-    """LED and plate; a polygon's front is where its corners run counter-clockwise."""
+    """LED and plate as Radiance's text; corners of a polygon run counter-clockwise seen from its front."""
     radiance = 1 / (math.pi * LED_SIDE**2)
     x0, x1, half = -0.5 * spacing - 0.5 * LED_SIDE, -0.5 * spacing + 0.5 * LED_SIDE, 0.5 * LED_SIDE
     led = [(x0, -half, 0), (x1, -half, 0), (x1, half, 0), (x0, half, 0)]

@@ -34,7 +34,7 @@ class WorkPoint:
     seconds : float
         Time of one run.
     error : float
-        Relative, against the reference; root mean square over taxels and runs.
+        Relative error against the reference, root mean square over taxels and runs.
     stated : float
         Relative error stated by the method; NaN if it states none.
     floor : float
@@ -64,7 +64,7 @@ class WorkPoint:
 
     @property
     def shown(self) -> float:
-        """The error that can be claimed."""
+        """The error to show: that of the reference if it is larger, as smaller errors are not significant."""
         return max(self.error, self.floor)
 
 

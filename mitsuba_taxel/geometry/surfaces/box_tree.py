@@ -60,9 +60,9 @@ class BoxTree:
     Parameters
     ----------
     centres : (n, 3) ndarray
-        Centres of the boxes; any multiple will do.
+        Centres of the boxes, up to a common factor.
     size : int
-        Number of boxes for which the tree is deep enough, if more than n.
+        Largest number of boxes that the tree must hold, if more than n.
     """
 
     def __init__(self, centres: np.ndarray, size: int = 0) -> None:
@@ -122,7 +122,7 @@ def _halves(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _kept(level: Level, first: np.ndarray, second_level: Level, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The pairs of nodes whose boxes overlap."""
+    """Those of the given pairs of nodes whose boxes overlap."""
     for axis in range(3):
         below = level.low[first, axis] <= second_level.high[second, axis]
         kept = below & (second_level.low[second, axis] <= level.high[first, axis])

@@ -20,8 +20,8 @@ class Half:
 
     Attributes
     ----------
-    vertices : ndarray
-        (V, 3).
+    vertices : (V, 3) ndarray
+        Positions in mm.
     triangles : (T, 3) ndarray
         Vertex numbers, counter-clockwise seen from outside.
     source : (T,) ndarray
@@ -60,8 +60,8 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
 
     Parameters
     ----------
-    vertices : ndarray
-        (V, 3).
+    vertices : (V, 3) ndarray
+        Positions in mm.
     triangles : (T, 3) ndarray
         Counter-clockwise seen from outside if the surface is closed.
     normal : (3,) ndarray
@@ -105,7 +105,7 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
 
 
 def _clear_of(height: np.ndarray, reach: float) -> float:
-    """The shift of a plane, between 0 and ``reach``, with the largest distance from all vertices."""
+    """The shift of a plane, between 0 and ``reach``, for which the plane is farthest from the nearest vertex."""
     candidates = height[(height > -reach) & (height < 2 * reach)]
     shifts = reach * np.linspace(0, 1, 17)
     gaps = [np.abs(candidates - shift).min(initial=np.inf) for shift in shifts]
@@ -113,7 +113,8 @@ def _clear_of(height: np.ndarray, reach: float) -> float:
 
 
 def _plane_axes(normal: np.ndarray) -> np.ndarray:
-    """Two directions (3, 2) in a plane, counter-clockwise seen against ``normal``."""
+    """Two orthogonal unit vectors in a plane, as columns (3, 2); with the opposite of ``normal`` they form a
+    right-handed frame."""
     first = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(first, normal)], axis=1)

@@ -6,7 +6,7 @@ import numpy as np
 
 
 class NotSimple(Exception):
-    """Edges that do not form polygons, or polygons that touch themselves or each other."""
+    """Edges do not form polygons, or polygons touch themselves or each other."""
 
 
 def triangulated(points: np.ndarray, edges: np.ndarray, strict: bool = True) -> np.ndarray:
@@ -17,8 +17,8 @@ def triangulated(points: np.ndarray, edges: np.ndarray, strict: bool = True) -> 
 
     Parameters
     ----------
-    points : ndarray
-        (N, 2).
+    points : (N, 2) ndarray
+        Positions of the vertices.
     edges : (E, 2) ndarray of int
         Start and end of each edge.
     strict : bool
@@ -52,7 +52,7 @@ def triangulated(points: np.ndarray, edges: np.ndarray, strict: bool = True) -> 
 
 
 def _loops(edges: np.ndarray, strict: bool) -> list[np.ndarray]:
-    """The polygons that edges (E, 2) form, as vertices in order; if ``strict``, a vertex belongs to one of them
+    """The polygons that edges (E, 2) form, as vertices in order. If ``strict``, each vertex may belong to one polygon
     only."""
     following: dict[int, list[int]] = {}
     for start, end in edges.tolist():
@@ -99,7 +99,7 @@ def _bridged(points: np.ndarray, outer: np.ndarray, holes: list[np.ndarray], str
 
 
 def _free(points: np.ndarray, loop: np.ndarray, holes: list[np.ndarray], first: int, second: int) -> bool:
-    """Whether the segment between two vertices, by their numbers, meets edges only at its ends."""
+    """Whether the segment between the vertices numbered ``first`` and ``second`` meets edges only at its ends."""
     starts = np.concatenate([loop, *holes])
     ends = np.concatenate([np.roll(loop, -1), *(np.roll(hole, -1) for hole in holes)])
     a, b = points[first], points[second]
@@ -123,7 +123,7 @@ def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 
 def _unless(strict: bool, makeshift: int) -> int:
-    """A fallback where no choice is valid; raises `NotSimple` if ``strict``."""
+    """The ``makeshift`` result, for loops without a valid choice; raises `NotSimple` if ``strict``."""
     if strict:
         raise NotSimple
     return makeshift

@@ -17,13 +17,13 @@ class Slices:
     Attributes
     ----------
     low, high, fraction : (V,) ndarray
-        The two vertices of the mesh between which a vertex lies, and its relative distance from the first.
+        The two vertices of the original mesh between which a vertex lies, and its relative distance from the first.
     height : (V,) ndarray
         Height of each vertex, in units of the planes' spacing; a whole number on a plane.
     triangles : (T, 3) ndarray
         Vertex numbers; the vertices of the mesh keep theirs.
     parents : (T,) ndarray
-        The triangle of the mesh that contains each.
+        Number of the original triangle that contains each triangle.
     band : (T,) ndarray
         Number of the plane below each piece of a chosen triangle.
     """
@@ -55,7 +55,7 @@ def sliced(height: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) -> Sli
     Returns
     -------
     Slices
-        The pieces, and how their vertices follow from the given ones.
+        The pieces, with their vertices expressed by the given vertices.
     """
     rounded = np.rint(height)
     height = np.where(np.abs(height - rounded) < SNAP, rounded, height)
@@ -89,13 +89,14 @@ class _Crossings:
         self.planes = int(np.ceil(height.max())) - self.first_plane + 1
 
     def between(self, low: np.ndarray, high: np.ndarray, plane: np.ndarray) -> np.ndarray:
-        """Where the edges from ``low`` up to ``high`` meet a plane: a vertex if there is one, else -1 - its key."""
+        """Numbers of the points where edges from ``low`` up to ``high`` meet a plane: the number of a vertex if one
+        lies there, else -1 - key of the new vertex."""
         key = (low * len(self.height) + high) * self.planes + (plane - self.first_plane)
         inside = np.where(plane >= self.height[high], high, -1 - key)
         return np.where(plane <= self.height[low], low, inside)
 
     def resolve(self, pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """``pieces`` with numbers instead of keys; lower end, upper end and plane of each new vertex."""
+        """``pieces`` with vertex numbers instead of keys, and the lower end, upper end and plane of each new vertex."""
         new = pieces < 0
         keys, number = np.unique(-1 - pieces[new], return_inverse=True)
         pieces = pieces.copy()
@@ -108,7 +109,8 @@ class _Crossings:
 def _bands(
     height: np.ndarray, triangles: np.ndarray, crossings: _Crossings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pieces of triangles between planes, as vertices and keys, some with repeated vertices; parents and bands."""
+    """Pieces of triangles between planes, with their parents and bands. Corners are vertex numbers or keys; degenerate
+    pieces repeat a vertex."""
     order = np.argsort(height[triangles], axis=1, kind="stable")
     turned = (order[:, 1] - order[:, 0]) % 3 == 2
     corners = np.take_along_axis(triangles, order, axis=1).astype(np.int64)
@@ -146,14 +148,15 @@ def _bands(
 def _split_beside(
     height: np.ndarray, triangles: np.ndarray, cut: np.ndarray, crossings: _Crossings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles with their edges shared with ``cut`` ones split at the planes, and the triangle each is part of."""
+    """Triangles beside the ``cut`` triangles, with shared edges split at the planes, and the original triangle of each
+    piece."""
     triangles = triangles.astype(np.int64)
     edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
     ends = np.sort(height[edges], axis=2)
     planes = np.ceil(ends[..., 1]) - np.floor(ends[..., 0]) - 1
     beside = np.isin(_edge_keys(triangles, len(height)), _edge_keys(cut, len(height)))
     count = np.where(beside, np.maximum(planes, 0), 0).astype(np.int64)
-    assert (np.count_nonzero(count, axis=1) <= 1).all(), "a triangle has two sides along those that are cut"
+    assert (np.count_nonzero(count, axis=1) <= 1).all(), "a triangle shares two sides with triangles that are cut"
     side = count.argmax(axis=1)
     rows = np.arange(len(triangles))
     a, b, apex = (triangles[rows, (side + k) % 3] for k in range(3))

@@ -23,8 +23,8 @@ def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarr
     ----------
     points : (V, 3) ndarray
         In mm.
-    triangles : ndarray
-        (T, 3).
+    triangles : (T, 3) ndarray of int
+        Vertices of each triangle.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarr
 
 
 def _merged(triangles: np.ndarray, short: np.ndarray, vertices: int) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles with the ends of ``short`` (T, 3) sides merged, and which remain."""
+    """Triangles after the ends of ``short`` (T, 3) sides are merged, and a mask of the triangles that remain."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -66,7 +66,7 @@ def _merged(triangles: np.ndarray, short: np.ndarray, vertices: int) -> tuple[np
 
 
 def _without_pairs(triangles: np.ndarray) -> np.ndarray:
-    """Which triangles remain when pairs with the same corners, back to back, are removed."""
+    """Mask of the triangles that remain after pairs with the same corners but opposite orientations are removed."""
     corners = np.sort(triangles, axis=1)
     order = np.lexsort(corners.T)
     same = np.zeros(len(order) + 1, dtype=bool)
@@ -77,7 +77,7 @@ def _without_pairs(triangles: np.ndarray) -> np.ndarray:
 def _exchanged(
     triangles: np.ndarray, origin: np.ndarray, flat: np.ndarray, longest: np.ndarray, length: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Flip the longest sides of ``flat`` triangles, as many as do not disturb each other.
+    """Flip the longest sides of ``flat`` triangles, at most one side of any triangle at a time.
 
     If several sides belong to one triangle, the longest is flipped first.
     """

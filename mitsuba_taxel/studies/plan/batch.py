@@ -286,7 +286,7 @@ def loads_among(roles: Mapping[str, tuple[str, int]]) -> list[str]:
     Returns
     -------
     list[str]
-        In the same order.
+        Names in the order of the roles.
     """
     return [name for name, (role, _) in roles.items() if any(role in names for names in LOADS)]
 
@@ -308,7 +308,7 @@ def check_target_slope(target_slope: object) -> None:
 
 
 def _forces_for(target_slope: object, axes: Iterable[Axis], names: Collection[str]) -> tuple[str, ...]:
-    """The varied forces, to whose slopes the target applies."""
+    """Names of the varied forces to whose slopes the target applies; raises `InputError` if there are none."""
     check_target_slope(target_slope)
     forces = _forces(axes, names)
     if not forces:

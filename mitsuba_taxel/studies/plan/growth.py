@@ -58,7 +58,7 @@ def _better(batch: Batch, stored: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _rows(before: Axis, requested: Axis) -> Axis | None:
-    """The longer of two dimensions of rows, if it starts with the rows of the shorter; else None."""
+    """The longer of two dimensions of rows if it starts with the rows of the shorter dimension; else None."""
     longer, shorter = sorted((before, requested), key=lambda axis: axis.size, reverse=True)
     if longer.values.keys() != shorter.values.keys():
         return None

@@ -66,7 +66,8 @@ def curve_jobs(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]
 
 
 def _base_load(batch: Batch, fitted: Sequence[str], settings: Settings) -> dict[str, str] | None:
-    """The largest load of the curves, relative to whose scenes the others are read by random paths.
+    """The largest load of the curves. By random paths, scenes at other loads are read relative to the scene at this
+    load.
 
     None if no curve is fitted to the readings.
     """

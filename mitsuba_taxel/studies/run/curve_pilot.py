@@ -1,6 +1,7 @@
-"""Pilot runs of random paths along a curve: noise of its slopes, and what its loads do not resolve.
+"""Pilot runs of random paths along a curve: the noise of its slopes, and whether its loads resolve it.
 
-The readings of a pilot share their random numbers, as those of the study do, but these are other ones.
+The readings of a pilot share their random numbers, as those of a study do. The random numbers differ from those of the
+study.
 """
 
 from __future__ import annotations
@@ -54,19 +55,20 @@ class CurvePilot:
         self._at, self._seed, self._runs = at, derived_seed(seed, PILOT), dict[float, Run]()
 
     def errors(self, forces: Sequence[float], points: int) -> tuple[float, float, bool]:
-        """Relative errors of the mean and the largest slope: by noise, the larger of both, and by the fit.
+        """Relative errors of the slopes: by noise, the larger of those of the mean and the largest slope; and by the
+        fit.
 
         Parameters
         ----------
         forces : sequence of float
             Two or more loads in N.
         points : int
-            Per taxel and replicate, as many as in earlier calls or more.
+            Number of points per taxel and replicate, at least as many as in earlier calls.
 
         Returns
         -------
         noise, fit : float
-            Relative to the steepest taxel; the second is 0 with fewer loads than a fit needs.
+            Errors relative to the steepest taxel; ``fit`` is 0 with fewer loads than a fit needs.
         is_bent : bool
             Whether the loads, rather than the points, are too few for the curve.
         """
@@ -114,7 +116,7 @@ class CurvePilot:
         Returns
         -------
         int
-            Per taxel and replicate, a power of two, at most `MOST_POINTS`.
+            Number of points per taxel and replicate: a power of two, at most `MOST_POINTS`.
         """
         chosen = np.unique(np.linspace(0, len(forces) - 1, MOST_LOADS).round().astype(int))
         points, forces = least, [forces[number] for number in chosen]

@@ -39,7 +39,7 @@ def deform(
     defines : Mapping[str, object]
         Values for the scene's parameters.
     folder : Path
-        Created if missing; meshes of the same name are replaced.
+        Output folder, created if missing; meshes of the same name are replaced.
     steps : Sequence[Mapping[str, object]]
         Steps of a load path: additional values of the scene's parameters at each.
     vtu : bool

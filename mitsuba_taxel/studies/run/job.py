@@ -111,7 +111,8 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, ready: Prepare
 
 
 def _by_paths(readings: Readings, job: Job, scene: Scene, ready: Prepared) -> Derivatives:
-    """Derivatives by differences of random paths; those by fitted forces are NaN, until the study is complete."""
+    """Derivatives from differences of random paths. Derivatives with respect to fitted forces stay NaN until the study
+    is complete."""
     from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
     from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 

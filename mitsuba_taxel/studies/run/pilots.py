@@ -110,7 +110,7 @@ class _Pilot:
 
     @property
     def _curve_size(self) -> int:
-        """Number of scenes of a curve."""
+        """Number of scenes in a curve."""
         curve = curve_dimension(self.batch.axes)
         return next(axis.size for axis in self.batch.axes if axis.dim == curve)
 

@@ -1,8 +1,8 @@
 """Worker processes: they share the cores of this machine, ignore interrupts, and end with their parent."""
 
 # Why not `loky` or `joblib`: their executors fail as a whole when one process dies, and give no choice of the process
-# for a job. What is here, executors of one process each, cores that are shared, ignored signals and the end with the
-# parent, would be needed on top of them as well.
+# for a job. The code in this file (executors of one process each, shared cores, ignored signals, the end with the
+# parent) would be needed on top of them as well.
 
 from __future__ import annotations
 

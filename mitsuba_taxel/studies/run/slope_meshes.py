@@ -134,8 +134,8 @@ def _finest(
 ) -> float | None:
     """The mesh size in mm with which a relative error reaches a target, or the finest that can be computed.
 
-    The error ``error_of`` a scene falls with the power ``order`` of the mesh size. If it is computed ``by_paths``,
-    these go through material points where possible.
+    ``error_of`` computes the relative error of a scene, which falls with the power ``order`` of the mesh size. If it is
+    computed ``by_paths``, the random paths go through material points where possible.
     """
     tried: list[tuple[float, float]] = []  # mesh size in mm, relative error
     size, failed = scene.mesh_size, 0.0

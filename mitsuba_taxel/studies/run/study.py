@@ -35,7 +35,7 @@ from mitsuba_taxel.studies.store.opening import open_study, stored_study
 from mitsuba_taxel.studies.store.provenance import provenance
 
 RECENT = 16
-"""Number of last scenes whose median time is expected of the next one, to keep a time budget."""
+"""Number of last scenes whose median time is the expected time of the next scene, for the time budget."""
 
 
 class Progress(NamedTuple):
@@ -107,7 +107,7 @@ def sweep(
         Time that the study should take, in s; it limits the points and the refinement of meshes. Scenes that would not
         end in time are not started, except for the first; a note states their number, and the same call continues.
     mesh_size : float, optional
-        In mm, of finite elements, for pads whose size the scene leaves open; a target error may reduce it.
+        Size of the finite elements in mm, for pads whose scene does not set it; a target error may reduce it.
     seed : int
         Whole number from 0 to 2**32 - 1.
     output : str or Path, optional
@@ -127,9 +127,9 @@ def sweep(
         is by random paths, those by a force that is varied alone, over four values or more, are the slopes of a smooth
         curve through the readings; others are differences of random paths. ``derivative_method`` names the method.
     target_slope : float, optional
-        Target for the error of the slopes by the varied forces, relative to that of the steepest taxel: pads whose mesh
-        the scene leaves open get one that is fine enough at the end of some curves. Where light is by random paths, it
-        applies to the mean and the largest slope, and pilot runs choose the points unless these are given.
+        Target error of the slopes by the varied forces, relative to the slope of the steepest taxel. Pads whose scene
+        does not set a mesh size get a mesh that meets the target at the ends of some curves. Where light is by random
+        paths, it applies to the mean and the largest slope, and pilot runs choose the points unless these are given.
     circuit : Circuit, optional
         Read-out circuit, whose voltages and counts are returned with the powers.
     meshes : str
@@ -348,8 +348,8 @@ def _compute(
 
 
 def _is_enough(readings: Readings, settings: Settings) -> bool:
-    """Whether readings of an earlier run meet the present settings. Readings by random paths do not meet settings
-    without points."""
+    """Whether readings of an earlier run meet the present settings. Readings by random paths do not meet settings for
+    light without random numbers."""
     enough = readings.points >= settings.points if settings.points else not readings.points
     return enough and readings.mesh_size == settings.mesh_size
 

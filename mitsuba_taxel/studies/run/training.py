@@ -217,7 +217,7 @@ def _rows_of(study: xr.Dataset) -> _TrainingRows:
     one_each = power.isel(taxel=0, drop=True)
     values: dict[Hashable, object] = dict(json.loads(study.attrs["parameters"]))
     for name, coordinate in one_each.coords.items():
-        if name != "step":  # an index without meaning of its own
+        if name != "step":  # an index without a meaning
             values[name] = coordinate.broadcast_like(one_each).transpose(*dims).values.ravel()
     count = power.shape[-1]
     return _TrainingRows(
@@ -280,9 +280,9 @@ def _table(rows: _TrainingRows, columns: Mapping[str, np.ndarray], taxels: np.nd
     rows : _TrainingRows
         Parameters of the rows, and their units, which become part of the columns' names.
     columns : Mapping[str, np.ndarray]
-        (rows, taxels) by the pattern of the columns' names, from :func:`_columns`.
+        Columns (rows, taxels) by the pattern of their names, from :func:`_columns`.
     taxels : np.ndarray
-        (taxels,) numbers that replace the braces of a pattern.
+        Numbers (taxels,) that replace the braces of a pattern.
     """
     forces = _force_columns(rows.parameters)
     other_parameters = [name for name in rows.parameters if name not in forces]

@@ -33,7 +33,7 @@ from mitsuba_taxel.studies.store.slope_target import missed_slopes
 Index = tuple[int, ...]
 
 NOT_COMPUTED = "errors of the pads' shape were not computed: the stated error is that of the light alone"
-"""Note of a study whose scenes were read without the errors of the pads' shape."""
+"""Note on studies whose scenes were read without the errors of the pads' shape."""
 
 
 FITTED = "slopes by force: of smooth curves through readings that share their random numbers"
@@ -166,7 +166,7 @@ def _coordinates(
     coordinates: dict[str, tuple] = {}
     for axis in axes:
         for name, words in axis.values.items():
-            if roles.get(name, (name,))[0] == HISTORY:  # only repeats the earlier steps
+            if roles.get(name, (name,))[0] == HISTORY:  # repeats the earlier steps, and is no coordinate
                 continue
             numbers = as_numbers(words)
             unit = {"units": units[name]} if numbers and name in units else {}
@@ -203,8 +203,9 @@ def _responsivity(readings: Readings) -> dict[str, tuple]:
 def _abscissa(axis: Axis) -> np.ndarray:
     """Abscissa (size,) along a dimension, by which results between two scenes are interpolated.
 
-    It is the length of the path through the space of the numeric parameters, each relative to its range, or the index
-    of the scene if none changes. Errors of the mechanics grow with the load, and loads need not be evenly spaced.
+    It is the length of the path through the space of the numeric parameters, each relative to its range. If no
+    parameter changes, it is the index of the scene. Errors of the mechanics grow with the load, and loads need not be
+    evenly spaced.
     """
     numbers = [np.array(values) for values in map(as_numbers, axis.values.values()) if values]
     ranges = [(values, np.ptp(values)) for values in numbers]
@@ -244,18 +245,18 @@ def _along_curves(
     Parameters
     ----------
     changes : Mapping[Index, np.ndarray or None]
-        (T,) W by index of the scene, None where it was not computed.
+        Changes (T,) in W by index of the scene; None where they were not computed.
     power : np.ndarray
-        (..., T) W.
+        Readings (..., T) in W.
     curve : int
         Axis of ``power`` along which the change relative to the power is interpolated linearly.
     abscissa : np.ndarray
-        (size,) of that axis, increasing.
+        Abscissa (size,) along that axis, increasing.
 
     Returns
     -------
     np.ndarray
-        (..., T) W, NaN for scenes without a reading and for curves without a computed change.
+        Changes (..., T) in W; NaN for scenes without a reading and for curves without a computed change.
     """
     relative = np.full(power.shape, math.nan)
     is_open_at = np.zeros(power.shape[:-1], dtype=bool)
@@ -302,11 +303,12 @@ def _variables(
     results : Mapping[Index, StoredResult]
         Results by index.
     along : Mapping[str, np.ndarray]
-        Power and its errors, (..., T) by name, interpolated along curves. Of `_ALONG`, only these become variables.
+        Power and its errors (..., T) by name, interpolated along curves. Results in `_ALONG` become variables only if
+        they are among these.
     curve : str
         Dimension along which other results that change smoothly are interpolated.
     abscissa : np.ndarray
-        (size,) of that dimension, increasing.
+        Abscissa (size,) along that dimension, increasing.
 
     Returns
     -------
@@ -375,7 +377,7 @@ def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> 
     target_error : float
         Largest relative error.
     power, total : np.ndarray
-        (..., T) W, readings and their total errors; NaN where there is no reading.
+        Readings (..., T) and their total errors in W; NaN where there is no reading.
     """
     read = np.isfinite(power)
     relative = shares(total[read], power[read])
@@ -419,7 +421,7 @@ def stage_totals(study: xr.Dataset) -> dict[str, float]:
     Returns
     -------
     dict[str, float]
-        In s.
+        Seconds by stage.
     """
     totals = json.loads(study.attrs["pilot_seconds"])
     for stage in study.stage.values:

@@ -19,7 +19,7 @@ MOST_NAMED = 20
 
 
 class TrainingRecord(NamedTuple):
-    """How a training set was made.
+    """Settings with which a training set was made.
 
     Attributes
     ----------

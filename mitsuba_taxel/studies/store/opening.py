@@ -21,7 +21,7 @@ from mitsuba_taxel.studies.store.dataset import assemble
 from mitsuba_taxel.studies.store.folder import STUDY, Store
 from mitsuba_taxel.studies.store.provenance import own_code
 
-OF_OTHER_CODE = "computed by another version of the program, which may have stated errors otherwise"
+OF_OTHER_CODE = "computed by another version of the program, which may have estimated errors differently"
 
 
 def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:

@@ -29,9 +29,9 @@ class CurveErrors(NamedTuple):
     force, figure : str
         Name of the force, and of the slope in `FIGURES`.
     value : (T,) ndarray
-        In the unit of the readings per N.
+        Slopes in the unit of the readings per N.
     errors : (3, T) ndarray
-        By `SOURCES`.
+        Errors by source, in the order of `SOURCES`.
     is_bent : (T,) ndarray of bool
         Whether the curve bends more between its loads than noise explains.
     """
@@ -65,7 +65,7 @@ def missed_slopes(study: xr.Dataset, target: float, forces: Collection[str] = FO
     Returns
     -------
     list[str]
-        Empty if all slopes reach the target.
+        Notes; empty if all slopes reach the target.
     """
     if "derivative" not in study:
         return [f"target slope {target:g} not reached: there are no derivatives"]
@@ -146,7 +146,7 @@ def _worst(errors: CurveErrors) -> float:
 
 
 def _advice(errors: CurveErrors, taxel: int, points: int) -> str:
-    """How the largest error of a taxel's slope can be reduced."""
+    """Advice on how to reduce the largest error of a taxel's slope."""
     light, fit, shape = np.nan_to_num(errors.errors[:, taxel], nan=np.inf)
     if shape > np.hypot(light, fit):
         return "the pad's mesh is fixed or at its limit"

@@ -95,7 +95,7 @@ def uniform_cone(cosine: float) -> CosineFactor:
     Returns
     -------
     CosineFactor
-        In 1/sr.
+        Density in 1/sr.
     """
     return CosineFactor(1 / (2 * math.pi * (1 - cosine)), 0.0, cosine)
 
@@ -107,13 +107,14 @@ class End:
     Attributes
     ----------
     points : (L, 3) ndarray
-        In mm.
+        Positions in mm.
     weights : (L,) ndarray
-        Weights of an LED, fractions of its power; of a phototransistor, areas in mm².
+        Weights of the points: fractions of the power of an LED, or areas in mm² of a phototransistor.
     normal : (3,) ndarray
         Unit normal, in the viewing direction.
     law : AngularLaw
-        Law of an LED, fraction of its power per solid angle; of a phototransistor, response relative to the ideal one.
+        Angular law: fraction of the power of an LED per solid angle, or response of a phototransistor relative to an
+        ideal one.
     """
 
     points: np.ndarray
@@ -130,7 +131,8 @@ class End:
 
     @property
     def fineness(self) -> float:
-        """Largest side of a piece in the light of an LED, relative to the length over which a response varies there."""
+        """Largest allowed side of a piece in the light of this LED, relative to the length over which the
+        phototransistor's response varies there."""
         return FINE if self.law.spread < NARROW else WIDE
 
     @property
@@ -156,7 +158,7 @@ class End:
         Returns
         -------
         (M,) ndarray
-            In mm; infinite for pieces beyond the spread, and for laws that vary as slowly as the cosine.
+            Length in mm; infinite for pieces beyond the spread, and for laws that vary as slowly as the cosine.
         """
         if self.varies_slowly:
             return np.full(len(middle), np.inf)

@@ -26,7 +26,7 @@ class PolarCone:
     Attributes
     ----------
     angle : float
-        In radians.
+        Half apex angle of the cone, in radians.
     """
 
     angle: float

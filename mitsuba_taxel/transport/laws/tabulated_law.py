@@ -54,7 +54,7 @@ class TabulatedLaw:
         return math.acos(self.cosines[np.flatnonzero(outside)[-1]])
 
     def width(self, _: np.ndarray) -> float:
-        """Width of the power of the cosine that falls as steeply as the law."""
+        """Width of the power of the cosine whose steepest slope equals that of this law."""
         return min(self._width, ROUND * self.spread)
 
     @cached_property

@@ -149,11 +149,11 @@ def test_methods_that_cannot_do_a_scene_say_why(clockwork, write, tmp_path):
     assert 1e-3 < stray_light(scene) < 1
     curves, truth = accuracy_optics.optics_curves(scene, 0.02, lambda step: None)
     remarks = {curve.method: curve.remark for curve in curves if not curve.points}
-    assert remarks.pop("taxel_tracer connections") == "it finds no light here"
+    assert remarks.pop("taxel_tracer connections") == "this method finds no light in this scene"
     assert "lights all LEDs at once" in remarks.pop("path (independent)") and not remarks
     assert truth.name in ("taxel_path", "analog_tracer") and truth.floor < 0.1
     shown = dict(zip(HEADINGS, cells(curves[1]), strict=True))
-    assert shown["remark"] == "not possible: it finds no light here" and shown["points"] == "0"
+    assert shown["remark"] == "not possible: this method finds no light in this scene" and shown["points"] == "0"
 
 
 @pytest.mark.parametrize("height", [0.7, 2.0])

@@ -61,12 +61,12 @@ def test_wrong_responses_are_told(monkeypatch, change, wrong):
 @pytest.mark.parametrize("noise", [math.nan, 0.0])
 def test_wrong_noise_is_told(monkeypatch, noise):
     monkeypatch.setattr(module, "total_noise", lambda *given: np.array(noise))
-    assert CircuitCase("a", 1e-2).measured().wrong == "not a noise"
+    assert CircuitCase("a", 1e-2).measured().wrong == "the noise is not a number"
 
 
 def test_a_circuit_that_is_refused_is_wrong():
     row = CircuitCase("a", 1e-2, {"supply": -1.0}).measured()
-    assert row.verdict.startswith("refused: supply = -1") and row.wrong == "it should be read"
+    assert row.verdict.startswith("refused: supply = -1") and row.wrong == "it should not be refused"
 
 
 def test_rows_as_files(tmp_path):

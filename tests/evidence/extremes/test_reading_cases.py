@@ -32,11 +32,11 @@ def refusing(error):
     ("case", "verdict", "wrong"),
     [
         (ReadingCase("a", known(1.0, 1.003)), "right", ""),
-        (ReadingCase("a", known(1.0, 1.005)), "right", "not what it should be"),
-        (ReadingCase("a", known(math.nan, 1.0)), "right", "not what it should be"),
+        (ReadingCase("a", known(1.0, 1.005)), "right", "it deviates from its reference"),
+        (ReadingCase("a", known(math.nan, 1.0)), "right", "it deviates from its reference"),
         (ReadingCase("a", known(1.0, 1.0), refused=True), "right", "it should be refused"),
         (ReadingCase("a", refusing(InputError("so.")), refused=True), "refused: so.", ""),
-        (ReadingCase("a", refusing(ComputationError("so."))), "refused: so.", "it should be read"),
+        (ReadingCase("a", refusing(ComputationError("so."))), "refused: so.", "it should not be refused"),
     ],
 )
 def test_what_becomes_of_a_case(case, verdict, wrong):

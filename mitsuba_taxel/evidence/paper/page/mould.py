@@ -40,9 +40,9 @@ Number = tuple[float, float]
 FLAT = "parallelepiped"
 ROUND = ("spherical", "hemispheric")
 RELATIVE_TARGET, TARGET = 0.05, 3e-6
-"""Error of a slope that is aimed at, relative or in W/N."""
+"""Target error of a slope, relative or in W/N."""
 RESOLVED = 2.0
-"""Errors by which a difference must exceed 0 to be called resolved."""
+"""Least ratio of a resolved difference to its error."""
 _HEAD = """\
 # Printed moulds
 
@@ -189,12 +189,13 @@ def _measured() -> str:
 
 
 def reference(wall: MouldWalls) -> MouldWalls:
-    """The flat cells of the same roof, sides and assembly, from a smooth mould, as layers leave flat roofs flat."""
+    """Reference of a row: flat cells with the same roof, sides and assembly, from a smooth mould, as layers do not
+    change flat roofs."""
     return replace(wall, cell=FLAT, layer=0.0, direction="")
 
 
 def size(number: Number) -> Number:
-    """The magnitude of a number, and its error."""
+    """Magnitude of a number, with the number's error."""
     return abs(number[0]), number[1]
 
 
@@ -210,18 +211,18 @@ def difference(first: Number, second: Number) -> Number:
 
 
 def bound(number: Number) -> float:
-    """Largest value of a number within `RESOLVED` errors."""
+    """Upper bound of a number: its value plus `RESOLVED` errors."""
     return number[0] + RESOLVED * number[1]
 
 
 def _bend(number: Number) -> str:
-    """A nonlinearity in percent, or its bound."""
+    """A nonlinearity in percent as text; "<" and its upper bound if it is not resolved."""
     value, error = number
     return with_error(value, error) if value > RESOLVED * error else f"< {bound(number):.2g}"
 
 
 def _settings(figures: Figures) -> Iterator[tuple[MouldWalls, dict[str, MouldFigures]]]:
-    """Walls with both round shapes and flat cells, with the figures by shape; the cell of the walls is a round one."""
+    """Figures by shape for each setting of walls that was computed for both round shapes and for flat cells."""
     for wall in figures:
         other, flat = replace(wall, cell=ROUND[1]), reference(wall)
         if wall.cell == ROUND[0] and other in figures and flat in figures:
@@ -229,7 +230,7 @@ def _settings(figures: Figures) -> Iterator[tuple[MouldWalls, dict[str, MouldFig
 
 
 def misfit(row: Mapping[str, MouldFigures]) -> float:
-    """Typical factor by which the sensitivities of round cells, relative to flat ones, are off what was measured.
+    """Typical factor between computed and measured sensitivities of round cells, relative to flat cells.
 
     Parameters
     ----------
@@ -239,7 +240,7 @@ def misfit(row: Mapping[str, MouldFigures]) -> float:
     Returns
     -------
     float
-        Exponential of the root mean square of the logarithms; 1 if both agree.
+        Exponential of the root mean square of the logarithms of the ratios; 1 for perfect agreement.
     """
     logs = [
         math.log(ratio(row[cell].most, row[FLAT].most)[0] / measured_ratio(cell)) for cell in ROUND
@@ -248,7 +249,7 @@ def misfit(row: Mapping[str, MouldFigures]) -> float:
 
 
 def measured_ratio(cell: str) -> float:
-    """Sensitivity of the most sensitive taxel of a shape relative to that of flat cells, Table 2."""
+    """Measured sensitivity of the most sensitive taxel of a shape, relative to that of flat cells (Table 2)."""
     return paper.MEASURED_NORMAL[cell][1] / paper.MEASURED_NORMAL[FLAT][1]
 
 
@@ -282,7 +283,7 @@ def judgement(figures: Figures) -> list[str]:
     Returns
     -------
     list[str]
-        Those for which there are rows.
+        Sentences on the statements for which rows have been computed.
     """
     return [
         *_nearest(figures),
@@ -313,7 +314,8 @@ def _nearest(figures: Figures) -> Iterator[str]:
 
 
 def _pairs(figures: Figures) -> Iterator[tuple[MouldWalls, Number, Number]]:
-    """Rows of round cells with steps: changes of sensitivity in W/N and nonlinearity in points, by steps alone."""
+    """Effect of the steps alone on rows of round cells: changes of sensitivity in W/N and of nonlinearity in percentage
+    points."""
     for wall, row in sorted(figures.items(), key=lambda item: _order(item[0])):
         smooth = replace(wall, layer=0.0, direction="")
         if wall.layer and wall.cell in ROUND and smooth in figures:
@@ -443,7 +445,7 @@ def _other_explanations(figures: Figures) -> Iterator[str]:
 
 
 def _reached(figures: Figures) -> Iterator[str]:
-    """How many slopes have an error within the target."""
+    """A sentence with the number of slopes whose error is within the target."""
     slopes = [
         number
         for row in figures.values()

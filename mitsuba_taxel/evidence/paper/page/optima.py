@@ -227,7 +227,7 @@ def _lean(optimum: xr.Dataset) -> list[str]:
 
 
 def _optimal(optimum: xr.Dataset) -> str:
-    """Words for whether the design is a local optimum, or how far from an optimum it is at most."""
+    """Words that say whether the design is a local optimum, or what another descent may gain."""
     if optimum.attrs["unbalanced"] + optimum.attrs["unbalanced_error"] <= BALANCED:
         return "yes"
     if np.isnan(optimum.attrs["beyond"]):
@@ -238,7 +238,7 @@ def _optimal(optimum: xr.Dataset) -> str:
 
 
 def _left(optimum: xr.Dataset) -> str:
-    """Words with the slope that constraints do not balance, with its error if several gradients are known."""
+    """Remaining slope within the constraints as text, with its error if several gradients are known."""
     error = optimum.attrs["unbalanced_error"]
     return f"{optimum.attrs['unbalanced']:.1%}{f' ± {error:.1%}' if np.isfinite(error) else ''}"
 
@@ -258,7 +258,7 @@ def _descents(purpose: str, cell: str, optimum: xr.Dataset) -> str:
 
 
 def _goal(optimum: xr.Dataset) -> tuple[float, float]:
-    """The objective before and after, on the finer mesh if possible."""
+    """The objective before and after the optimisation, on the finer mesh if possible."""
     ends = (f"figures_{when}{'_finer' if 'figures_best_finer' in optimum else ''}" for when in ("before", "best"))
     before, best = (float(optimum[name].values[0]) for name in ends)
     return before, best
