@@ -16,7 +16,7 @@ LATEX = {"µ": r"$\mu$", "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "
     letter: f"\\{letter}" for letter in "&%$#_{}"
 }
 
-AS_SHOWN = "Readings behind the circuit"
+AS_SHOWN = "Output of the circuit"
 """Title of the table of circuit figures."""
 CIRCUIT_UNITS = {"_V_per_N": "V/N", "_counts_per_N": "counts/N", "_counts": "counts", "_V": "V", "_N": "N"}
 """Units by the end of a column's name in the table of circuit figures."""

@@ -124,7 +124,7 @@ def print_volts(taxels: Sequence[int], volts) -> None:
     """Print the output of each taxel behind a circuit, and its derivatives in volts and counts; of many, a summary."""
     from .many_taxels import MOST_ROWS
 
-    say("\nReadings behind the circuit; noise: 1 sigma of the electronics")
+    say("\nOutput of the circuit; noise: 1 sigma of the electronics")
     if len(taxels) > MOST_ROWS:
         outputs = {"voltage [V]": volts.voltage, "total error [V]": volts.error, "noise [V]": volts.noise}
         print_summary(taxels, outputs | {"counts": volts.counts})
@@ -166,7 +166,7 @@ def _print_derivative_summary(taxels: Sequence[int], derivatives) -> None:
         quantities[f"{name} [{unit.replace('V', 'counts', 1)}]"] = derivatives.counts[:, number]
         quantities[f"{name}, change that equals the noise"] = derivatives.noise_equivalent[:, number]
         quantities[f"{name}, change to saturation"] = derivatives.to_saturation[:, number]
-    say("\nDerivatives behind the circuit")
+    say("\nDerivatives of the output of the circuit")
     print_summary(taxels, quantities)
 
 

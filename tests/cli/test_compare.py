@@ -47,7 +47,7 @@ def test_a_study_is_ranked_in_volts(taxel, tmp_path):
     watts = taxel("compare", "out", "--by", "mean_slope", "--json")
     done = taxel("compare", "out", "--by", "mean_slope", "--circuit", "circuit.toml", "-o", "ranking")
     assert done.returncode == 0 and "By mean slope, readings in V:" in done.stdout, done.stderr
-    assert "Readings behind the circuit, fz:" in done.stdout
+    assert "Output of the circuit, fz:" in done.stdout
     assert {file.name for file in (tmp_path / "ranking").iterdir()} == {
         "comparison.csv", "comparison.png", "notes.txt", "printed.json", "volts.csv",
     }  # fmt: skip

@@ -45,7 +45,7 @@ def test_render_with_derivatives(taxel):
 
 def test_a_study_file_and_another_circuit(taxel, tmp_path):
     told = taxel("sweep", "study.toml", "-o", "out")
-    assert told.returncode == 0 and "Readings behind the circuit, fz:" in told.stdout, told.stderr
+    assert told.returncode == 0 and "Output of the circuit, fz:" in told.stdout, told.stderr
     study = open_study(tmp_path / "out")
     assert (tmp_path / "out" / "voltage.png").is_file()
     assert study.voltage.dims == ("fz", "taxel") and study.attrs["circuit"]
@@ -60,7 +60,7 @@ def test_a_study_file_and_another_circuit(taxel, tmp_path):
     (tmp_path / "other.toml").write_text("supply = 3.3\nload_resistance = 220e3\ntransfer = 8e-3\n")
     other = taxel("characterise", "out", "--circuit", "other.toml", "-o", "other")
     assert other.returncode == 0 and "Sensitivities of readings in V, fz:" in other.stdout
-    assert "Readings behind the circuit, fz:" in other.stdout and (tmp_path / "other" / "volts.csv").is_file()
+    assert "Output of the circuit, fz:" in other.stdout and (tmp_path / "other" / "volts.csv").is_file()
 
 
 @pytest.mark.parametrize(

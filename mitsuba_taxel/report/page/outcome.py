@@ -79,7 +79,7 @@ OUTCOMES = (
         "Comparison",
         "notes.txt",
         {"comparison": "Figures of merit of the variants, with their errors."},
-        {"comparison": "Variants by rank", "volts": "Behind the circuit"},
+        {"comparison": "Variants by rank", "volts": "Output of the circuit"},
     ),
     CommandOutput(
         "train.csv",

@@ -81,8 +81,8 @@ def power(study: xr.Dataset, key: str) -> str:
     plots = [plot(partial(plot_curves, study), words, caption)]
     circuit = circuit_of_study(study)
     if circuit is not None:
-        words = f"Voltage of {study.sizes['taxel']} taxels behind the circuit against {curve}."
-        plots.append(plot(partial(plot_curves, in_volts(study, circuit)), words, f"Behind the circuit. {caption}"))
+        words = f"Output voltages of {study.sizes['taxel']} taxels against {curve}."
+        plots.append(plot(partial(plot_curves, in_volts(study, circuit)), words, f"Output of the circuit. {caption}"))
     if has_taxels_to_compare(study):
         words = "Change of each taxel's reading, one panel for each combination of parameters, with the same axes."
         plots.append(plot(partial(plot_taxels, study), words, "Each taxel's change. Bars: light."))
