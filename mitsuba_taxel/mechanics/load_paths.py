@@ -32,6 +32,7 @@ from mitsuba_taxel.mechanics.history.timed_path import TimedPath
 from mitsuba_taxel.mechanics.history.timed_rows import LoadHistory, timed_rows
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
+from mitsuba_taxel.mechanics.memory_of_pads import refuse_too_large
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad
 
@@ -122,6 +123,7 @@ def load_path(
     states = []
     with lock_of(pad):
         size = chosen_size(pad, law, load, mesh_size, mesh_tolerance)
+        refuse_too_large(pad, size, load, rows)
         bodies = None
         if load.self_contact and obstacles is not None:
             bodies, obstacles = RigidBodies(obstacles.tobytes()), None
@@ -177,7 +179,9 @@ def state_after(
     rows = _checked(values, load)
     history, law = timed_rows(material, load, rows, times), remembering(material).law
     with lock_of(pad):
-        path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
+        size = chosen_size(pad, law, load, mesh_size, mesh_tolerance)
+        refuse_too_large(pad, size, load, rows)
+        path = pad_path(pad, law, load, size)
         with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
             return _state_in_time(path, material, history, obstacles)
 

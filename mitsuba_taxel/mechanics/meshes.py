@@ -30,7 +30,7 @@ def pad_mesh(pad: Pad | PadFile, mesh_size: float) -> VolumeMesh:
     VolumeMesh
         Undeformed quadratic tetrahedra with tagged faces.
     """
-    name = cache.key("mesh", [pad.identity, mesh_size])
+    name = _name(pad, mesh_size)
     with cache.alone(name):
         arrays = cache.load(name)
         if arrays is None:
@@ -38,3 +38,12 @@ def pad_mesh(pad: Pad | PadFile, mesh_size: float) -> VolumeMesh:
             cache.store(name, vars(mesh))
             return _IN_USE.setdefault(name, mesh)
     return _IN_USE.get(name) or _IN_USE.setdefault(name, VolumeMesh(**arrays))
+
+
+def is_meshed(pad: Pad | PadFile, mesh_size: float) -> bool:
+    """Whether the mesh of a pad with elements of a size in mm is on disk."""
+    return cache.holds(_name(pad, mesh_size))
+
+
+def _name(pad: Pad | PadFile, mesh_size: float) -> str:
+    return cache.key("mesh", [pad.identity, mesh_size])

@@ -1,0 +1,116 @@
+"""Memory that the solution of a large pad takes, estimated before it is meshed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.elements.memory import free_memory
+from mitsuba_taxel.mechanics.meshes import is_meshed, pad_mesh
+from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.pad import Pad
+
+BYTES = 11e3
+"""Memory of a solution for each unknown: 4 to 5 kB for the factor in single precision, as much for its analysis, and
+the matrix. It is the least that was measured, so that nothing is refused that would fit: 10.6 to 17.5 kB with 30 000 to
+236 000 unknowns (6 x 6 and 12 x 12 cells, with the second mesh)."""
+UNKNOWNS = 7000
+"""Unknowns for each cell of a pad of 3 x 3 parallelepiped cells with elements of the default size."""
+BLOCK = 4
+"""Rows and columns of the smaller pad whose unknowns are counted."""
+INNER = 0.95
+"""Unknowns for each cell of a larger pad, relative to those of the smaller one, which has more edges: from 0.88 to 0.99
+with 5 x 5, 6 x 6, 9 x 9, 4 x 7, 8 x 1 and 2 x 9 cells of four shapes."""
+FINEST = 0.5
+"""Size of its elements, relative to the default, below which their number is extrapolated."""
+SURELY = 0.25
+"""Fraction of the free memory up to which a guess from `UNKNOWNS` suffices."""
+
+
+def refuse_too_large(
+    pad: Pad | PadFile, mesh_size: float, load: Load, values: Sequence[Sequence[float] | np.ndarray] | None = None
+) -> None:
+    """Refuse a pad whose solution does not fit into the free memory, before it is meshed.
+
+    Unknowns are extrapolated, to 15 %, from a pad of at most 4 x 4 cells, which is meshed. Symmetries of the load are
+    assumed wherever it may have them. A pad that has been meshed before is not judged: it may be solved already.
+
+    Parameters
+    ----------
+    pad : Pad or PadFile
+        The pad; one from a file is not judged.
+    mesh_size : float
+        Size of the elements in mm.
+    load : Load
+        Kind of load.
+    values : sequence of sequence of float, optional
+        Its values in N, mm or MPa; by default it has no sideways parts.
+
+    Raises
+    ------
+    ComputationError
+        with the number of cells and the size of elements that would fit.
+    """
+    loaded = [(0.0, 0.0, -1.0)] if values is None else [value for value in values if np.any(value)]
+    if not isinstance(pad, Pad) or not loaded or is_meshed(pad, mesh_size):
+        return
+    cells, free = pad.rows * pad.columns, free_memory()
+    parts = min(symmetric_parts(pad, load, value) for value in loaded)
+    guess = UNKNOWNS * max(1.0, pad.default_mesh_size / mesh_size) ** 3
+    if BYTES * guess * cells / parts < SURELY * free:
+        return
+    counted_at = max(mesh_size, FINEST * pad.default_mesh_size)
+    if max(pad.rows, pad.columns) <= BLOCK and counted_at == mesh_size:  # counted as fast as it is meshed
+        return
+    block = replace(pad, rows=min(pad.rows, BLOCK), columns=min(pad.columns, BLOCK))
+    share = cells / (block.rows * block.columns) * (counted_at / mesh_size) ** 3 * (1.0 if block == pad else INNER)
+    mesh = pad_mesh(block, counted_at)
+    above = int(np.count_nonzero(mesh.points[:, 2] > mesh.points[:, 2].min()))
+    needed = BYTES * (3 * above + mesh.corner_count) * share / parts
+    if needed <= free:
+        return
+    shown, remedies = f"{pad.rows} x {pad.columns} cells with elements of {mesh_size:.3g} mm", []
+    if cells > 1:
+        scale = math.sqrt(free / needed)
+        remedies.append(f"rows = {max(1, int(scale * pad.rows))}, columns = {max(1, int(scale * pad.columns))}")
+    larger = mesh_size * (needed / free) ** (1 / 3)
+    if larger <= pad.default_mesh_size:
+        remedies.append(f"mesh_size = {math.ceil(100 * larger) / 100:g}")
+    raise ComputationError(
+        f"there is not enough memory for {shown}: some {needed / 1e9:.3g} GB are needed and {free / 1e9:.2g} GB are "
+        f"free. {' or '.join(remedies)} would fit."
+    )
+
+
+def symmetric_parts(pad: Pad, load: Load, value: Sequence[float] | np.ndarray) -> int:
+    """Largest number of mirror images of the part of a pad that must be solved under a load.
+
+    Parameters
+    ----------
+    pad : Pad
+        The pad.
+    load : Load
+        Kind of load.
+    value : sequence of float
+        Its value in N, mm or MPa.
+
+    Returns
+    -------
+    int
+        8 for a square pad under a load without sideways parts at its centre, 4 for another pad, 2 if the load is off
+        the centre or leans along an axis or diagonal, else 1.
+    """
+    is_square = pad.rows == pad.columns
+    sideways = [(value[0], value[1])] if len(value) == 3 else []
+    position = getattr(load.indenter or load, "at", None)
+    for x, y in [*sideways, *([] if position is None else [position])]:
+        if x and y and not (is_square and abs(x) == abs(y)):
+            return 1
+        if x or y:
+            return 2
+    return 8 if is_square else 4
