@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import runpy
 import subprocess
@@ -15,6 +16,7 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
 from mitsuba_taxel.base.files import toml
+from mitsuba_taxel.base.kinds import Kind
 
 ROOT = Path(__file__).parents[1]
 MACHINES = {
@@ -90,6 +92,15 @@ def test_checkers_know_the_oldest_python_and_pages_name_both_ends():
     assert settings["tool"]["ruff"]["target-version"] == f"py{minors[0].replace('.', '')}"
     for page in ("README.md", "docs/start.md", "docs/reference/compatibility.md"):
         assert f"{minors[0]} to {minors[-1]}" in (ROOT / page).read_text(encoding="utf-8"), page
+
+
+def test_classes_are_such_as_the_oldest_python_allows():
+    """Unseen by mypy: Python 3.10 refuses named tuples with a second base, and ABCMeta there refuses ``name=``."""
+    assert type(Kind) is type
+    for file in (file for top in ("mitsuba_taxel", "plugins", "scenes") for file in (ROOT / top).rglob("*.py")):
+        classes = [node for node in ast.walk(ast.parse(file.read_bytes())) if isinstance(node, ast.ClassDef)]
+        for bases in (list(map(ast.unparse, node.bases)) for node in classes):
+            assert "NamedTuple" not in bases or len(bases) == 1, (file, bases)
 
 
 def test_links_of_the_readme_lead_to_where_the_source_is_hosted(monkeypatch):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
@@ -29,7 +30,8 @@ NARROW = 4.2
 Case = TypeVar("Case")
 
 
-class Panel(NamedTuple, Generic[Case]):
+@dataclass(frozen=True)
+class Panel(Generic[Case]):
     """Cases compared in one panel: its title, and the cases by name."""
 
     title: str

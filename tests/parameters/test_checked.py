@@ -119,6 +119,8 @@ def test_a_parameter_that_the_class_has_already_is_refused():
 
     @dataclass(frozen=True)
     class Bar(Kinded):
+        """A bar of a kind."""
+
         bare: str = kind("same", Bare, "Kind.")
         width: float = number(1.0, "mm", "Width.", above=0)
 
