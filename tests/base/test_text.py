@@ -22,8 +22,10 @@ def test_others_are_refused(tmp_path):
         (tmp_path / "b.csv", "steps cannot be read (No such file or directory): a CSV file is needed."),
         (tmp_path, "steps cannot be read (Is a directory): a CSV file is needed."),
         (tmp_path / "a.csv", "steps is not text: a CSV file is needed."),
-        (Path("a\0"), "steps cannot be read (embedded null byte): a CSV file is needed."),
     ):
         with pytest.raises(InputError) as refused:
             read_text("steps", file)
         assert str(refused.value) == words
+    # In Python's words, which differ between versions.
+    with pytest.raises(InputError, match=r"^steps cannot be read \([^()]*embedded null [^()]*\): a CSV file is"):
+        read_text("steps", Path("a\0"))
