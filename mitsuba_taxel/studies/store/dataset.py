@@ -15,6 +15,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES, HISTORY
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.reading.derivative_values import BY_CURVE, Derivatives
+from mitsuba_taxel.sensing.reading.finish_notes import merged_finishes
 from mitsuba_taxel.sensing.reading.readings import (
     describe_mechanics,
     error_budget,
@@ -185,7 +186,7 @@ def _notes(results: Mapping[Index, StoredResult]) -> list[str]:
     if few and min(points):  # 0 is light without random numbers, beside which scenes with mirrors have their own points
         remarks.append(f"{few} of {len(results)} scenes have fewer points: the same command computes the rest")
     computed = not errors or any(result.readings.deviation is not None for result in results.values())
-    return [*worst_stretches(remarks), *(describe_mechanics(errors) if computed else [NOT_COMPUTED])]
+    return [*merged_finishes(worst_stretches(remarks)), *(describe_mechanics(errors) if computed else [NOT_COMPUTED])]
 
 
 def _failures(axes: Sequence[Axis], failures: Mapping[Index, Failure], roles: Mapping[str, Sequence[Any]]) -> list[str]:

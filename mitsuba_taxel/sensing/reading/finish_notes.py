@@ -1,0 +1,82 @@
+"""Notes on the finishes of cells' walls, with the numbers that describe them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mitsuba_taxel.parameters import REQUIRED, parameters_of
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+from mitsuba_taxel.specification.deformable_pad import FINISHES
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+
+    from mitsuba_taxel.mechanics.surface.finish import Finish
+
+MOST_NAMED = 3
+"""Largest number of different finishes of a study that its notes name one by one."""
+_START = "finish of "
+
+
+def finish_notes(scene: mi.Scene) -> list[str]:
+    """The finishes of the cells of a scene, such as "finish of roof and side: layer_steps, layer_height = 0.1 mm".
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+
+    Returns
+    -------
+    list[str]
+        A line for each wall, or pair of walls, with a finish; none for smooth cells.
+    """
+    finishes = [pad.finish for pad in deformed_pads(scene) if pad.finish is not None]
+    if not finishes:  # and nothing of the mechanics is imported
+        return []
+    from mitsuba_taxel.mechanics.surface.wall_finishes import by_walls
+
+    walls = [wall for finish in finishes for wall in by_walls(finish)]
+    return list(dict.fromkeys(f"{_START}{' and '.join(regions)}: {_words(kind)}" for kind, regions in walls))
+
+
+def _words(finish: Finish) -> str:
+    """The kind of a finish, its necessary parameters, and those that are not the default."""
+    words = [next(word for word, kind in FINISHES.items() if kind is type(finish))]
+    for field, parameter in parameters_of(type(finish)).items():
+        value = getattr(finish, field)
+        if parameter.default is REQUIRED or not np.array_equal(value, parameter.default):
+            shown = ", ".join(f"{number:g}" for number in np.ravel(value))
+            words.append(f"{parameter.name} = {shown} {parameter.unit}".strip())
+    return ", ".join(words)
+
+
+def merged_finishes(notes: Iterable[str]) -> list[str]:
+    """Notes of many readings, with one line for the finishes of a wall.
+
+    Parameters
+    ----------
+    notes : iterable of str
+        Distinct notes of all readings.
+
+    Returns
+    -------
+    list[str]
+        In their order; of more than `MOST_NAMED` finishes of a wall, the first and last are named.
+    """
+    of_walls: dict[str, list[str]] = {}
+    for note in notes:
+        if note.startswith(_START):
+            walls, words = note.split(": ", 1)
+            of_walls.setdefault(walls, []).append(words)
+        else:
+            of_walls[note] = []
+    lines = []
+    for start, words in of_walls.items():
+        if len(words) > MOST_NAMED:
+            words = [f"{len(words)} in turn, from {words[0]}", f"to {words[-1]}"]
+        lines.append(f"{start}: {'; '.join(words)}" if words else start)
+    return lines
