@@ -132,7 +132,7 @@ def bulge(patches: np.ndarray) -> np.ndarray:
     Returns
     -------
     (n,) ndarray
-        In mm.
+        Distances in mm.
     """
     following = patches[:, [1, 2, 0]]
     return _length(patches[:, 3:] - (patches[:, :3] + following) / 2).max(axis=0)

@@ -40,7 +40,7 @@ def map_determinants(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
     Returns
     -------
     (M, 10) ndarray
-        In mm³.
+        Determinants in mm³.
     """
     xi = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
     xi = np.concatenate([xi, [xi[list(edge)].mean(axis=0) for edge in TET_EDGES]])
@@ -59,7 +59,7 @@ def curved_volume(mesh: VolumeMesh) -> float:
     Returns
     -------
     float
-        In mm³.
+        Volume in mm³.
     """
     xi = np.array([[0.25] * 3, *(np.full((4, 3), 1 / 6) + np.eye(4, 3) / 3)])
     maps = np.einsum("qai,maj->mqij", shape_gradients(xi), mesh.points[mesh.tets])

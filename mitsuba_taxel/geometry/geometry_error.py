@@ -16,7 +16,7 @@ def place(point: np.ndarray) -> str:
     Parameters
     ----------
     point : (3,) ndarray
-        In mm.
+        Position in mm.
 
     Returns
     -------

@@ -107,7 +107,7 @@ def hull_boxes(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.nd
     Parameters
     ----------
     points : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     nodes : (M, 6) or (M, 10) ndarray of int
         Nodes of triangles or tetrahedra.
 

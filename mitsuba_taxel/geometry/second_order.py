@@ -23,7 +23,7 @@ def positive(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarr
     Parameters
     ----------
     points : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     tets : (M, 4) ndarray of int
         Corners of each tetrahedron.
 
@@ -54,7 +54,7 @@ def second_order(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.n
     Returns
     -------
     nodes : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     tets : (M, 10) ndarray of int
         Nodes of each tetrahedron, as in a `VolumeMesh`.
     faces : (B, 6) ndarray of int

@@ -68,7 +68,7 @@ def fewer_triangles(subdivision: int, pad: Pad, mesh_size: float) -> int:
     Returns
     -------
     int
-        At least 1.
+        Number of triangles, at least 1.
     """
     return math.ceil(edge_ratio(pad, mesh_size) * subdivision)
 

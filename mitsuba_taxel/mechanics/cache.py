@@ -37,7 +37,7 @@ def folder() -> Path:
     variable = os.environ.get("MITSUBA_TAXEL_CACHE")
     if variable:
         return Path(variable)
-    cache = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")  # Windows sets the latter
+    cache = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")  # Windows sets LOCALAPPDATA
     return (Path(cache) if cache else Path.home() / ".cache") / "mitsuba_taxel"
 
 
@@ -76,7 +76,8 @@ def alone(name: str) -> Iterator[None]:
     Yields
     ------
     None
-        Once no other process computes them. A folder that cannot be written is not locked.
+        Nothing; the context begins when no other process computes the arrays. A folder that cannot be written is not
+        locked.
     """
     from filelock import FileLock
 
@@ -98,8 +99,8 @@ def alone(name: str) -> Iterator[None]:
 
 
 class _Limit:
-    """Keeps the folder below :data:`LARGEST`: it is checked at first, and after each hundredth of that size has been
-    stored."""
+    """Keeps the size of the folder below :data:`LARGEST`. The size is checked at the first call, and whenever a
+    hundredth of it has been stored since."""
 
     def __init__(self) -> None:
         self._since = LARGEST

@@ -56,7 +56,7 @@ class Cut:
         return self.vertex[self.corners]
 
     def at_vertices(self, values: np.ndarray) -> np.ndarray:
-        """(V, C) values at the vertices from those at the nodes of the mesh (N, C)."""
+        """Values (V, C) at the vertices, from values (N, C) at the nodes of the mesh."""
         return weighted(self.weights[self.of_vertex], self.nodes[self.of_vertex], values)
 
     def at_nodes(self, gradient: np.ndarray, nodes: int) -> np.ndarray:
@@ -192,7 +192,7 @@ def _segments(mesh: VolumeMesh, in_cell: np.ndarray, subdivision: int) -> np.nda
 
 
 def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """As :func:`_grid` for edges (3,) with different numbers of segments.
+    """Points and triangles like those of :func:`_grid`, for edges (3,) with different numbers of segments.
 
     From the grid of the largest number, points on the other edges are moved to match their segments, and degenerate
     triangles are left out. No triangle becomes much larger, or inverted.

@@ -126,7 +126,7 @@ def swept_legs(positions: Sequence[tuple[float, float, float]], reach: float) ->
     Returns
     -------
     tuple of Leg
-        In mm.
+        Segments in mm.
     """
     legs: list[Leg] = []
     for start, end in zip([(0.0, 0.0, 0.0), *positions], positions, strict=False):

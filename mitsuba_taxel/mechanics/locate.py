@@ -24,9 +24,9 @@ def carried(
     mesh : VolumeMesh
         Undeformed mesh of the state.
     displacement : (N, 3) ndarray
-        In mm.
+        Displacements of the nodes in mm.
     pressure : (corners,) ndarray
-        In MPa.
+        Pressures in MPa.
     other : VolumeMesh
         The other undeformed mesh.
     tolerance : float
@@ -69,7 +69,7 @@ def displacement_at(
     Returns
     -------
     (P, 3) ndarray
-        In mm.
+        Displacements in mm.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def displacement_gradient(mesh: VolumeMesh, displacement: np.ndarray, selected: 
     mesh : VolumeMesh
         Undeformed mesh.
     displacement : (N, 3) ndarray
-        In mm.
+        Displacements of the nodes in mm.
     selected : (N,) ndarray of bool, optional
         Nodes at which it is computed; by default all.
 

@@ -23,7 +23,7 @@ def require_netgen(what: str) -> None:
     Parameters
     ----------
     what : str
-        What needs it, in words, as the subject of a sentence.
+        Description of the task that needs Netgen, as the subject of a sentence.
 
     Raises
     ------

@@ -57,7 +57,8 @@ class PadFile(Displayed):
         Length of the file's unit in mm; STEP files state their unit, and are in mm as they are read.
     up : str
         Direction in the file that points up, ``x``, ``y``, ``z``, ``-x``, ``-y`` or ``-z``: the pad is turned, the
-        middle of the box around it moved to x = y = 0, and its lowest point to z = 0. ``as drawn`` leaves it.
+        middle of the box around it moved to x = y = 0, and its lowest point to z = 0. ``as drawn`` leaves the pad where
+        it is.
 
     Raises
     ------
@@ -161,12 +162,12 @@ class PadFile(Displayed):
         Returns
         -------
         bytes
-            Content at the time when this object was made.
+            Content of the file when this object was created.
 
         Raises
         ------
         InputError
-            if the file cannot be read, or has changed since then.
+            if the file cannot be read, or has changed since this object was created.
         """
         content = self._read()
         if hashlib.sha256(content).hexdigest() != self.digest:

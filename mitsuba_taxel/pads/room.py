@@ -20,14 +20,14 @@ def nearest_cell(pad: Pad, points: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     pad : Pad
-        In mm.
+        The pad, with lengths in mm.
     points : (N, 2) ndarray
         x and y on the pad's bottom, mm.
 
     Returns
     -------
     (N,) ndarray of int
-        Indices from 0, row by row.
+        Indices of the cells from 0, row by row.
     """
     last_index = np.array([pad.columns - 1, pad.rows - 1])
     column, row = np.clip(np.round(points / pad.pitch * [1, -1] + last_index / 2), 0, last_index).astype(int).T
@@ -35,12 +35,12 @@ def nearest_cell(pad: Pad, points: np.ndarray) -> np.ndarray:
 
 
 def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
-    """Which bodies lie entirely within a cell.
+    """Mask of the bodies that lie entirely within a cell.
 
     Parameters
     ----------
     pad : Pad
-        In mm.
+        The pad, with lengths in mm.
     points : (N, M, 3) ndarray
         M points of each body, relative to the centre of the cell's opening, mm.
 
@@ -58,12 +58,12 @@ def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
 
 
 def room_needed(pad: Pad, corners: np.ndarray) -> str:
-    """Words for the width of cells that a package needs at its position.
+    """Text that states the width of cells that a package needs at its position.
 
     Parameters
     ----------
     pad : Pad
-        In mm.
+        The pad, with lengths in mm.
     corners : (M, 3) ndarray
         Corners of the package in the frame of the pad, in mm.
 

@@ -116,7 +116,7 @@ def rectangle_rule(width: float, depth: float, columns: int, rows: int) -> Rule:
     Returns
     -------
     points : (n, 2) ndarray
-        In mm.
+        Positions in mm.
     weights : (n,) ndarray
         Weights, which add up to the area, mm².
     """
@@ -138,7 +138,7 @@ def square_annulus_rule(outer: float, inner: float, along: int, across: int) -> 
     Returns
     -------
     points : (n, 2) ndarray
-        In mm.
+        Positions in mm.
     weights : (n,) ndarray
         Weights, which add up to the area, mm².
     """
@@ -166,7 +166,7 @@ def disc_annulus_rule(outer: float, inner: float, rings: int, spokes: int) -> Ru
     Returns
     -------
     points : (n, 2) ndarray
-        In mm.
+        Positions in mm.
     weights : (n,) ndarray
         Weights, which add up to the area, mm².
     """

@@ -10,7 +10,7 @@ from flawed_scene import IN_LED, IN_PAD, IN_REFLECTOR, IN_SENSOR, PAD, change, c
 pytestmark = [pytest.mark.usefixtures("static"), pytest.mark.quick]
 
 UNITS = {
-    "pad in m": (PAD, IN_PAD, "cell_height", 0.00155, 0.06, "warning", r"odd: .* if it is in m, write 1.55"),
+    "pad in m": (PAD, IN_PAD, "cell_height", 0.00155, 0.06, "warning", r"unusual: .* if it is in m, write 1.55"),
     "height in µm": (PAD, IN_PAD, "height", 4550, 150, "warning", "if it is in µm, write 4.55"),
     "mesh size in m": (PAD, IN_PAD, "mesh_size", 0.00125, 0.5, "warning", "mesh_size .* in m, write 1.25"),
     "LED in m": (PAD, IN_LED, "size", 0.00025, 0.2, "error", "hole = 0.1 is not allowed"),

@@ -59,7 +59,7 @@ def test_the_part_says_under_what_its_curve_was_measured(tmp_path):
     curve = ", ".join(f"[{z}, {power:.4f}]" for z, power in zip(heights, under_card, strict=True))
     (tmp_path / "curve.toml").write_text(re.sub(r"distance_curve = .*", f"distance_curve = [{curve}]", text))
     shown = run_program(tmp_path, "parts", "curve.toml").stdout
-    said = r"With distance_reflector = 'white card', for a curve of a white card, it would be (\d.\d)%."
+    said = r"With distance_reflector = 'white card', for a curve under a white card, the difference is (\d.\d)%."
     assert float(re.search(said, shown)[1]) < 5  # the largest lies between these heights
     (tmp_path / "part.toml").write_text(text.replace('= "mirror"', '= "paper"'))
     with pytest.raises(InputError, match="distance_reflector = 'paper' is not allowed: 'mirror' or 'white card'"):

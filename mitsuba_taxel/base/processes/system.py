@@ -155,7 +155,7 @@ def peak_memory(of_children: bool = False) -> float:
     Returns
     -------
     float
-        In MB; nan on Windows.
+        Peak memory in MB; NaN on Windows.
     """
     if sys.platform == "win32":
         return math.nan

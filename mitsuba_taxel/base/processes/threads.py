@@ -19,7 +19,7 @@ def thread_count() -> int:
     Returns
     -------
     int
-        At least 1.
+        Number of threads, at least 1.
     """
     return _chosen or os.cpu_count() or 1
 
@@ -30,7 +30,7 @@ def set_thread_count(count: int) -> None:
     Parameters
     ----------
     count : int
-        At least 1.
+        Number of threads, at least 1.
     """
     global _chosen
     _chosen = count

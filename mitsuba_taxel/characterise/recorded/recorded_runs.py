@@ -166,7 +166,7 @@ def runs_of(measurement: Measurement) -> tuple[str, np.ndarray, np.ndarray, list
     Parameters
     ----------
     measurement : Measurement
-        In s, N and V.
+        Record in s, N and V.
 
     Returns
     -------

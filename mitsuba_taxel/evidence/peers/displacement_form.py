@@ -79,7 +79,7 @@ def nodal_forces(mesh: VolumeMesh, force: Sequence[float]) -> np.ndarray:
     Returns
     -------
     (N, 3) ndarray
-        In N.
+        Nodal forces in N.
     """
     top = mesh.faces[mesh.face_region == REGIONS["top"]]
     a, b, c = (mesh.points[top[:, k]] for k in range(3))

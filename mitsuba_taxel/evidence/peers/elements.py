@@ -51,7 +51,7 @@ def rows_of(material: NeoHookean, mesh_size: float) -> Iterator[tuple[object, ..
     material : NeoHookean
         The law.
     mesh_size : float
-        In mm.
+        Mesh size in mm.
     """
     mesh = mesh_pad(PAD, mesh_size)
     unknowns = 3 * np.count_nonzero(~displacement_form.held(mesh))

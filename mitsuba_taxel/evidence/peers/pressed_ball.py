@@ -48,7 +48,7 @@ def table(mesh_sizes: Sequence[float], depths: Sequence[float]) -> Iterator[tupl
     Parameters
     ----------
     mesh_sizes, depths : sequence of float
-        In mm.
+        Mesh sizes and depths in mm.
 
     Raises
     ------

@@ -22,7 +22,7 @@ def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarr
     Parameters
     ----------
     points : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
 

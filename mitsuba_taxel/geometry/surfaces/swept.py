@@ -19,7 +19,7 @@ def revolved(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray
         Counter-clockwise seen from outside.
     """
@@ -42,7 +42,7 @@ def prism(section: np.ndarray, half_length: float) -> tuple[np.ndarray, np.ndarr
     Returns
     -------
     vertices : (2 n + 2, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (4 n, 3) ndarray
         Counter-clockwise seen from outside.
     """

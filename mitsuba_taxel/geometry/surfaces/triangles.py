@@ -15,14 +15,14 @@ def area_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle, counter-clockwise from outside.
 
     Returns
     -------
     (T, 3) ndarray
-        In mm².
+        Area normals in mm².
     """
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     return 0.5 * np.cross(b - a, c - a)
@@ -51,7 +51,7 @@ def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
     Parameters
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
 
@@ -134,7 +134,7 @@ def closest_on_triangles(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     points : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     corners : (N, 3, 3) ndarray
         Corners of the triangles, mm.
 
@@ -164,7 +164,7 @@ def closest_on_segments(points: np.ndarray, start: np.ndarray, end: np.ndarray) 
     Parameters
     ----------
     points : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     start, end : (N, 3) ndarray
         Ends of the segments, mm.
 
@@ -185,7 +185,7 @@ def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndar
     Parameters
     ----------
     points : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     corners : (M, K, 3) ndarray
         Corners of triangles, segments or points, mm.
     reach : float

@@ -98,7 +98,7 @@ def trace_difference(
     Returns
     -------
     (replicates, taxels) ndarray
-        In W.
+        Differences of the readings in W.
     """
     sampler = pair.sensor.sampler().fork()
     sampler.set_sample_count(points)

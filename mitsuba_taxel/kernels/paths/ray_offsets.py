@@ -108,7 +108,7 @@ def clearance_of(scene: mi.Scene, pair: TaxelPair) -> mi.Float:
     Returns
     -------
     mi.Float
-        In mm.
+        Offset in mm.
     """
     clearance = 2e-6 * dr.sqrt(pair.sensor.faces.area)
     if dr.backend_v(mi.Float) == dr.JitBackend.CUDA:

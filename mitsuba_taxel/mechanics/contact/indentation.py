@@ -88,7 +88,7 @@ class Indentation:
     indenter : Indenter
         The rigid body.
     modulus : float
-        MPa, Young's modulus of the silicone.
+        Young's modulus of the silicone, MPa.
 
     Attributes
     ----------
@@ -133,8 +133,8 @@ class Indentation:
 
     @cached_property
     def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Sparsity pattern of :attr:`ContactState.rate`: the entry to which each product of two functions of a face
-        adds, for each axis; columns; and starts of the rows."""
+        """Sparsity pattern of :attr:`ContactState.rate`: for each product of two functions of a face and each axis, the
+        entry to which it adds; columns of the entries; starts of the rows."""
         count = len(self._mesh.points)
         keys, target = np.unique(self.numbers[:, :, None] * count + self.faces[:, None, :], return_inverse=True)
         starts = 3 * np.searchsorted(keys, count * np.arange(len(self.node) + 1))
@@ -146,13 +146,14 @@ class Indentation:
         )
 
     def nodal(self, values: np.ndarray) -> np.ndarray:
-        """(2 N, 3) values (m, 3) at all nodes, of the top, then of the outside; 0 where there is no pressure."""
+        """Values (m, 3) of the pressures as an array (2 N, 3) over all nodes: of the top, then of the outside; 0 at
+        nodes without a pressure."""
         at_nodes = np.zeros((2, len(self._mesh.points), 3))
         at_nodes[self.outside, self.node] = values
         return at_nodes.reshape(-1, 3)
 
     def at_nodes(self, nodal: np.ndarray) -> np.ndarray:
-        """(m, 3) values at the pressures, the inverse of :meth:`nodal`; zeros for an empty array."""
+        """Values (m, 3) of the pressures, from an array of :meth:`nodal`; zeros for an empty array."""
         if not len(nodal):
             return np.zeros((len(self.node), 3))
         return nodal.reshape(2, -1, 3)[self.outside, self.node]
@@ -177,9 +178,9 @@ class Indentation:
         moved : (3,) ndarray
             Displacement of the indenter from its start, mm.
         pressure : (m,) ndarray, optional
-            In MPa; by default that of the penalty on the gaps.
+            Pressures in MPa; by default they follow from the gaps by the penalty.
         traction : (m, 3) ndarray, optional
-            In MPa, of friction; none by default.
+            Tractions of friction in MPa; none by default.
 
         Returns
         -------
@@ -240,7 +241,7 @@ class Indentation:
         Returns
         -------
         (N, 3) ndarray
-            In N per unit of the changed parameter.
+            Rate of the forces in N per unit of the changed parameter.
         """
         active = self.contact_state(displacement, moved).pressure > 0
         step = SHAPE_STEP * np.ptp(self._mesh.points[:, 2]) / max(float(np.abs(velocity).max()), np.finfo(float).tiny)

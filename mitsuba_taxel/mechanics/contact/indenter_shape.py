@@ -22,7 +22,7 @@ class Gap(NamedTuple):
     Attributes
     ----------
     size : (n,) ndarray
-        In mm.
+        Signed distances in mm.
     normal : (n, 3) ndarray
         Gradient: unit vector out of the indenter.
     curvature : (n, 3, 3) ndarray
@@ -82,7 +82,7 @@ class IndenterShape(Kind, family="indenter"):
         Returns
         -------
         str
-            Empty if there is nothing.
+            Digest; empty if the body depends on nothing else.
         """
         return ""
 
@@ -160,7 +160,7 @@ class IndenterShape(Kind, family="indenter"):
         Returns
         -------
         (3,) ndarray
-            In the frame of the pad, mm.
+            Position in the frame of the pad, mm.
         """
         return np.array([*self.indenter.at, highest[2]])
 
@@ -178,7 +178,7 @@ class IndenterShape(Kind, family="indenter"):
         Returns
         -------
         float
-            In mm; infinite for an unbounded body.
+            Half the width in mm; infinite for an unbounded body.
         """
 
     def pressure_length(self, depth: float) -> float:
@@ -192,7 +192,7 @@ class IndenterShape(Kind, family="indenter"):
         Returns
         -------
         float
-            In mm: half the width of the contact, unless the pressure is concentrated at an edge.
+            Length in mm: half the width of the contact, unless the pressure is concentrated at an edge.
         """
         return self.contact_radius(depth)
 
@@ -210,7 +210,7 @@ class IndenterShape(Kind, family="indenter"):
         Returns
         -------
         (n,) ndarray
-            In mm.
+            Distances in mm.
 
         Raises
         ------
@@ -231,7 +231,7 @@ class IndenterShape(Kind, family="indenter"):
         Returns
         -------
         (n,) ndarray
-            In mm.
+            Distances in mm.
 
         Raises
         ------

@@ -28,7 +28,7 @@ def pressures(matrix: np.ndarray, offset: np.ndarray, active: np.ndarray) -> np.
     Parameters
     ----------
     matrix : (m, m) ndarray
-        Gap at each node per pressure at each.
+        Gap at each node (rows) per pressure at each node (columns).
     offset : (m,) ndarray
         Gaps without pressures.
     active : (m,) ndarray of bool
@@ -86,7 +86,7 @@ def tractions(matrix: np.ndarray, offset: np.ndarray, friction: float, guess: np
         Pressures, then tractions along the first tangent, then along the second; None if no solution was found.
     """
     count = len(offset) // 3
-    own_gap = np.abs(np.diag(matrix)[:count])  # may be below 0 where the pad alone, without its supports, is unstable
+    own_gap = np.abs(np.diag(matrix)[:count])  # may be negative if the pad alone, without its supports, is unstable
     total_slip = np.abs(matrix).sum(axis=1).reshape(3, count)[1:].max(axis=0)
     for weight in SLIP_WEIGHTS:
         scales = np.stack([own_gap, weight * total_slip])

@@ -1,10 +1,10 @@
 """Whether elements are small enough for the contact with an indenter.
 
-Contact prevents penetration on average around each node only. Between nodes the body may be inside the pad, and a body
-that is smaller than an element is not felt at all. Two figures measure this: the depth of the body inside the deformed
-pad, relative to that in the undeformed pad, and the size of the faces under it, relative to half the width of the
-contact. Within both limits, forces of balls on a block agree with those on much smaller elements to 8 %; beyond, all of
-the force may be missing.
+Contact prevents penetration on average around each node only. Between nodes the body may penetrate the pad, and a body
+that is smaller than an element may exert no force at all. Two figures measure this: the depth of the body inside the
+deformed pad, relative to that in the undeformed pad, and the size of the faces under it, relative to half the width of
+the contact. Within both limits, forces of balls on a block agree with those on much smaller elements to 8 %; beyond,
+all of the force may be missing.
 """
 
 from __future__ import annotations
@@ -112,8 +112,8 @@ def _inside(body: IndenterShape, face_nodes: np.ndarray, spacing: float) -> tupl
     """Largest depth in mm of points of faces inside a body, and the numbers of the faces that have such points.
 
     Faces have nodes (B, 6, 3) in mm, relative to the tip. They are cut into four as long as they may enter the body and
-    are larger than the ``spacing`` in mm. If there are too many, only those nearest to the body, or deepest inside,
-    are.
+    are larger than the ``spacing`` in mm. If there are too many, only those nearest to the body, or deepest inside it,
+    are cut.
     """
     deepest, touched = 0.0, np.zeros(len(face_nodes), dtype=bool)
     face, corners = np.arange(len(face_nodes)), np.broadcast_to(np.eye(3), (len(face_nodes), 3, 3))

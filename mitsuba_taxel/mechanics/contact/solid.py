@@ -25,7 +25,7 @@ class Solid(NamedTuple):
     Attributes
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray
         Rows of their vertices, counter-clockwise seen from outside.
     distance : SolidDistance
@@ -62,7 +62,7 @@ def solid_in(file: str, digest: str, tilt: float, placement: Placement) -> Solid
     digest : str
         SHA-256 of the content that the file had when it was opened.
     tilt : float
-        In degrees, about the axis along y at x = 0 and the lowest height.
+        Angle of the tilt in degrees, about the axis along y at x = 0 and the lowest height.
     placement : Placement
         Unit and direction of the file.
 

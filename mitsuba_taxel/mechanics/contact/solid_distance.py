@@ -16,9 +16,11 @@ from mitsuba_taxel.geometry.surfaces.triangles import area_normals, closest_on_t
 CELLS = 48
 """Cells of the grid along its longest side."""
 MARGIN, RIM = 6, 3
-"""Cells beyond the surface, and how many of these at the rim are not used, because the spline is inaccurate there."""
+"""Number of cells of the grid beyond the surface; number of the outermost cells that are not used, because the spline
+is inaccurate there."""
 NEAR = 3.0
-"""Distance in cells up to which it is exact; beyond, where nothing presses, it is approximate."""
+"""Distance in cells up to which the signed distance is exact; farther away, where there is no contact, it is
+approximate."""
 CANDIDATES = 8
 """Samples near a point whose triangles are compared for the nearest."""
 SAMPLE_SPACING = 0.5
@@ -44,9 +46,9 @@ class SolidDistance:
     Parameters
     ----------
     vertices : (V, 3) ndarray
-        In mm; the lowest at z = 0.
+        Positions in mm; the lowest vertex is at z = 0.
     triangles : (T, 3) ndarray
-        Counter-clockwise seen from outside.
+        Vertices of each triangle, counter-clockwise seen from outside.
     """
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:

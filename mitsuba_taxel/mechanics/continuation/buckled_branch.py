@@ -3,11 +3,11 @@
 At the start of a branch the derivative of the displacement with respect to the load is unbounded, and both are smooth
 functions of the amplitude of the mode in which the pad buckles. So the branch is a segment of states of prescribed
 amplitude, with the load as an additional unknown (E. Riks, Int. J. Solids Struct. 15, 1979). The load must rise with
-the amplitude, and the states must be stable under it: where the load falls, a pad jumps. Where it falls only at first,
-by as little as elements may decide, the branch is followed further.
+the amplitude, and the states must be stable under it: where the load falls, a pad jumps. If the load falls only at
+first, and by no more than the effect of the elements, the branch is followed further.
 
-A pad with ``self_contact`` that presses on something bends little more: from there on the load is prescribed again, and
-the branch is stable under it.
+If a pad with ``self_contact`` presses on an obstacle, it bends little more. From there on the load is prescribed again,
+and the branch is stable under it.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ PRECISE = 1e-14
 """Tolerance of the amplitude for a load, in mm and relative."""
 
 LEAP = 1.0
-"""Amplitude, relative to a whole step, within which the load may fall at the start of a branch: the pad jumps as
-far."""
+"""Amplitude, relative to a whole step, up to which the load may fall at the start of a branch; the pad then jumps by
+this amplitude."""
 FALLS = f"{UNSTABLE}: the load falls as the pad buckles"
 
 
@@ -61,7 +61,7 @@ class BuckledPad:
     segment : LoadSegment
         The segment at whose end it buckles.
     onset, mode : ndarray
-        The unknowns of the pad there, and those of the mode.
+        The unknowns of the pad at the onset, and the unknowns of the mode.
     """
 
     solves_between: ClassVar[bool] = False
@@ -108,7 +108,7 @@ class BuckledPad:
             if self.towards(unknowns, ahead) is not ahead:
                 raise Rejected("it presses on what it touches")
             unknowns = ahead
-            # Where a branch begins, loads need the further step.
+            # At the start of a branch, loads need one more step.
             if iteration and solution.residual < RESIDUAL_TOLERANCE:
                 return replace(solution, unknowns=unknowns), bordered
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
@@ -141,6 +141,7 @@ class BuckledBranch:
     pad : LoadedPad
         The part of the pad between the mirrors that the mode keeps.
     segment : LoadSegment
+        The segment at whose end the pad buckles.
     onset : tuple[ndarray, ndarray]
         Displacement (N, 3) and pressure (corners,) of the whole pad at its end.
 

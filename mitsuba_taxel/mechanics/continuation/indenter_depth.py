@@ -45,7 +45,7 @@ def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
     Returns
     -------
     float
-        In N.
+        Force in N.
     """
     body = pad.model.indentation
     contact_state = body.contact_state(pad.numbering.split(node.unknowns)[0], segment.value(node.s))
@@ -67,7 +67,7 @@ def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
     Returns
     -------
     float
-        In N/mm.
+        Stiffness in N/mm.
     """
     return _force_and_stiffness(pad, segment.value(node.s), node.unknowns, node.tangent)[1]
 
@@ -107,7 +107,7 @@ def depth_of(
     Returns
     -------
     float
-        In mm.
+        Depth in mm.
 
     Raises
     ------

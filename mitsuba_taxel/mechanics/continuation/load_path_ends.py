@@ -47,7 +47,7 @@ class LoadPathEnds(ComputationError):
         return LoadPathEnds(words, load, value, self.contact)
 
     def under(self, load: Load, value: np.ndarray) -> LoadPathEnds:
-        """The same end, described by the force on an indenter and by the displacement that follows from it."""
+        """The same end, whose message states the force on an indenter, then its displacement."""
         assert self.load is not None and self.value is not None
         driven = _shown(self.load, self.value)
         return LoadPathEnds(str(self).replace(driven, f"{_shown(load, value)}, {driven}"), load, value, self.contact)
@@ -73,7 +73,7 @@ def end_of_path(
     value : (c,) ndarray
         Last value with a state.
     reason : str
-        Such as "touches the board".
+        Reason for the end, such as "touches the board".
     place : (3,) ndarray
         Point of contact, mm; NaN without.
     buckled_at : (c,) ndarray or None

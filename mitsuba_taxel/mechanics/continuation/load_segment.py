@@ -82,7 +82,7 @@ class LoadSegment:
     limit, reason : float, str
         Distance beyond which there is no state, and the reason; infinite and empty if unknown.
     place : (3,) ndarray
-        In mm, point of contact at the limit; NaN without contact.
+        Point of contact at the limit, in mm; NaN without contact.
     mode : ndarray
         Mode of :class:`~mitsuba_taxel.mechanics.continuation.onset_of_buckling.Onset`, if the pad buckles at the limit;
         else empty.
@@ -165,7 +165,7 @@ class LoadSegment:
                     end, linearised = self._node(pad, solve, target, pad.towards(last.unknowns, guess))
                     fits = shortest or self._interpolates(pad, last, end, linearised)
                     entries = linearised.entries
-                    del linearised  # frees much memory
+                    del linearised  # frees memory that large factorisations occupy
 
                     # The state must be stable against displacements without the symmetry of the load, too.
                     if self.judged:
@@ -215,7 +215,8 @@ class LoadSegment:
         return self.step / self.ticks
 
     def _between(self, pad: Followed, start: Node, end: Node, fits: bool) -> list[Node]:
-        """The nodes beyond ``start`` up to ``end``; more nodes are inserted until the interpolation ``fits``."""
+        """The nodes beyond ``start`` up to ``end``; nodes are inserted between them until the interpolation
+        ``fits``."""
         if fits:
             return [end]
         s = 0.5 * (start.s + end.s)
@@ -254,8 +255,8 @@ class LoadSegment:
         return self._is_little(correction, unknowns, pad)
 
     def _is_little(self, correction: np.ndarray, unknowns: np.ndarray, pad: Followed) -> bool:
-        """Whether a change of the unknowns is within the tolerance; only displacements count, which are the first
-        unknowns."""
+        """Whether a change of the unknowns is within the tolerance; only the displacements, which are the first
+        unknowns, are compared."""
         displacements = pad.numbering.displacements
         error = math.sqrt(np.square(correction[:displacements]).mean())
         return bool(error <= self.tolerance * np.abs(unknowns[:displacements]).max())
@@ -370,7 +371,7 @@ class LoadSegment:
         guess = pad.towards(start.unknowns, hermite(start, end, s))
         try:
             return self._node(pad, pad.solve_linearised, s, guess)[0]
-        except Rejected:  # cubics are far off in contact
+        except Rejected:  # cubics are inaccurate in contact
             return self._node(pad, pad.solve_linearised, s, end.unknowns)[0]
 
     def rate(self, s: float) -> np.ndarray:

@@ -2,8 +2,8 @@
 state.
 
 There a branch of equilibria without that symmetry begins, and leaves the symmetric branch along the null vector of the
-tangent. The mirrored branch is as likely: one of both is chosen by a moment of the displacement that does not depend on
-the elements (W. T. Koiter, On the stability of elastic equilibrium, Delft, 1945).
+tangent. The mirrored branch is equally likely. The sign of a moment of the displacement, which does not depend on the
+elements, selects one of the two (W. T. Koiter, On the stability of elastic equilibrium, Delft, 1945).
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
     try:
         ahead = segment.beyond(pad, segment.nodes[-1].s + segment.tick)
 
-        # The blocks in which the state ahead is unstable; of two that mirrors map onto each other, one is enough.
+        # The blocks in which the state ahead is unstable; one block of each pair of mirror images is sufficient.
         seen = set[Model]()
         for block in tangent_blocks(pad):
             if block.model in seen:

@@ -90,7 +90,7 @@ class PadPath(PathStates):
         Raises
         ------
         InputError
-            if the load cannot have the value, or the undeformed pad touches something.
+            if the load cannot have the value, or the undeformed pad touches itself or an obstacle.
         LoadPathEnds
             if the path does not lead there.
         """
@@ -132,12 +132,12 @@ class PadPath(PathStates):
         )
 
     def bearing(self, value: np.ndarray) -> PadPath:
-        """The path that reaches a value: this path or, if the path on which its stability is tested does not bear the
-        load, a path with another one."""
+        """The path that reaches a value. It is this path or, if the path on which its stability is tested does not bear
+        the load, a path that tests its stability on its own elements."""
         if self.judge is None:
             return self
         _ = self.judge.mesh  # first, because the mesher makes one mesh at a time
-        with ThreadPoolExecutor(1) as pool:  # meshes the pad for this path meanwhile
+        with ThreadPoolExecutor(1) as pool:  # meanwhile the pad is meshed for this path
             meshed = pool.submit(getattr, self, "mesh")
             bears = self.judge.bears(value)
         meshed.result()
@@ -197,8 +197,8 @@ class PadPath(PathStates):
     def force(
         self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, fraction: float = 1
     ) -> np.ndarray:
-        """Force of the pad in a canonical state: on the plate or indenter whose displacement is prescribed or, under
-        other loads, on the board.
+        """Force of the pad in a canonical state: on the plate or indenter if its displacement is prescribed, otherwise
+        on the board.
 
         Parameters
         ----------
@@ -214,7 +214,7 @@ class PadPath(PathStates):
         Returns
         -------
         (3,) ndarray
-            In N.
+            Force in N.
         """
         if not self.load.self_contact:
             return glued_force(self.mesh, self.material, displacement, pressure)
@@ -264,7 +264,7 @@ def pad_path(
     Parameters
     ----------
     pad : Pad or PadFile
-        In mm.
+        The pad, with lengths in mm.
     material : Material
         Elastic law of the silicone.
     load : Load
@@ -276,7 +276,7 @@ def pad_path(
     judged_on : float, optional
         Length of the edges of elements on which stability is tested, mm.
     bodies : RigidBodies, optional
-        Bodies that keep the pad off.
+        Rigid bodies that the pad must not penetrate.
     step_tolerance : float
         See :func:`load_path`.
     refinement : Refinement, optional
@@ -291,7 +291,7 @@ def pad_path(
 
 
 shared = kept(16)(PadPath)
-"""The latest paths, by all arguments."""
+"""Cache of the latest paths, by all arguments."""
 
 
 @kept(8)

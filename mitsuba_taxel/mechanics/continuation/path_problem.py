@@ -38,6 +38,7 @@ def lock_of(pad: Pad | PadFile) -> Any:
     Parameters
     ----------
     pad : Pad or PadFile
+        The pad.
 
     Returns
     -------
@@ -55,10 +56,13 @@ class PathProblem:
     Parameters
     ----------
     pad : Pad or PadFile
+        The pad.
     material : Material
+        Elastic law of the silicone.
     load : Load
+        Kind of load.
     mesh_size : float
-        In mm.
+        Mesh size in mm.
     judged : bool
         Whether states must be stable against all displacements, not only those with the symmetry of the load.
     bodies : RigidBodies or None

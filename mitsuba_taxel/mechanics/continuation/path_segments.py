@@ -19,7 +19,8 @@ from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import loaded_pad
 
 LONGER_PRESSED = 2.0
-"""Relative length of steps along z where stability is not judged: pads give way to a push aside five times as much."""
+"""Length of steps along z, relative to other steps, where stability is not tested: pads are five times as compliant
+under tangential loads."""
 
 Start = Callable[[], tuple[np.ndarray, np.ndarray]]
 Touch = Callable[[LoadSegment, Followed], tuple[float, Contact] | None]
@@ -30,7 +31,7 @@ def nothing(segment: LoadSegment, pad: Followed) -> None:
 
 
 class PathSegments:
-    """Segments and branches of the path of one problem, kept in memory and on disk."""
+    """Segments and branches of the load path of one problem, kept in memory and on disk."""
 
     def __init__(self, path: PathProblem) -> None:
         self._path = path
@@ -38,7 +39,7 @@ class PathSegments:
         self.branches: dict[LoadSegment, BuckledBranch] = {}
 
     def to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
-        """The segments of the path to ``value``, and the distance to which each is followed."""
+        """The segments of the load path to ``value``, each with the distance up to which the path follows it."""
         if len(value) == 1:
             return [(self.towards(np.zeros(1), np.sign(value)), abs(value[0]))]
         normal, tangential = value[2], float(np.hypot(value[0], value[1]))

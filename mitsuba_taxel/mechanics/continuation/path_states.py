@@ -90,7 +90,7 @@ class PathStates(PathProblem):
     def _canonical_driven(
         self, moved: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
     ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
-        """See `canonical` of the path of the displacement; the largest force is reported if that path ends."""
+        """See `canonical` of the path of the displacement. If that path ends, the error reports the largest force."""
         driven = self.driven
         try:
             return driven.canonical(moved, mirrors, obstacles)
@@ -130,9 +130,9 @@ class PathStates(PathProblem):
         Returns
         -------
         displacement : (N, 3) ndarray
-            In mm.
+            Displacements of the nodes in mm.
         pressure : (corners,) ndarray
-            In MPa.
+            Pressures in MPa.
         """
         for mirror in mirrors:
             image = self.images[mirror]
@@ -214,7 +214,8 @@ class PathStates(PathProblem):
             return self._canonical_driven(self.driven_to(value, obstacles), mirrors, obstacles)
         start, seconds = partial(_at_rest, fields), 0.0
         for segment, s in self.segments.to(value):
-            # Small tangential forces: by the tangent of the normal one, if that leads there.
+            # States under small tangential forces are solved with the tangent under the normal force, if this
+            # converges.
             pad = self.segments.pad_for(segment.origin, segment.direction)
             nodal_forces = self.solved.beside(segment, s, pad)
             if nodal_forces and not (obstacles and obstacles.touch(pad.split(nodal_forces.unknowns)[0])):
@@ -263,7 +264,7 @@ class PathStates(PathProblem):
         s: float,
         mirrors: list[Mirror],
     ) -> None:
-        """Raise LoadPathEnds if a segment touches something before the distance ``s``."""
+        """Raise LoadPathEnds if the pad touches itself or an obstacle along a segment before the distance ``s``."""
         if touched and touched[0] < min(s, segment.limit):
             free, contact = touched
             raise self._end(segment.value(free), f"touches {contact.what}", np.array(contact.place), mirrors)

@@ -1,7 +1,7 @@
 """Elements under a body: paths whose mesh is fine wherever the body moves, and fine enough for its depth.
 
-Without friction a state does not depend on the way to it: that of a dragged body is that of one which starts above
-where it is taken. Else the mesh is fine along the whole way.
+Without friction a state does not depend on the path of the body: a dragged body gives the same state as a body that
+starts above its final position. With friction, the mesh is fine along the whole path.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mitsuba_taxel.mechanics.local_mesh import CLOSE, SMALL_DEPTH, swept_legs
 from mitsuba_taxel.mechanics.meshes import pad_mesh
 
 SHALLOWER, MOST_FINER = 0.25, 3
-"""Depth for which elements are made smaller in turn, relative to the one before, and how often at most."""
+"""Ratio of successive depths for which elements are made smaller, and the largest number of such refinements."""
 
 
 def path_along(path: PadPath, values: Sequence[Sequence[float]]) -> PadPath:
@@ -39,7 +39,8 @@ def path_along(path: PadPath, values: Sequence[Sequence[float]]) -> PadPath:
 
 
 def _reach(path: PadPath) -> float:
-    """Half the width in mm of the contact for which elements are small; infinite for a plate or no indenter."""
+    """Half the width in mm of the contact for which elements are small enough; infinite for a plate or without an
+    indenter."""
     indenter = path.load.moved_indenter
     if indenter is None:
         return math.inf
@@ -64,7 +65,7 @@ def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
     path : PadPath
         Path with elements that are small enough around its start.
     moved : (3,) ndarray
-        Displacement of the indenter from there, mm.
+        Displacement of the indenter from its start, mm.
     """
     load: Any = path.load
     if load.moved_indenter is None or math.hypot(*value[:2]) <= CLOSE * _reach(path):

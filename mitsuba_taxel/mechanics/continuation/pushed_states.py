@@ -1,7 +1,7 @@
 """States under a small tangential force, solved with the tangent of the state under the normal force alone.
 
 The blocks of that tangent are much smaller than the tangent under both, and bring a state to balance in a few
-iterations. No other states on the way to it are needed: what a path would interpolate is solved for directly.
+iterations. No intermediate states are needed: states that a path would interpolate are solved directly.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mitsuba_taxel.mechanics.equilibrium.solution import Rejected, Solution
 from mitsuba_taxel.mechanics.equilibrium.tangent_blocks import SplitTangent, TangentBlock, tangent_blocks
 
 SMALL = 1e-3
-"""Change of a load, relative to a step of the path, that tells the rate of a state."""
+"""Change of a load, relative to a step of the path, for the finite difference that gives the rate of a state."""
 
 
 class PushedStates:
@@ -35,7 +35,7 @@ class PushedStates:
     pad : LoadedPad
         The part that the normal force needs.
     near : ndarray
-        Unknowns near its state.
+        Unknowns near the state under the normal force.
     value : (3,) ndarray
         Value of the normal force.
     """
@@ -90,7 +90,7 @@ class PushedStates:
         Returns
         -------
         (unknowns,) ndarray
-            Per N.
+            Derivative per N.
 
         Raises
         ------

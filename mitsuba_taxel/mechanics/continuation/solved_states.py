@@ -18,14 +18,14 @@ from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 
 FURTHEST_BESIDE = 1.25
-"""Tangential distance from a normal force, in steps of the path, up to which its tangent is tried: of the paper's domes
-it leads one as far, and none to 1.5."""
+"""Tangential distance from a normal force, in steps of the path, up to which the tangent under the normal force is
+tried. With it, one of the paper's domes reaches this distance, and none reaches 1.5."""
 
 
 class SolvedStates:
     """Solved states of the load path of one contact problem, in memory and on disk.
 
-    States beside the path, under purely normal forces, are kept too.
+    States outside the path, under purely normal forces, are kept too.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ class SolvedStates:
         Returns
         -------
         (unknowns,) ndarray
-            Per N.
+            Derivative per N.
         """
         rates = self._rates_beside.setdefault(segment, {})
         if s not in rates:

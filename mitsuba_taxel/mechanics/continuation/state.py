@@ -77,10 +77,10 @@ class ViscoelasticMemory:
     stress : Callable
         Computes the overstress.
     overstress : ndarray
-        (m, q, 6) MPa, second Piola-Kirchhoff stress above that of the law at the quadrature points: xx, yy, zz, xy,
-        yz, xz.
+        Second Piola-Kirchhoff stress (m, q, 6) in MPa, in addition to the stress of the law, at the quadrature points:
+        xx, yy, zz, xy, yz, xz.
     deviation : (N, 3) ndarray
-        mm, estimated error of the displacement due to time steps.
+        Estimated error of the displacement due to time steps, mm.
     error : float
         Relative error of the stress, root mean square over the pad.
     """
@@ -182,7 +182,7 @@ class State(Displayed):
 
     @property
     def probed_share(self) -> float:
-        """Fraction of the :attr:`deviations` by which a pad is displaced to find their effect on readings.
+        """Fraction of the :attr:`deviations` by which a pad is displaced to compute their effect on readings.
 
         In general, changes of readings are proportional to this fraction. If the pad may touch bodies, they are not,
         and the fraction is that of the error.
@@ -191,8 +191,7 @@ class State(Displayed):
 
     @property
     def force_error(self) -> float:
-        """Error in N of the board's force on the pad for a moved plate or indenter, 0 for a given force; NaN if
-        unknown."""
+        """Error in N of the board's force on the pad. It is 0 under a prescribed force, and NaN if unknown."""
         return self._compared.force_error if self.load.gives_displacement else 0.0
 
     @property

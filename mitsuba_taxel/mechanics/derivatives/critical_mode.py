@@ -31,6 +31,7 @@ class CriticalMode:
     Parameters
     ----------
     state : State
+        A stable state.
 
     Attributes
     ----------
@@ -70,7 +71,7 @@ class CriticalMode:
         Returns
         -------
         float
-            In N/mm.
+            Stiffness in N/mm.
 
         Raises
         ------

@@ -68,7 +68,7 @@ class LinearisedState:
     displacement : (N, 3) ndarray
         Displacement of each node, in mm, in equilibrium to the solver's tolerance.
     pressure : (corners,) ndarray
-        MPa.
+        Pressure at each corner, MPa.
     """
 
     def __init__(
@@ -118,12 +118,12 @@ class LinearisedState:
         Parameters
         ----------
         name : str
-            One of ``material.parameters``; the others are constant.
+            Name of the parameter, one of ``material.parameters``; the others are constant.
 
         Returns
         -------
         (N, 3) ndarray
-            In mm per unit of the parameter, at each node.
+            Derivative at each node, in mm per unit of the parameter.
 
         Raises
         ------
@@ -139,7 +139,8 @@ class LinearisedState:
         """Derivative (N, 3) of the displacement with respect to a movement of the undeformed nodes, by one back-solve.
 
         The load does not change: a spread force keeps its total, a patch its position in space, a plate its
-        displacement; a pressure follows the surface. The position of a node changes by ``velocity`` plus this.
+        displacement; a pressure follows the surface. The position of a node changes by ``velocity`` plus this
+        derivative.
 
         Parameters
         ----------
@@ -149,7 +150,7 @@ class LinearisedState:
         Returns
         -------
         (N, 3) ndarray
-            In mm per unit of the change, at each node.
+            Derivative at each node, in mm per unit of the change.
 
         Raises
         ------
@@ -183,7 +184,7 @@ class LinearisedState:
         if pad.load.moved_indenter is not None:
             return self.by_value([*direction, 0.0])
         velocity = np.zeros_like(self.displacement)
-        velocity[:, :2] = -direction  # the pad moves below a patch at rest
+        velocity[:, :2] = -direction  # the pad moves below the patch, which is at rest
         loads = load_rate(pad.whole, pad.material, pad.load, self.displacement, self._value, velocity)
         forces = {block: block.forces(loads) for block in self._blocks}
         largest = max(np.abs(force).max() for force in forces.values())
@@ -360,7 +361,8 @@ class PressedState(LinearisedState):
         return Gradient(np.array([np.nan, np.nan, by_force]), material, shape)
 
     def _under_force(self, rate: np.ndarray, gain: float) -> np.ndarray:
-        """Rate (N, 3) of the nodes' displacements at a constant force of the indenter, from that at a constant depth.
+        """Rate (N, 3) of the nodes' displacements at a constant force of the indenter, from the rate at a constant
+        depth.
 
         ``gain`` is the rate of the force while the nodes do not move.
         """

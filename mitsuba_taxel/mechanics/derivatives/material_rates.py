@@ -19,7 +19,8 @@ SMALL_STEP = 1e-5
 def material_rate(residual_of: Callable[[Material], np.ndarray], material: Material, name: str) -> np.ndarray:
     """Derivative of a pad's residual with respect to a parameter of its material.
 
-    A central difference of fourth order, or a difference of second order where the law does not allow larger changes.
+    The derivative is a central difference of fourth order. If the law does not allow changes that large, it is a
+    difference of second order.
 
     Parameters
     ----------
@@ -28,12 +29,12 @@ def material_rate(residual_of: Callable[[Material], np.ndarray], material: Mater
     material : Material
         Law of the state.
     name : str
-        One of its parameters.
+        Name of the parameter.
 
     Returns
     -------
     (n,) ndarray
-        Per unit of the parameter.
+        Derivative per unit of the parameter.
     """
     value = getattr(material, name)
     scale = abs(value) or _scale(material, name)

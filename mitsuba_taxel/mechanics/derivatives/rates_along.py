@@ -66,7 +66,7 @@ def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequen
 
 
 def _largest(answers: Iterable[np.ndarray]) -> np.ndarray:
-    """Largest absolute value (K,) of each derivative."""
+    """Largest absolute value of each of the K derivatives."""
     sizes = np.abs(np.array(list(answers)))
     return sizes.max(axis=(0, *range(2, sizes.ndim)))
 
@@ -85,7 +85,8 @@ def _along(values: np.ndarray) -> np.ndarray:
 
 
 def _interpolated(places: np.ndarray, answers: dict[int, np.ndarray]) -> np.ndarray:
-    """(S, ...) values at all positions of the polynomial through the derivatives of some states, given by number."""
+    """Values (S, ...) at all positions, of the polynomial through the derivatives of some states, which are given by
+    number."""
     nodes = places[list(answers)]
     weights = np.ones((len(places), len(nodes)))
     for k, here in enumerate(nodes):

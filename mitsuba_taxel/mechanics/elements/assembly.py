@@ -95,7 +95,7 @@ class Assembly:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            In mm.
+            Displacements of the nodes in mm.
         pressure : (corners,) ndarray
             In MPa, positive in tension.
         stress_update : StressUpdate, optional

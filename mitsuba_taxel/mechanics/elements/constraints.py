@@ -129,7 +129,7 @@ def number_unknowns(
 
 
 class _Dofs:
-    """Degrees of freedom (N, 3): whether each is fixed, and the one that it is tied to, with its sign."""
+    """Degrees of freedom (N, 3): whether each is fixed, and the degree of freedom that it is tied to, with its sign."""
 
     def __init__(self, fixed: np.ndarray, corners: int) -> None:
         self.root = np.arange(3 * len(fixed)).reshape(-1, 3)

@@ -24,8 +24,8 @@ Forces = tuple[np.ndarray, np.ndarray]
 class _Chunk:
     """Some of the elements at a state.
 
-    ``deformed`` is F. All other fields are arguments and results of the law, for which F is the identity where it is
-    linear; ``small`` is the small strain there.
+    ``deformed`` is F. All other fields are arguments and results of the law. Where the law is linear, these use the
+    identity as F, and ``small`` is the small strain.
     """
 
     here: slice

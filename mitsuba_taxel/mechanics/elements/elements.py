@@ -86,7 +86,8 @@ class SmallStrain:
         return np.trace(self.gradient, axis1=1, axis2=2)
 
     def stress(self, shear_modulus: float) -> np.ndarray:
-        """(n, 3, 3) MPa, isochoric stress 2 mu (e - tr(e) / 3) of the strain e, which any law has to first order."""
+        """Isochoric stress (n, 3, 3) in MPa, 2 mu (e - tr(e) / 3) of the strain e, which is the stress of any law to
+        first order."""
         both = self.gradient + np.swapaxes(self.gradient, 1, 2)
         return shear_modulus * (both - 2 / 3 * self.growth[:, None, None] * np.eye(3))
 
@@ -114,7 +115,7 @@ class Elements:
     gradients : (m, q, 10, 3) ndarray
         Gradients of the shape functions of ``nodes``, 1/mm.
     linear : (m, q) ndarray or None
-        Whether the law at each quadrature point is that of small strain; None if it is at none.
+        Whether the law at each quadrature point is that of small strain; None if it is at no point.
 
     Raises
     ------
@@ -239,8 +240,8 @@ class Elements:
         return np.where(at[..., None, None], np.eye(3), gradient), SmallStrain(at, gradient[at] - np.eye(3))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
-        """Second Piola-Kirchhoff stress (m, q, 6) in MPa of the material at a displacement (N, 3); where the law is
-        linear, that of small strain."""
+        """Second Piola-Kirchhoff stress (m, q, 6) in MPa of the material at a displacement (N, 3). Where the law is
+        linear, it is the stress of small strain."""
 
         def stress(start: int) -> np.ndarray:
             here = slice(start, start + ELEMENTS_AT_ONCE)
@@ -296,7 +297,8 @@ def quadrature_places(mesh: VolumeMesh) -> np.ndarray:
 
 
 def in_turns(work: Callable[[int], Result], count: int) -> list[Result]:
-    """Results of ``work(first)`` for the first element of each chunk of :data:`ELEMENTS_AT_ONCE`."""
+    """Results of ``work(first)`` for each chunk of :data:`ELEMENTS_AT_ONCE` elements, where ``first`` is its first
+    element."""
     return side_by_side(work, range(0, count, ELEMENTS_AT_ONCE))
 
 

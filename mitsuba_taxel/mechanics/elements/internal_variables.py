@@ -19,7 +19,7 @@ from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic, compone
 
 @dataclass(frozen=True, eq=False)
 class StressUpdate:
-    """The isochoric stress at the end of a step as a function of that of the law there: factor * S + offset.
+    """The isochoric stress at the end of a step, factor * S + offset, as a function of the stress S of the law.
 
     Attributes
     ----------
@@ -49,16 +49,16 @@ class InternalVariables:
     Attributes
     ----------
     stress : (m, q, 6) ndarray
-        MPa, stress S of the law.
+        Stress S of the law, MPa.
     term_stress : (k, m, q, 6) ndarray
-        MPa, stress Q of each term.
+        Stress Q of each term, MPa.
     error : (k, m, q, 6) ndarray
         Estimated error of ``term_stress`` in MPa, because S does not change within steps as assumed.
     law_error : (m, q, 6) ndarray
         Resulting error of S in MPa; 0 if it is not estimated.
     rate : (m, q, 6) ndarray or None
-        MPa/s, rate of S at the time, or its mean over the last step; None before the first step, and just after a jump
-        of the load.
+        Rate of S in MPa/s: at this time, or the mean over the last step. None before the first step, and just after a
+        jump of the load.
     step : float
         Duration of the last step in s.
     """
@@ -79,14 +79,14 @@ class InternalVariables:
     def stress_update(
         self, material: Viscoelastic, step: float, part: SymmetricPart, growth: Growth | None = None
     ) -> StressUpdate:
-        """The stress at the end of the next step, for any stress of the law there.
+        """The stress at the end of the next step, as a function of the stress of the law.
 
         Parameters
         ----------
         material : Viscoelastic
             The silicone.
         step : float
-            Duration in s.
+            Duration of the step in s.
         part : SymmetricPart
             Part of the mesh that these variables belong to.
         growth : Growth, optional
@@ -114,9 +114,9 @@ class InternalVariables:
         material : Viscoelastic
             The silicone.
         step : float
-            Duration in s.
+            Duration of the step in s.
         stress : (m, q, 6) ndarray
-            MPa, stress S of the law at the end.
+            Stress S of the law at the end of the step, MPa.
         growth : Growth, optional
             Measure over which S is a parabola.
 
@@ -135,7 +135,7 @@ class InternalVariables:
         return InternalVariables(stress, term_stress, error, np.zeros_like(stress), rate, step)
 
     def _weights(self, material: Viscoelastic, step: float, growth: Growth | None) -> tuple[np.ndarray, np.ndarray]:
-        """(k,) each, of the terms at the end of a step: weights of :meth:`_initial_change`, and of the change of S."""
+        """Weights of :meth:`_initial_change`, and of the change of S, for the terms at the end of a step; each (k,)."""
         if growth is None:
             ramp = material.shares * material.over(step).ramp
             return 0 * ramp, ramp
@@ -167,7 +167,7 @@ class InternalVariables:
         return np.tensordot(1 / material.times, self.term_stress, axes=1)
 
     def curvature(self, before: InternalVariables) -> np.ndarray:
-        """(m, q, 6) MPa/s², second time derivative of S, from the last step and the one ``before``."""
+        """Second time derivative (m, q, 6) of S in MPa/s², from the last step and the step ``before``."""
         assert self.rate is not None and before.rate is not None
         return (self.rate - before.rate) / (0.5 * (self.step + before.step))
 
@@ -221,7 +221,7 @@ def expand_stress(stress: np.ndarray, part: SymmetricPart, whole: VolumeMesh) ->
     Parameters
     ----------
     stress : (m, q, 6) ndarray
-        MPa, at the quadrature points of the part.
+        Stress at the quadrature points of the part, MPa.
     part : SymmetricPart
         The part.
     whole : VolumeMesh
@@ -230,7 +230,7 @@ def expand_stress(stress: np.ndarray, part: SymmetricPart, whole: VolumeMesh) ->
     Returns
     -------
     (M, q, 6) ndarray
-        MPa, at the quadrature points of the whole mesh.
+        Stress at the quadrature points of the whole mesh, MPa.
     """
     element, corner, turn = part.element_images(whole)
     families = stress.reshape(len(stress), -1, 4, 6)  # quadrature points are numbered by the corners they are near

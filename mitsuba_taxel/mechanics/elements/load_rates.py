@@ -42,7 +42,7 @@ def load_rate(
     Returns
     -------
     (N, 3) ndarray
-        In N per unit of the velocity's parameter.
+        Rate of the forces in N per unit of the velocity's parameter.
     """
     if load.follows_surface:
         faces, rate = wet_faces(mesh), np.zeros_like(displacement)

@@ -210,7 +210,7 @@ class Model:
         Returns
         -------
         float
-            1 if no node is selected.
+            The volume ratio; 1 if no node is selected.
         """
         deformed = map_determinants(self.mesh.points + displacement, self.mesh.tets)
         return float((deformed / self._determinants)[nodes[self.mesh.tets]].min(initial=1.0))
@@ -228,7 +228,7 @@ class Model:
         Returns
         -------
         (unknowns,) ndarray
-            Linear in the value; zero for a prescribed displacement.
+            Forces, which are linear in the value; zero for a prescribed displacement.
         """
         if self.load.follows_surface:
             nodal = np.zeros_like(displacement)
@@ -255,7 +255,7 @@ class Model:
         Returns
         -------
         (unknowns,) ndarray
-            Per N, mm or MPa.
+            Derivative per N, mm or MPa.
         """
         if self.load.moved_indenter is not None:
             assert value is not None
@@ -278,7 +278,7 @@ class Model:
         Returns
         -------
         (unknowns,) ndarray or float
-            0 without an indenter.
+            The forces; 0 without an indenter.
         """
         if self.load.moved_indenter is None:
             return 0.0

@@ -34,14 +34,14 @@ def internal_forces(
     pressure : (corners,) ndarray
         In MPa, positive in tension.
     overstress : (m, q, 6) ndarray, optional
-        MPa, viscoelastic stress in addition to that of the material.
+        Viscoelastic stress in addition to the stress of the material, MPa.
     linear : (m, q) ndarray of bool, optional
         Quadrature points where the law is linear.
 
     Returns
     -------
     (N, 3) ndarray
-        In N.
+        Forces in N.
     """
     nodes = len(mesh.points)
     unconstrained = number_unknowns(mesh, np.zeros(nodes, dtype=bool))
@@ -64,7 +64,7 @@ def nodes_of(mesh: VolumeMesh, region: str) -> np.ndarray:
     Returns
     -------
     (k,) ndarray of int
-        Ascending.
+        Numbers in ascending order.
     """
     return np.unique(mesh.faces[mesh.face_region == REGIONS[region]])
 
@@ -90,7 +90,7 @@ def glued_force(
     Returns
     -------
     (3,) ndarray
-        In N.
+        Force in N.
     """
     forces = internal_forces(mesh, material, displacement, pressure, overstress, linear)
     return forces[nodes_of(mesh, region)].sum(axis=0)

@@ -39,8 +39,8 @@ MOST_ROUNDING = 0.05
 REFINEMENTS = 10
 """Largest number of iterative refinements of a solution in full precision."""
 MOST_BACKWARD_ERROR = 1e-11
-"""Largest backward error of factors without row exchanges: more than rounding, much less than growth of pivots
-leaves."""
+"""Largest backward error of factors without row exchanges: above rounding errors, far below the errors that growing
+pivots would cause."""
 
 
 class Factorisation(Protocol):
@@ -135,12 +135,12 @@ def symmetric_product(lower: sparse.csc_matrix, vector: np.ndarray) -> np.ndarra
     lower : (n, n) csc_matrix
         Lower triangle of A.
     vector : (n,) ndarray
-        x.
+        The vector x.
 
     Returns
     -------
     (n,) ndarray
-        A x.
+        The product A x.
     """
     return lower @ vector + lower.T @ vector - lower.diagonal() * vector
 
@@ -151,9 +151,9 @@ def sum_of_triangles(lower: sparse.csc_matrix, other: sparse.csr_array) -> spars
     Parameters
     ----------
     lower : (n, n) csc_matrix
-        The first.
+        First lower triangle.
     other : (n, n) csr_array
-        The second.
+        Second lower triangle.
 
     Returns
     -------
@@ -214,8 +214,8 @@ class SuperLu:
 
     Tangents of pads are quasidefinite: positive over displacements, negative over pressures. Such matrices need no
     pivoting, in any order (R. J. Vanderbei, SIAM J. Optim. 5, 1995), and fill in as little as positive definite
-    matrices in minimum degree order. Diagonal entries that are too small, as those of pressures in incompressible
-    solids, are enlarged; refinement removes the effect.
+    matrices in minimum degree order. Diagonal entries that are too small, such as those of pressures in incompressible
+    solids, are enlarged; iterative refinement removes the effect.
     """
 
     def factor(self, lower: sparse.csc_matrix) -> Factorisation:
@@ -225,7 +225,7 @@ class SuperLu:
         full = sparse.csc_matrix(lower + sparse.tril(lower, k=-1).T)
         diagonal = full.diagonal()
 
-        # What the elimination of positive pivots subtracts from each diagonal entry, to first order.
+        # Amount that the elimination of positive pivots subtracts from each diagonal entry, to first order.
         inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
         eliminated = full.power(2) @ inverse
         for precision in (np.float32, np.float64):
@@ -253,7 +253,7 @@ def available_solvers() -> list[str]:
     Returns
     -------
     list[str]
-        Keys of `SOLVERS`.
+        Names, which are keys of `SOLVERS`.
     """
     import importlib.util
 
@@ -266,7 +266,7 @@ def make_solver(name: str | None = None) -> Solver:
     Parameters
     ----------
     name : str, optional
-        One of `SOLVERS`; by default the first of :func:`available_solvers`.
+        Name of the solver, a key of `SOLVERS`; by default the first of :func:`available_solvers`.
 
     Returns
     -------

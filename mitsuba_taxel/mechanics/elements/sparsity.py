@@ -64,7 +64,7 @@ class Sparsity:
         Returns
         -------
         (E,) ndarray
-            In the order of :attr:`rows` and :attr:`columns`.
+            Entries in the order of :attr:`rows` and :attr:`columns`.
         """
         sums = self._blocks.summed(blocks, 9), self._mixed.summed(mixed, 3), self._pressures.summed(pressures, 1)
         return np.concatenate(sums)
@@ -119,7 +119,7 @@ def equal_pairs(first: np.ndarray, second: np.ndarray, size: int) -> tuple[np.nd
         Index of each pair among these.
     """
     pairs = sparse.coo_array((np.arange(len(first), dtype=np.int32), (first, second)), shape=(size, size))
-    pairs.has_canonical_format = True  # or equal ones would be summed
+    pairs.has_canonical_format = True  # otherwise equal entries would be summed
     ordered = pairs.tocsc().tocsr()
     rows, columns = np.repeat(np.arange(size, dtype=np.int32), np.diff(ordered.indptr)), ordered.indices
     new = np.ones(len(rows), dtype=bool)

@@ -18,7 +18,8 @@ from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, M
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
 CUT = 0
-"""In place of a sign at a wall: displacements are free there, as at a cut, and pressures at its nodes are 0."""
+"""Value that replaces the sign at a wall: displacements are free there, as at a cut, and pressures at its nodes are
+0."""
 
 
 def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:

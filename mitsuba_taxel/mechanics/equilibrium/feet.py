@@ -19,7 +19,8 @@ from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import tensors
 
 RADIUS = 1 / 15
-"""Distance from a foot, relative to the pad's height, within which the law of a pad that goes on is linear."""
+"""Distance from a foot, relative to the pad's height, within which the law is linear if the load path continues after
+contact."""
 SHARP = 30.0
 """Least turn of the glued outer rim at a foot, in degrees."""
 
@@ -39,7 +40,8 @@ def where_linear(mesh: VolumeMesh, load: Load, fraction: float = 1.0) -> np.ndar
     Returns
     -------
     (m, q) ndarray of bool or None
-        None without such points: under loads whose path ends at the first contact, and in round pads.
+        Mask of the points; None without such points: under loads whose path ends at the first contact, and in round
+        pads.
     """
     if not load.self_contact:
         return None
@@ -53,7 +55,7 @@ def near_feet(mesh: VolumeMesh, fraction: float = 1.0) -> np.ndarray:
 
 
 def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
-    """A sentence for messages if the pad touches the board near a foot.
+    """A sentence for messages about a contact with the board near a foot.
 
     Parameters
     ----------
@@ -100,12 +102,12 @@ def couple_held(
     pressure : (corners,) ndarray
         In MPa, positive in tension.
     overstress : (m, q, 6) ndarray, optional
-        MPa, viscoelastic stress in addition to that of the law.
+        Viscoelastic stress in addition to the stress of the law, MPa.
 
     Returns
     -------
     (3,) ndarray
-        N mm, about the origin.
+        Moment about the origin, N mm.
     """
     at = np.flatnonzero(linear.any(axis=1))
     elements, every = Elements(replace(mesh, tets=mesh.tets[at]), material), slice(None)

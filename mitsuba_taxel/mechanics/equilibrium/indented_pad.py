@@ -181,7 +181,7 @@ class IndentedPad(LoadedPad):
         negative, no pressure pulls, and one of both is 0 (P. Wriggers, Computational Contact Mechanics, 2006, chapter
         10).
         """
-        # The pressures at the start are unknown: those that balance it best.
+        # The pressures at the start are unknown; those that balance the start best are used.
         unknowns, first_error, last_error, distance = start, 0.0, math.inf, 0.0
         forces = self._initial_pressures(unknowns, value, history)
         state = self._under_forces(unknowns, value, forces, True, history)
@@ -227,7 +227,7 @@ class IndentedPad(LoadedPad):
             if change is None:
                 raise Rejected("the contact with the indenter does not settle")
 
-            # As much of the step as inverts no element.
+            # The step is shortened until it inverts no element.
             step_length, state = self._step_length(change, unknowns, forces, value, error, history)
             step, force_step = step_length * change[0], step_length * change[1]
             unknowns, forces = unknowns + step, forces + force_step
@@ -259,8 +259,9 @@ class IndentedPad(LoadedPad):
     def _with_fixed_directions(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
         """Factor of the tangent at a state under pressures whose directions do not follow the indenter's normals.
 
-        Those that do push the pad off a sharply rounded body, so that the linear pad may be unstable although the pad
-        is not. Without, it is stable where the pad alone is, and steps are shorter.
+        Pressures that follow the normals push the pad off a sharply rounded body, so that the linearised pad may be
+        unstable although the pad is stable. With fixed directions, the linearised pad is stable wherever the pad alone
+        is, but steps are shorter.
         """
         inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.stress_update)
         assert inside.entries is not None  # no element is inverted
@@ -290,7 +291,7 @@ class IndentedPad(LoadedPad):
     def _with_gap_pressures(
         self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, history: History
     ) -> Configuration:
-        """The state with the pressures of its gaps and the tractions of its slip."""
+        """The state under the pressures that follow from its gaps and the tractions that follow from its slip."""
         contact_state, body = _contact_state_of(state), self.model.indentation
         own = contact_state._replace(pressure=np.maximum(-contact_state.gap, 0.0) / body.slack)
         if self.friction is not None:
@@ -300,8 +301,8 @@ class IndentedPad(LoadedPad):
         return replace(state, residual=state.residual + state.load - load, load=load, entries=None, contact_state=own)
 
     def _gap_error(self, state: Configuration) -> float:
-        """Error of the gaps, relative to the pad's height: the largest gap at a node in contact, or depth at any other
-        node."""
+        """Error of the gaps, relative to the pad's height: the largest gap at a node in contact, or penetration at any
+        other node."""
         contact_state, body = _contact_state_of(state), self.model.indentation
         gap = np.where(
             contact_state.pressure > 0,
@@ -369,9 +370,9 @@ class _LinearContact:
         state : Configuration
             Residual and gaps of the pad.
         forces : (m, 3) ndarray
-            MPa, pressures, and tractions along two tangents.
+            Pressures, and tractions along two tangents, MPa.
         slip : (m, 2) ndarray
-            mm³, along these tangents.
+            Slip along these tangents, mm³.
 
         Returns
         -------

@@ -243,7 +243,8 @@ class LoadedPad(MeshedPad):
     def solve_after(
         self, start: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
     ) -> tuple[Solution, Linearised]:
-        """As :meth:`solve`, after a ``history``: the matrix factored at the state ``near`` is used while it suffices.
+        """The stable equilibrium as of :meth:`solve`, after a ``history``. The matrix factored at the state ``near`` is
+        used as long as it suffices.
 
         Stability against displacements without the symmetry of the load is not tested.
 
@@ -327,7 +328,7 @@ class LoadedPad(MeshedPad):
         Returns
         -------
         (unknowns,) ndarray
-            In equilibrium.
+            The unknowns in equilibrium.
 
         Raises
         ------
@@ -414,7 +415,7 @@ class LoadedPad(MeshedPad):
             if state.entries is not None:
                 linearised = None  # frees its memory for the next one
                 linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
-            assert linearised is not None  # of an earlier iteration
+            assert linearised is not None  # tangent of an earlier iteration
             first_error, last_error = first_error or error, error
 
             # One step, and the distance from the state of the tangent.

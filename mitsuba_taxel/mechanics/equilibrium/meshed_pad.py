@@ -134,7 +134,7 @@ class MeshedPad:
         Returns
         -------
         (m, q, 6) ndarray
-            MPa/s.
+            Rate of the stress in MPa/s.
         """
         return self.model.assembly.elements.isochoric_rate(displacement[self.part.nodes], velocity[self.part.nodes])
 
@@ -185,12 +185,12 @@ class MeshedPad:
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
         stress : (m, q, 6) ndarray
-            MPa/s, rate of an additional second Piola-Kirchhoff stress.
+            Rate of an additional second Piola-Kirchhoff stress, MPa/s.
 
         Returns
         -------
         (unknowns,) ndarray
-            Per s.
+            Rate of the unknowns per s.
         """
         load_force = self.model.load_rate(self.numbering.split(unknowns)[0], rate, value)
         force = load_force - self._stress_forces(unknowns, stress)
@@ -220,7 +220,7 @@ class MeshedPad:
         Returns
         -------
         (unknowns,) ndarray or None
-            None if an element is inverted.
+            The correction; None if an element is inverted.
         """
         residual = self._free_residual(self._evaluate(unknowns, value, with_tangent=False, history=history))
         if not np.all(np.isfinite(residual)):
@@ -237,7 +237,7 @@ class MeshedPad:
         unknowns : (unknowns,) ndarray
             Unknowns of the pad.
         stress : (m, q, 6) ndarray
-            MPa, second Piola-Kirchhoff stress at the quadrature points.
+            Second Piola-Kirchhoff stress at the quadrature points, MPa.
 
         Returns
         -------
@@ -301,7 +301,7 @@ class MeshedPad:
         return self.numbering.plate_unknowns if self._driven else np.zeros(0, dtype=np.int64)
 
     def _plate_gap(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
-        """Deviation of each moved unknown of the plate from its prescribed value, in mm; None without one."""
+        """Deviation of each moved unknown of the plate from its prescribed value, in mm; None without a moved plate."""
         return unknowns[self._plate_unknowns] - self.numbering.plate_values(value) if self._driven else None
 
     def _linearised(
@@ -337,7 +337,7 @@ class MeshedPad:
         Returns
         -------
         (unknowns,) ndarray
-            Per N, mm or MPa.
+            Derivative of the unknowns per N, mm or MPa.
         """
         force = self.model.load_rate(self.numbering.split(unknowns)[0], direction, value)
         return linearised.correction(force, self.numbering.plate_values(direction) if self._driven else None)

@@ -36,7 +36,7 @@ def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
     Returns
     -------
     float
-        In N, mm or MPa.
+        Step in N, mm or MPa.
     """
     strained = NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
     if load.moves_plate:
@@ -59,7 +59,7 @@ def ticks_of(elements: Elements, response: np.ndarray) -> int:
     elements : Elements
         Elements of the pad.
     response : (N, 3) ndarray
-        In mm, change of the displacement with one step, to first order.
+        Change of the displacement with one step to first order, in mm.
     """
     gradient = elements.gradient(slice(None), response)
     turned = float(np.sqrt(np.einsum("mqij,mqij->mq", gradient, gradient).max()))

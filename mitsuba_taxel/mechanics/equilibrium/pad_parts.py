@@ -38,7 +38,7 @@ def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
     return {mirror: image for mirror, image in node_images(mesh).items() if load.is_symmetric(mesh, mirror, image)}
 
 
-@kept(4)  # normal and tangential segments, also of the coarser mesh: matrices take memory
+@kept(4)  # normal and tangential segments, also of the coarser mesh; more would take too much memory for matrices
 def loaded_pad(
     mesh: VolumeMesh,
     material: Material,
@@ -60,7 +60,7 @@ def loaded_pad(
     mirrors : tuple[Mirror, ...]
         Mirrors between which the part lies.
     bodies : RigidBodies, optional
-        Bodies that keep the pad off.
+        Rigid bodies that the pad must not penetrate.
     ticks : int
         See :func:`new_pad`.
 

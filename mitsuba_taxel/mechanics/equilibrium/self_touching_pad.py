@@ -116,7 +116,8 @@ class SelfTouchingPad(LoadedPad):
         linearised: Linearised | None = None,
         history: History = NO_HISTORY,
     ) -> Balanced:
-        """Newton's method; steps are shortened until nothing collides and the state is closer to balance.
+        """Newton's method, whose steps are shortened until they cause no collision and the state is closer to
+        equilibrium.
 
         Barriers are smooth, and their forces grow without limit towards contact (M. Li et al., Incremental Potential
         Contact, ACM Trans. Graph. 39, 2020).
@@ -143,15 +144,15 @@ class SelfTouchingPad(LoadedPad):
     def _line_search(
         self, unknowns: np.ndarray, step: np.ndarray, state: Configuration, value: np.ndarray, history: History
     ) -> np.ndarray:
-        """Line search: unknowns along a step, halved until they are closer to balance, or not far beyond the least
-        energy.
+        """Line search: the step is halved until the unknowns are closer to equilibrium, or not far beyond the point of
+        least energy.
 
         Out-of-balance forces may grow towards a minimum of the energy, where a corner slides off an edge. There the
         step is doubled as long as the energy falls.
         """
         error, least, best = self._error(state, unknowns, value), math.inf, unknowns
 
-        # As much of the step as collides with nothing.
+        # The step is shortened until it causes no collision.
         step = self.towards(unknowns, unknowns + step) - unknowns
         slope = self._slope(step, state)
         for halvings in range(MOST_HALVINGS):
@@ -256,8 +257,8 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
         error: float,
         history: History,
     ) -> tuple[float, Configuration]:
-        """Length of a step that collides with nothing, halved until it leads closer to balance; else the best
-        length."""
+        """Length of a step without collisions, halved until it leads closer to equilibrium; if no length does, the best
+        one."""
         step, force_step = change
         displacement, guess = self.split(unknowns)[0], self.split(unknowns + step)[0]
         length, least = self.contacts.free_fraction(displacement, guess), math.inf

@@ -21,7 +21,7 @@ class History:
     stress_update : StressUpdate or None
         Stress of a viscoelastic pad as a function of that of the law; None if it is elastic.
     friction_state : FrictionState or None
-        Friction of an indenter at the end of the previous step; None if nothing has touched the pad.
+        State of an indenter's friction at the end of the previous step; None if the indenter has not touched the pad.
     """
 
     stress_update: StressUpdate | None = None
@@ -29,7 +29,7 @@ class History:
 
 
 NO_HISTORY = History()
-"""Of an elastic pad that nothing has friction_state."""
+"""History of an elastic pad without earlier friction."""
 
 UNSTABLE = "the equilibrium is unstable"
 

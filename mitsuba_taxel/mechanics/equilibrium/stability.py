@@ -2,9 +2,9 @@
 
 The tangent of the whole decomposes into blocks, one for each irreducible representation of the mirrors, and the pad is
 stable if each block is. Most states can be shown to be stable at less cost: the pad is cut along planes of symmetry,
-and the pieces are checked alone. Each displacement of the whole is one of the pieces, and its energy is the sum of
-theirs; so the pad is stable if the pieces are. They have more freedom, and may be unstable where the pad is not: then
-the blocks decide.
+and the pieces are checked alone. Each displacement of the whole pad is a displacement of the pieces, and its energy is
+the sum of their energies; so the pad is stable if all pieces are stable. The pieces have more freedom, and may be
+unstable although the pad is stable: then the blocks are checked.
 
 The pieces lose little stiffness. The pressure of the pad acts in a cut, and follows the cut as it deforms: this does
 not change the energy of the whole, as contributions of a piece and its mirror image cancel. Pressures at the nodes of a
@@ -155,7 +155,7 @@ class _Pieces:
         Returns
         -------
         bool
-            False if unknown.
+            True if all pieces are stable; False if this is unknown.
         """
         entries = self.with_pressure(entries, displacement, pressure)
         try:
@@ -193,7 +193,7 @@ class _Block:
         Returns
         -------
         int
-            0 for a stable block.
+            The number; 0 for a stable block.
         """
         factor = self.solver.factor(self.model.assembly.matrix(entries))
         surplus = factor.negative_pivots - self.model.numbering.pressures

@@ -47,7 +47,7 @@ class TangentBlock:
     images : Mapping[Mirror, ndarray]
         Images of the nodes, from :func:`node_images`.
     turn : Mirror, optional
-        Mirror that maps them to those of the model.
+        Mirror that maps these displacements to those of the model.
     """
 
     def __init__(
@@ -114,8 +114,8 @@ class TangentBlock:
         Parameters
         ----------
         contacts : Contacts, optional
-            Barriers that act on the whole pad. They do not make it unstable by forces that turn about corners, as of a
-            `SelfTouchingPad`.
+            Barriers that act on the whole pad. As in a `SelfTouchingPad`, the negative stiffness of forces that turn
+            about corners is left out.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class TangentBlock:
         if not stiffness.nnz:
             return lower
         moves = self.expansion[: stiffness.shape[0]]
-        self._solver = make_solver()  # other pairs: it has to be analysed again
+        self._solver = make_solver()  # other contact pairs: the pattern must be analysed again
         return sum_of_triangles(lower, sparse.tril(moves.T @ stiffness @ moves / symmetric_part.copies))
 
     def _linearised(self, entries: np.ndarray, lower: sparse.csc_matrix, constraints: LoadConstraints) -> Linearised:
@@ -280,12 +280,12 @@ class SplitTangent:
         group, seen = pad.part.group, set[Model]()
         for block in blocks:
             if group and block.model in seen:
-                continue  # of two that a mirror maps to each other, states with a mirror of their own have one
+                continue  # of two blocks that a mirror maps to each other, states with a mirror of their own need one
             expansion = averaged = block.expansion
             for mirror in group:
                 averaged = 0.5 * (averaged + reflection(mirror, images[mirror], pad.whole.corner_count) @ averaged)
             kept = float(np.square(averaged.data).sum() / np.square(expansion.data).sum())
-            if not kept:  # none has the mirror
+            if not kept:  # no block has the mirror
                 continue
             seen.add(block.model)
             spread = _over_unknowns(pad, averaged)
@@ -306,7 +306,7 @@ def _over_unknowns(pad: LoadedPad, fields: sparse.csr_array) -> sparse.csr_array
     of_whole = [(3 * source[:, None] + np.arange(3)).ravel(), 3 * nodes + source[: pad.part.mesh.corner_count]]
     free = np.flatnonzero(numbering.unknown >= 0)
     representative = np.empty(pad.unknowns, dtype=np.int64)
-    representative[numbering.unknown[free]] = free  # of each unknown, a displacement or pressure that it is
+    representative[numbering.unknown[free]] = free  # index of a displacement or pressure that equals each unknown
     rows = fields[np.concatenate(of_whole)[representative]]
     return sparse.csr_array(sparse.diags_array(numbering.sign[representative]) @ rows)
 

@@ -11,11 +11,11 @@ from mitsuba_taxel.mechanics.materials.corner_limit import corner_limit
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 HARMLESS = 0.2
-"""Pressure in shear moduli up to which corners are not tested: those of silicones bear 0.4 to 1.2."""
+"""Pressure, relative to the shear modulus, up to which corners are not tested: corners of silicones bear 0.4 to 1.2."""
 
 
 def gives_way(force: float, mesh: VolumeMesh, material: Material, load: Load) -> float:
-    """Pressure at which corners of the top become unstable, if the load exceeds it.
+    """Pressure at which corners of the top become unstable, if the load exceeds that pressure.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def gives_way(force: float, mesh: VolumeMesh, material: Material, load: Load) ->
     Returns
     -------
     float
-        In MPa; infinite if the corners are stable.
+        Pressure in MPa; infinite if the corners are stable.
     """
     if not load.loads_rim:
         return math.inf

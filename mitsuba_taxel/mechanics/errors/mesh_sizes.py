@@ -79,7 +79,7 @@ def _height(pad: Pad | PadFile) -> float:
 def chosen_size(
     pad: Pad | PadFile, material: Material, load: Load, size: float | None, tolerance: float | None
 ) -> float:
-    """The mesh size: the given one, one that a tolerance requires, or the pad's default.
+    """The mesh size: the given size, the size that a tolerance requires, or the pad's default.
 
     Parameters
     ----------
@@ -90,19 +90,19 @@ def chosen_size(
     load : Load
         Kind of load.
     size : float or None
-        In mm.
+        Requested mesh size in mm.
     tolerance : float or None
         Target for the relative error; see :func:`mesh_size_for`.
 
     Returns
     -------
     float
-        In mm.
+        Mesh size in mm.
 
     Raises
     ------
     InputError
-        if one is not allowed, or both are given.
+        if the size or the tolerance is not allowed, or both are given.
     """
     for name, value in (("mesh_size", size), ("mesh_tolerance", tolerance)):
         if not (value is None or is_number(value)):

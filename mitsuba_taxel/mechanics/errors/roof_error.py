@@ -77,7 +77,7 @@ def _elements_above_roofs(mesh: VolumeMesh) -> int:
 
 
 def top_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
-    """As :func:`size_ratio`, for the elements at the top alone.
+    """Size of the elements at the top of another mesh, relative to that of ``mesh``; see :func:`size_ratio`.
 
     Parameters
     ----------
@@ -136,7 +136,8 @@ class RoofComparison:
 
     @cached_property
     def _walls_there(self) -> tuple[np.ndarray, sparse.csr_array]:
-        """Nodes (W,) of the walls of cells, and (W, N') weights of the other mesh's nodal values for those there."""
+        """Nodes (W,) of the walls of cells, and weights (W, N') of the other mesh's nodal values for the values at
+        these nodes."""
         nodes = np.unique(self._mesh.faces[self._mesh.face_cell > 0])
         for mirror in self._images:
             nodes = nodes[mirror.side(self._mesh.points[nodes]) >= 0]
@@ -192,7 +193,7 @@ class RoofComparison:
         Returns
         -------
         float
-            In N.
+            Error in N.
         """
         difference = abs(self._average) * float(np.linalg.norm(other - force))
         return max(difference, self._least_of_force * np.linalg.norm(force))
@@ -212,8 +213,8 @@ class RoofComparison:
         Returns
         -------
         (2, N, 3) ndarray
-            In mm: the component along the displacement, at least the fraction ``least`` of it, and the remainder, which
-            is 0 except on the walls of cells.
+            Deviations in mm: the component along the displacement, at least the fraction ``least`` of it, and the
+            remainder, which is 0 except on the walls of cells.
         """
         displaced = _parts(self._here, displacement)[0]
         difference = _parts(self._there, other)[0] - displaced
@@ -224,7 +225,7 @@ class RoofComparison:
         return np.array([along, rest]) / ERROR_SHARE
 
     def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """Least minus estimated error along the displacement, relative to the displacement."""
+        """Least error minus estimated error along the displacement, relative to the displacement."""
         short = self._short(moved, difference)
         return math.copysign(max(self._least - abs(short), 0.0), short)
 
@@ -244,7 +245,7 @@ def _on_roofs(location: Location, along: Sequence[np.ndarray]) -> sparse.csr_arr
 
 
 def _on_faces(mesh: VolumeMesh, faces: np.ndarray) -> sparse.csr_array:
-    """As :func:`_on_roofs`, for quadrature points of faces (F, 6) of the mesh itself."""
+    """Weights as of :func:`_on_roofs`, for quadrature points of faces (F, 6) of the mesh itself."""
     weights = np.stack([shape_functions(_BARYCENTRIC), *shape_slopes(_BARYCENTRIC)])
     shape = (len(weights), len(faces), len(_BARYCENTRIC), faces.shape[1])
     nodes = np.broadcast_to(faces[:, None], shape).ravel()
@@ -254,7 +255,7 @@ def _on_faces(mesh: VolumeMesh, faces: np.ndarray) -> sparse.csr_array:
 
 
 def _parts(weights: sparse.csr_array, displacement: np.ndarray) -> np.ndarray:
-    """(3, P, 3) at points of the roofs: the displacement in mm, and its derivatives along two tangents."""
+    """Displacement in mm at points of the roofs, and its derivatives along two tangents, (3, P, 3)."""
     return (weights @ displacement).reshape(3, -1, 3)
 
 

@@ -35,7 +35,7 @@ FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
 thin walls and curves limit the mesher, and a coarse pad may not bear a load. For elements larger than the default, the
 default size is tried first, and these are relative to it."""
 LITTLE_FINER = COARSENING**-0.5
-"""Size that is tried before these under an indenter, where elements are already small and many."""
+"""Relative size that is tried first under an indenter, where elements are already small and numerous."""
 LEAST_RATIO = 1.2
 """Least actual ratio of element sizes of two meshes for an error estimate."""
 MOST_ELEMENTS_COMPARED = 250_000
@@ -110,7 +110,8 @@ class SecondMeshes:
             return StateComparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
 
         def compare(second: PadPath, comparison: RoofComparison) -> StateComparison:
-            if path.segments.buckled_at(value) is not None:  # second meshes that are not judged would not buckle
+            # Second meshes whose stability is not tested would not buckle.
+            if path.segments.buckled_at(value) is not None:
                 second = path.on_elements(second.mesh_size, judged=True)
             moved = value if path.load.driven is None else path.driven_to(value, None)
             on_second, there, at, moved = carried_to(second, path.mesh, value, displacement, pressure, moved)
@@ -165,7 +166,7 @@ class SecondMeshes:
 
 @kept(16)
 def _small_responses(path: PadPath) -> list[np.ndarray]:
-    """(N, 3) each: derivative of the displacement at rest with respect to a normal load, and to a tangential one."""
+    """Derivatives of the displacement at rest with respect to a normal and to a tangential load, each (N, 3)."""
     responses, size = [], path.load.components
     for direction in [np.eye(size)[-1], np.eye(size)[0]][: 1 if size == 1 else 2]:
         zero = np.zeros_like(direction)
@@ -223,14 +224,14 @@ def share_of(error: float, force: np.ndarray) -> float:
     Parameters
     ----------
     error : float
-        In N.
+        Error in N.
     force : (3,) ndarray
-        In N.
+        Force in N.
 
     Returns
     -------
     float
-        1 where the force is 0 and the error is not.
+        Relative error; 1 if the force is 0 and the error is not.
     """
     size = float(np.linalg.norm(force))
     return error / size if size else float(error > 0)

@@ -28,6 +28,7 @@ class SecondState(NamedTuple):
     Attributes
     ----------
     state : State
+        The state.
     share : float
         Error of a derivative on the elements of the first state, relative to the difference of the derivatives on both
         meshes.
@@ -73,12 +74,12 @@ def second_state(
     judged_on : float, optional
         See :func:`load_path`.
     bodies : RigidBodies, optional
-        Bodies that keep the pad off.
+        Rigid bodies that the pad must not penetrate.
 
     Returns
     -------
     SecondState or None
-        None if there is no such mesh.
+        The state; None if there is no second mesh.
     """
     with lock_of(pad):
         size = chosen_size(pad, material, load, mesh_size, mesh_tolerance)

@@ -34,7 +34,7 @@ class _Closer(NamedTuple):
 def with_reach(
     path: PadPath, comparison: StateComparison, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
 ) -> StateComparison:
-    """Add the error by the reach of the barriers to the comparison of a canonical state with a second mesh.
+    """Add the error due to the reach of the barriers to the comparison of a canonical state with a second mesh.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def with_reach(
     def both() -> np.ndarray:
         along, rest = deviate()
         remainder = REMAINDER * (closer.displacement - displacement) / ERROR_SHARE
-        # Both contributions to the remainder must not cancel by chance.
+        # The two contributions to the remainder must not cancel by chance.
         return np.array([along, remainder + np.copysign(1.0, (rest * remainder).sum()) * rest])
 
     force_error = comparison.force_error

@@ -1,11 +1,12 @@
-"""States under forces of an indenter that depend on earlier states: the indenter is moved until it presses with the
+"""States under forces of an indenter that depend on earlier states: the indenter is moved until its force equals the
 given force.
 
-The body moves along z, and along the sideways parts of its force and of that of the row before; else it is guided.
-Poses are found by Broyden's method (Math. Comput. 19, 1965), each from the state at the row before.
+The indenter moves along z, and along the tangential components of its force and of the force of the row before. It is
+guided in all other directions. Poses are found by Broyden's method (Math. Comput. 19, 1965), each from the state at the
+row before.
 
-On a viscoelastic silicone the force changes linearly between rows. The body moves evenly between times that are halved
-until this hardly changes where it ends.
+On a viscoelastic silicone the force changes linearly between rows. The indenter moves at a constant rate within time
+intervals, which are halved until its final position hardly changes.
 """
 
 from __future__ import annotations
@@ -24,18 +25,18 @@ from mitsuba_taxel.mechanics.history.timed_path import TimedPath
 from mitsuba_taxel.mechanics.history.timed_rows import LoadHistory
 
 FORCE_TOLERANCE = 1e-6
-"""Of the force, relative."""
+"""Relative tolerance of the force."""
 POSE_TOLERANCE = 1e-3
-"""Of the place of the body, relative to that at a row, by which an interval of time and its halves may differ."""
+"""Relative difference of the indenter's displacement by which a time interval and its two halves may differ."""
 MOST_HALVINGS = 40
-"""Of an interval of time, one within the other: an instant at which the body jumps ends the path."""
+"""Largest number of successive halvings of a time interval: a time at which the indenter jumps ends the path."""
 MOST_POSES = 30
 SLIPS = 0.02
-"""Stiffness sideways, relative to a guess of that along z, below which the body slips."""
+"""Tangential stiffness, relative to a guess of the stiffness along z, below which the indenter slips."""
 GIVES_WAY = 0.7
-"""First guess of the stiffness sideways, relative to that along z."""
+"""First guess of the tangential stiffness, relative to the stiffness along z."""
 PARALLEL = 1e-6
-"""Sideways forces count as parallel if what is across is less than this share."""
+"""Fraction of a tangential force perpendicular to another, below which the two count as parallel."""
 _DOWN = np.array([0.0, 0.0, -1.0])
 
 
@@ -60,7 +61,7 @@ class PushedPath(TimedPath):
         first = self._pushed(before, halves[0])
         second = self._pushed(first, halves[1])
         if np.linalg.norm(second.load.value - whole.load.value) <= allowed:
-            # The error of the halves, if errors go with the square of the duration.
+            # The error of the halves, if errors are proportional to the square of the duration.
             missed = (second.shape.displacement - whole.shape.displacement) / 3
             return replace(second, shape=replace(second.shape, deviation=second.shape.deviation + missed))
         if not left:
@@ -83,22 +84,22 @@ class PushedPath(TimedPath):
         if not force.any():
             return self._moved(before, rows, np.zeros(3), duration)
 
-        # The body may move down, and along the sideways parts of both forces. The first guess of the stiffness is that
-        # of contact without friction, where the force goes with the depth to a power of 1.5.
+        # The indenter may move down, and along the tangential components of both forces. The first guess of the
+        # stiffness is that of contact without friction, where the force is proportional to the depth to a power of 1.5.
         directions = np.array([_DOWN, *_sideways(force, np.array(rows[-2][1] if len(rows) > 1 else np.zeros(3)))])
         pad, free = self._pad_for(rows), self._without_friction(force)
         stiffness = 1.5 * abs(force[2] / free[2])
         slope = stiffness * np.diag([1.0, GIVES_WAY, GIVES_WAY][: len(directions)])
 
-        # The first change of the pose: from rest, to where the body would be without friction.
+        # The first change of the pose: from rest to the position of the indenter without friction.
         state, imbalance, count, change = before, directions @ force, 0, -free[2:]
         if before.load.value.any():
             imbalance = directions @ (force - self._pressed(rows[:-1], before))
             change = np.linalg.solve(slope, imbalance)
         change = np.append(change, np.zeros(len(directions) - len(change)))
         for iteration in range(MOST_POSES):
-            # Each pose is reached anew from the row before, in at least as many steps as the poses before: by friction
-            # the state depends on the way.
+            # Each pose is reached anew from the row before, in at least as many steps as earlier poses: due to friction
+            # the state depends on the path.
             if before.load.value.any() and change.any():
                 change = change * min(1.0, pad.step / np.linalg.norm(change))
             pose = state.load.value + change @ directions
@@ -108,8 +109,8 @@ class PushedPath(TimedPath):
             if np.linalg.norm(imbalance) < FORCE_TOLERANCE * np.linalg.norm(force):
                 return state
 
-            # The update of the stiffness, unless the force has changed in time, too. A body that moves sideways, and
-            # hardly gains force, slips.
+            # Update of the stiffness, unless the force has also changed with time. An indenter that moves tangentially
+            # and hardly gains force slips.
             if change.any() and (iteration or not duration):
                 gain, sideways = last_imbalance - imbalance, change[1:]
                 mostly = np.linalg.norm(sideways) > abs(change[0])
@@ -132,11 +133,11 @@ class PushedPath(TimedPath):
         return free.driven_to(-force[2] * _DOWN, None)
 
     def _pressed(self, rows: LoadHistory, at: TimeState) -> np.ndarray:
-        """Force (3,) in N on the pad."""
+        """Force (3,) of the indenter on the pad in N, at a position."""
         return -self._board_force(rows, at)
 
 
 def _sideways(force: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Orthonormal directions (n, 3) of the sideways parts of two forces (3,): at most two."""
+    """Orthonormal directions (n, 3) of the tangential components of two forces (3,); at most two."""
     _, sizes, ways = np.linalg.svd(np.stack([force, before]) * [1.0, 1.0, 0.0])
     return ways[:2][sizes > PARALLEL * sizes[0]]

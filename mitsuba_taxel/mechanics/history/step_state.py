@@ -1,4 +1,4 @@
-"""States of the solved part of a pad at the ends of time steps, and the reasons for which there is none."""
+"""States of the solved part of a pad at the ends of time steps, and the reasons why there is no such state."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ class StepTooLong(Exception):
 
 @dataclass(frozen=True, eq=False)
 class StepError:
-    """The estimated error of a state by time steps.
+    """The estimated error of a state due to time steps.
 
     Attributes
     ----------
     deviation : (unknowns,) ndarray
         Deviation of the unknowns of the part.
     uncertainty : float
-        Sum, in mm, of the largest displacements by the error of each step that have not relaxed yet.
+        Sum, in mm, of the largest displacements due to the error of each step, as far as they have not relaxed yet.
     """
 
     deviation: np.ndarray
@@ -66,6 +66,7 @@ class StepState:
     Attributes
     ----------
     solution : Solution
+        The equilibrium.
     variables : InternalVariables
         Internal variables of the part.
     velocity : (unknowns,) ndarray or None
@@ -73,11 +74,11 @@ class StepState:
     unchecked : float
         Largest displacement in mm since displacements without the symmetry of the load were last checked.
     friction_state : FrictionState or None
-        Friction.
+        State of the indenter's friction; None without friction.
     load_memory : ndarray or None
         Memory of the load, as :class:`CreepResponse` computes it.
     error : StepError or None
-        None where steps are linear in time.
+        Error due to time steps; None where steps are linear in time.
     mid_step : PartMidStep or None
         Middle of the step that leads to this state.
     next_length : float

@@ -24,9 +24,9 @@ class Shape:
     Attributes
     ----------
     displacement : (N, 3) ndarray
-        In mm.
+        Displacements of the nodes in mm.
     pressure : (corners,) ndarray
-        In MPa.
+        Pressures in MPa.
     velocity : (3 N + corners,) ndarray
         Rate per s of displacements, then pressures; (1,) NaN after a jump of the load.
     deviation : (N, 3) ndarray
@@ -143,7 +143,7 @@ class TimeState:
         Parameters
         ----------
         time : float
-            In s.
+            Time in s.
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
 
@@ -190,7 +190,7 @@ def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: flo
     cubics : StepCubics
         Cubics between both.
     time : float
-        In s.
+        Time in s.
 
     Returns
     -------

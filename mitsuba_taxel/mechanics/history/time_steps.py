@@ -56,7 +56,7 @@ class RowSteps:
     load : tuple[ndarray, ndarray]
         Value of the load at the start, and its change.
     duration : float
-        In s; 0 for a jump.
+        Duration in s; 0 for a jump.
     stress_scale : float
         MPa, largest stress so far, root mean square over the pad; the attribute includes that of these steps.
     judged : bool
@@ -415,7 +415,7 @@ def furthest(pad: LoadedPad, to_load: CreepResponse, rate: np.ndarray) -> float:
     Returns
     -------
     float
-        In s.
+        Length of the step in s.
     """
     speed = float(np.linalg.norm(rate))
     return pad.step / speed if speed else HELD / float(to_load.rates.min())

@@ -106,7 +106,7 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
     load : Load
         Load whose values are ``values``.
     values : (n, components) ndarray
-        In N, mm or MPa.
+        Values in N, mm or MPa.
     times : (n,) array_like or None
         Times of the values in s, in ascending order; None if the material is elastic.
 

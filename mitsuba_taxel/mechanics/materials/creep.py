@@ -39,7 +39,7 @@ class CreepResponse:
     lasting : float
         Response after a long time.
     rates : (k,) ndarray
-        In 1/s.
+        Rates in 1/s.
     amplitudes : (k,) ndarray
         Amplitudes of the exponentials.
     creeps : bool

@@ -69,7 +69,7 @@ class IsochoricInvariants:
         Returns
         -------
         Moduli
-            In MPa.
+            Second derivatives in MPa.
         """
         f, g = self.gradient, self.inverse_transpose
         with_g = _tensor(0.5 * pull) * g

@@ -119,7 +119,7 @@ def from_shore_a(hardness: float, poisson_ratio: float = NeoHookean.poisson_rati
     Returns
     -------
     NeoHookean
-        In MPa.
+        Material with its modulus in MPa.
 
     Raises
     ------

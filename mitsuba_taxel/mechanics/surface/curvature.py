@@ -79,14 +79,14 @@ class Corners:
         Parameters
         ----------
         vertices : (V, 3) ndarray
-            In mm.
+            Positions in mm.
         normals : (P, 3) ndarray
             Unit normals of the walls at the points.
 
         Returns
         -------
         (V, 3) ndarray
-            In mm.
+            Movements in mm.
         """
         bulge = self._bulge(vertices, normals)
         offset = np.stack(

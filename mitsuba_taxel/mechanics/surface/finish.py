@@ -199,7 +199,7 @@ class RandomRoughness(Checked):
         Parameters
         ----------
         points : (P, 3) ndarray
-            In mm.
+            Positions in mm.
 
         Returns
         -------

@@ -47,7 +47,7 @@ class Surface:
     Attributes
     ----------
     vertices : (V, 3) ndarray
-        In mm, on the surface.
+        Positions in mm, on the surface.
     triangles : (T, 3) ndarray
         Vertex numbers, counter-clockwise seen from outside the silicone.
     region : (T,) ndarray
@@ -194,7 +194,7 @@ def contact_pressure_at_vertices(
     Returns
     -------
     (V,) ndarray
-        In MPa.
+        Pressures in MPa.
     """
     if finish is not None:
         subdivision = fine_subdivision(state.mesh, finish, subdivision)
@@ -342,14 +342,14 @@ def placed(
     face : (n,) ndarray of int
         Face of each point.
     points : (n, 3) ndarray
-        In mm.
+        Positions in mm.
     pad : Pad or PadFile or None
         Pad with the walls.
 
     Returns
     -------
     points : (n, 3) ndarray
-        In mm.
+        Positions in mm.
     derivative : (n, 3, 3) ndarray
         Derivative of each moved point with respect to the original point.
     """

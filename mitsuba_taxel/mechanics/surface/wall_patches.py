@@ -83,7 +83,7 @@ class WallPatches:
         Returns
         -------
         (F, K, 3) ndarray
-            In mm per mm.
+            Derivative in mm per mm.
         """
         assert isinstance(self.pad, Pad)
         pad = replace(self.pad)  # derived dimensions become constants

@@ -14,9 +14,9 @@ class Arc:
     Attributes
     ----------
     centre : (2,) ndarray
-        In mm.
+        Centre in mm.
     radius : float
-        In mm.
+        Radius in mm.
     ends : (2,) ndarray
         Ascending angles in radians.
     """
@@ -26,7 +26,7 @@ class Arc:
     ends: np.ndarray
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points of the arc and their derivatives, as :meth:`Meridian.at`; ``u`` are angles in radians."""
+        """Points of the arc and their derivatives, as :meth:`Meridian.at` returns them; ``u`` are angles in radians."""
         outwards = np.stack([np.cos(u), np.sin(u)], axis=1)
         along = np.stack([-np.sin(u), np.cos(u)], axis=1)
         return self.centre + self.radius * outwards, self.radius * along, -self.radius * outwards
@@ -50,7 +50,7 @@ class Arc:
         Returns
         -------
         (N,) ndarray of bool
-            For each point.
+            Mask of the points.
         """
         r, z = (points - self.centre).T
         low, high = np.stack([np.cos(self.ends), np.sin(self.ends)], axis=1)

@@ -78,7 +78,7 @@ def box_fillet(half: float, height: float, radius: float) -> BoxFillet:
     Returns
     -------
     BoxFillet
-        In mm.
+        Fillets, with lengths in mm.
 
     Raises
     ------

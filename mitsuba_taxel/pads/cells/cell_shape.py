@@ -75,8 +75,8 @@ class LightSizes:
 
 
 FLAT_ROOF = LightSizes(diffuse=None, mirrors=0.5, mirrors_side_by_side=0.6)
-"""For flat roofs: a mirror that a load bends is a lens, whose curvature is off by a third on elements of the default
-size, and by some 2 to 4 % on these."""
+"""Sizes for flat roofs. A mirror that a load bends acts as a lens. Its curvature is wrong by a third on elements of the
+default size, and by some 2 to 4 % on these."""
 
 
 class CellShape(Kind, family="cell"):
@@ -161,7 +161,7 @@ class CellShape(Kind, family="cell"):
         Parameters
         ----------
         dimensions : Mapping[str, float]
-            A value for each of `dimensions`, by name.
+            New values of all `dimensions`, by name.
 
         Returns
         -------
@@ -251,7 +251,7 @@ class CellShape(Kind, family="cell"):
         region : str
             One of `round_regions`.
         points : (N, 3) ndarray
-            Near the wall, in the frame of the pad.
+            Points near the wall, in the frame of the pad, mm.
         axis : (N, 3) ndarray
             For each point, the position of its cell's axis at z = 0.
         beside : (N, 3) ndarray, optional
@@ -297,7 +297,7 @@ class CellShape(Kind, family="cell"):
         Returns
         -------
         Fillet
-            In mm.
+            Fillets, with lengths in mm.
 
         Raises
         ------
@@ -315,7 +315,7 @@ class CellShape(Kind, family="cell"):
         Parameters
         ----------
         points : (N, M, 3) ndarray
-            Relative to the middle of the mouth, mm.
+            Points relative to the middle of the mouth, mm.
         slack : float
             Required distance from the wall, mm.
 
@@ -430,7 +430,7 @@ class CellShape(Kind, family="cell"):
         Returns
         -------
         (N,) ndarray
-            In mm; empty if the roof is flat.
+            Radii in mm; empty if the roof is flat.
         """
 
     @abstractmethod
@@ -440,5 +440,5 @@ class CellShape(Kind, family="cell"):
         Returns
         -------
         (N,) ndarray
-            In degrees; empty for shapes whose angles are always positive.
+            Angles in degrees; empty for shapes whose angles are always positive.
         """

@@ -1,7 +1,7 @@
 """Rounded edges of cells: the interface, and the limits of their radius.
 
-The cell of a filleted pad is what a ball of the radius of the fillet reaches within the sharp cell; silicone fills the
-rest. Fillets belong to the side."""
+The cell of a filleted pad is the region that a ball of the fillet's radius can reach within the sharp cell; silicone
+fills the rest. Fillets belong to the side."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ import numpy as np
 from mitsuba_taxel.base.errors import InputError
 
 LEAST, MOST = 0.01, 0.8
-"""Least radius of a fillet, relative to the size of a cell, and largest length that it covers, relative to half of the
-roof and to the side."""
+"""Least radius of a fillet, relative to the size of a cell; largest length that a fillet covers, relative to half of
+the roof and to the side."""
 FILLET = "fillet"
 """Name of the faces of solids that are fillets."""
 ARC_POINTS = 17
@@ -32,12 +32,12 @@ class Fillet(ABC):
         Parameters
         ----------
         points : (N, 3) ndarray
-            In mm.
+            Positions in mm.
 
         Returns
         -------
         projected : (N, 3) ndarray
-            In mm.
+            Projected positions in mm.
         gradient : (N, 3, 3) ndarray
             Derivative of the projected positions by the points.
         """
@@ -49,14 +49,14 @@ class Fillet(ABC):
         Parameters
         ----------
         points : (N, M, 3) ndarray
-            Within the sharp cell, mm.
+            Points within the sharp cell, mm.
         slack : float
             Required distance from the wall, mm.
 
         Returns
         -------
         (N, M) ndarray of bool
-            For each point.
+            Mask of the points.
         """
 
     @abstractmethod
@@ -96,7 +96,7 @@ def refused(radius: float, size: float, largest: float) -> InputError:
     Returns
     -------
     InputError
-        To be raised.
+        Error for the caller to raise.
     """
     digits = 3 - math.ceil(math.log10(largest))
     largest = math.floor(largest * (1 + 1e-9) * 10.0**digits) / 10.0**digits

@@ -140,7 +140,7 @@ def control_points(text: str) -> np.ndarray:
 
 
 def as_text(points: np.ndarray) -> str:
-    """The text of control points (n, 2): the inverse of :func:`control_points`."""
+    """Control points (n, 2) as text; the inverse of :func:`control_points`."""
     return "; ".join(f"{r:.16g} {z:.16g}" for r, z in points.tolist())
 
 
@@ -182,7 +182,7 @@ def flat_meridian(radius: float, height: float) -> Meridian:
     Returns
     -------
     Meridian
-        In mm.
+        Meridian in mm.
     """
     from scipy.interpolate import PPoly
 
@@ -261,7 +261,8 @@ def least_radii(curve: Meridian, slope: float, size: float) -> np.ndarray:
     Returns
     -------
     (`PLACES`,) ndarray
-        In mm, at points from one end to the other: the smallest of the radii across and along the plane of leaning.
+        Radii in mm, at points from one end to the other: the smaller of the radii across and along the plane of
+        leaning.
     """
     _, tangent, second = curve.at(np.linspace(0, 1, PLACES))
     cross = tangent[:, 0] * second[:, 1] - tangent[:, 1] * second[:, 0]  # the same on all sides, as a shear keeps areas
@@ -277,14 +278,14 @@ def from_axis(square: bool, points: np.ndarray, beside: np.ndarray | None = None
     square : bool
         Whether the section is square: then the distance is the larger of ``|x|`` and ``|y|``.
     points : (N, 2 or 3) ndarray
-        Relative to the axis, mm.
+        Points relative to the axis, mm.
     beside : (N, 2 or 3) ndarray, optional
-        Points that determine, instead of ``points``, whether x or y is used for a square section.
+        Points that replace ``points`` in the decision whether x or y is used for a square section.
 
     Returns
     -------
     distance : (N,) ndarray
-        In mm, at least `TINY`.
+        Distances in mm, at least `TINY`.
     gradient : (N, 2) ndarray
         Derivative of the distance with respect to x and y.
     """
@@ -309,7 +310,7 @@ def onto_meridian(
     curve : Meridian or Arc
         Curve of the wall.
     points : (N, 3) ndarray
-        Relative to the axis, mm.
+        Points relative to the axis, mm.
     square : bool
         Whether the section is square, else it is round.
     beside : (N, 3) ndarray, optional
@@ -318,7 +319,7 @@ def onto_meridian(
     Returns
     -------
     projected : (N, 3) ndarray
-        The positions at the nearest points of the meridian, mm.
+        Nearest positions on the wall, mm.
     gradient : (N, 3, 3) ndarray
         Their derivatives with respect to the points.
     """

@@ -1,7 +1,7 @@
 """Rounded rims of round cells.
 
-A point of the sharp wall has an image on the rounded one: the nearest point to it, towards the centre of the ball that
-rolls along the rim."""
+Each point of the sharp wall has an image on the rounded wall: the nearest point of that wall, in the direction of the
+centre of the ball that rolls along the rim."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ class RimFillet(Fillet):
         Parameters
         ----------
         points : (N, 3) ndarray
-            In mm.
+            Positions in mm.
 
         Returns
         -------
         (N,) ndarray
-            In mm.
+            Distances in mm.
         """
         return np.linalg.norm(_in_plane(points) - self.rim, axis=1)
 
@@ -75,12 +75,12 @@ class RimFillet(Fillet):
         Parameters
         ----------
         points : (N, 3) ndarray
-            On the rounded wall, mm.
+            Points on the rounded wall, mm.
 
         Returns
         -------
         (N, 3) ndarray
-            In mm.
+            Positions in mm.
         """
         in_plane = _in_plane(points)
         on_arc, on_roof = self.arc.covers(in_plane), self._towards_roof(in_plane)
@@ -102,14 +102,14 @@ class RimFillet(Fillet):
         Parameters
         ----------
         points : (N, 3) ndarray
-            On the sharp wall, mm.
+            Points on the sharp wall, mm.
         origin : RimFillet
             The fillet from whose border the points move to the border of this one.
 
         Returns
         -------
         (N, 3) ndarray
-            In mm.
+            Positions in mm.
         """
         in_plane = _in_plane(points)
         on_roof = self._towards_roof(in_plane)
@@ -182,7 +182,7 @@ class RimFillet(Fillet):
         return points[points[:, 0] < self.arc.at(self.arc.ends[1:])[0][0, 0] * (1 - 1 / SAMPLES)]
 
     def _towards_roof(self, in_plane: np.ndarray) -> np.ndarray:
-        """Mask (N,): whether points (N, 2) lie on the roof's side of the ray from the centre to the sharp rim."""
+        """Mask (N,) of the points (N, 2) on the roof's side of the ray from the fillet's centre to the sharp rim."""
         to_rim = self.rim - self.arc.centre
         return _cross(np.broadcast_to(to_rim, in_plane.shape), in_plane - self.arc.centre) >= 0
 

@@ -1,4 +1,4 @@
-"""Cells with a vertical side: what cells with a flat roof and cells with a cap have in common."""
+"""Cells with a vertical side: the common base of cells with a flat roof and cells with a cap."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ class Shaft(CellShape):
         Parameters
         ----------
         points : (N, M, 3) ndarray
-            Relative to the middle of the mouth, mm.
+            Points relative to the middle of the mouth, mm.
 
         Returns
         -------
         (N, M) ndarray
-            In mm; for a square section the larger of the distances along x and y.
+            Distances in mm; for a square section the larger of the distances along x and y.
         """
 
     def roof_height(self, across: np.ndarray) -> np.ndarray:
@@ -171,14 +171,14 @@ def at_distance(points: np.ndarray, centre: np.ndarray, distance: float) -> np.n
     Parameters
     ----------
     points, centre : (N, 2 or 3) ndarray
-        In mm.
+        Positions of points and centres in mm.
     distance : float
-        In mm.
+        Distance in mm.
 
     Returns
     -------
     (N, 2 or 3) ndarray
-        In mm.
+        Positions in mm.
     """
     from_centre = points - centre
     return centre + distance * from_centre / np.linalg.norm(from_centre, axis=1, keepdims=True)

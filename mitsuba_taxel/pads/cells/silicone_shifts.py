@@ -1,4 +1,4 @@
-"""How silicone follows the walls of the cells when the dimensions of a pad change.
+"""Displacements of the silicone between cells when the dimensions of a pad change.
 
 The region of a cell is the silicone around it, up to the midplanes between neighbours and the outside of the pad.
 Within it, displacements are interpolated linearly: between planes, or along rays through the wall of the cell to the
@@ -28,7 +28,7 @@ def region_planes(pad: Dimensions, levels: list[float]) -> list[np.ndarray]:
     Parameters
     ----------
     pad : Dimensions
-        In mm.
+        The pad, with lengths in mm.
     levels : list[float]
         z of the horizontal planes, mm.
 
@@ -50,7 +50,7 @@ def wall_planes(pad: Dimensions, roof: float) -> list[np.ndarray]:
     Parameters
     ----------
     pad : Dimensions
-        In mm.
+        The pad, with lengths in mm.
     roof : float
         Height of the roof, mm.
 
@@ -80,14 +80,14 @@ def shifts_between_planes(points: np.ndarray, planes: list[np.ndarray], target_p
     Parameters
     ----------
     points : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     planes, target_planes : list[ndarray]
         x, y and z of the planes before and after, mm.
 
     Returns
     -------
     (N, 3) ndarray
-        In mm.
+        Displacements in mm.
     """
     axes_planes = zip(points.T, planes, target_planes, strict=True)
     return np.stack([np.interp(x, before, after - before) for x, before, after in axes_planes], axis=1)
@@ -125,8 +125,8 @@ def shifts_along_rays(
     base: np.ndarray,
     at_wall: Callable[[Rays], tuple[np.ndarray, np.ndarray]],
 ) -> np.ndarray:
-    """Displacements along rays: inside the wall those of the wall, and linear from the wall to the border of the
-    region.
+    """Displacements along rays: inside the wall equal to the displacement of the wall, and linear from the wall to the
+    border of the region.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def shifts_along_rays(
     planes : tuple[list[ndarray], list[ndarray]]
         Planes that bound the regions of the pad and of the target; see :func:`region_planes`.
     points : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     base : (N,) ndarray
         z of the origin of the ray through each point, on the axis of its cell, mm.
     at_wall : Callable
@@ -145,7 +145,7 @@ def shifts_along_rays(
     Returns
     -------
     (N, 3) ndarray
-        In mm.
+        Displacements in mm.
     """
     axes_before, axes_after = axes(pad), axes(target)
     index = [np.clip(np.searchsorted(planes[0][k], points[:, k]) - 1, 0, len(axes_before[k]) - 1) for k in range(2)]

@@ -1,11 +1,11 @@
-"""fTetWild's package with what it lacks, in the process that meshes: a seed, and an import without PyVista.
+"""fTetWild's package with two additions, in the process that meshes: a fixed seed, and an import without PyVista.
 
-Two things are done here that its newest version (0.4.2) offers no other way for; nothing else is changed, and the
-process ends with its task.
+The newest version (0.4.2) offers no other way to obtain them. Nothing else is changed, and the process ends with its
+task.
 
-- It inserts triangles in an order drawn from ``std::random_device`` and has no seed, so every run would give a
+- fTetWild inserts triangles in an order drawn from ``std::random_device`` and has no seed, so every run would give a
   different mesh and reading. The function behind ``std::random_device`` (``_M_getval`` of libstdc++, Itanium ABI) is
-  overwritten by one that returns a constant: a patch of the machine code of this process's C++ library. On other
+  overwritten by a function that returns a constant: a patch of the machine code of this process's C++ library. On other
   processors, with other C++ libraries (macOS, Windows), or where the system allows no writing to code, nothing is
   patched, and meshes differ from run to run.
 - It states that PyVista is optional, but imports it to register an accessor, for which it needs no more than the
@@ -28,12 +28,12 @@ CONSTANT_42 = {
 
 
 def fix_random_device() -> bool:
-    """Let ``std::random_device`` give 42 in this process, where that is possible.
+    """Make ``std::random_device`` return 42 in this process, if possible.
 
     Returns
     -------
     bool
-        Whether it does.
+        Whether it returns 42 now.
     """
     code = CONSTANT_42.get(platform.machine()) if sys.platform == "linux" else None
     if code is None:
@@ -56,7 +56,7 @@ def fix_random_device() -> bool:
 
 
 def tetrahedralize(*args: Any, **kwargs: Any) -> Any:
-    """``pytetwild.tetrahedralize``, with a fixed seed where that is possible."""
+    """The function ``pytetwild.tetrahedralize``, with a fixed seed if possible."""
     fix_random_device()
     sys.modules["pyvista"] = types.ModuleType("pyvista")
     import pytetwild

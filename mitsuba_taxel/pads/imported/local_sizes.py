@@ -43,7 +43,7 @@ def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.nd
     Returns
     -------
     float
-        In mm, to three digits.
+        Mesh size in mm, to three digits.
     """
     cells = [vertices[np.unique(triangles[cell == number])] for number in np.unique(cell[cell > 0])]
     scale = min(float(np.ptp(points[:, :2], axis=0).min()) for points in cells) / TYPICAL_CELL
@@ -123,7 +123,7 @@ class SingularEdges:
         Parameters
         ----------
         points : (N, 3) ndarray
-            In mm.
+            Positions in mm.
         planes : sequence of Mirror
             The planes of symmetry.
         tolerance : float
@@ -176,7 +176,7 @@ def patch_sizes(patches: Patches, region: np.ndarray, mesh_size: float) -> np.nd
     Returns
     -------
     (P,) ndarray
-        In mm.
+        Lengths in mm.
     """
     radius = radii(patches)
     first = np.unique(patches.patch, return_index=True)[1]

@@ -1,4 +1,4 @@
-"""How the geometry of a file becomes that of a pad or body in mm: unit of length, and direction that points up."""
+"""Conversion of the geometry of a file to a pad or body in mm: unit of length, and direction that points up."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ DIRECTIONS = {
 }  # fmt: skip
 """Values of ``up``."""
 SMALLEST_EXTENT, LARGEST_EXTENT = 0.1, 1000.0
-"""Least and greatest longest side in mm; outside, the file is of another scale."""
+"""Allowed range of the longest side in mm; outside it, the file must have another scale."""
 UNITS = {"m": 1000.0, "inches": 25.4, "cm": 10.0, "um": 1e-3}
-"""Units of length that files are in, in mm."""
+"""Common units of length of files, in mm."""
 LIKELY = 1.0, 500.0
 """Range of the longest side in mm for which another unit is proposed."""
 USUAL = 2.0, 300.0
@@ -57,7 +57,7 @@ class Placement(NamedTuple):
         up = np.eye(3)["xyz".index(self.up[-1])] * (-1 if self.up.startswith("-") else 1)
         if up[2]:
             return np.diag([1.0, up[2], up[2]])
-        # The plane of the direction and z turns by a right angle.
+        # A rotation by a right angle in the plane of the direction and z.
         axis = np.cross(up, [0.0, 0.0, 1.0])
         return np.outer(axis, axis) + np.array(
             [[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]]
@@ -80,14 +80,14 @@ class Placement(NamedTuple):
         return points - [*(0.5 * (low + high))[:2], low[2]]
 
     def check_extent(self, points: np.ndarray) -> None:
-        """Refuse a body of points (N, 3) in mm that is too small or too large. Raises `GeometryError`."""
+        """Raise `GeometryError` if a body with points (N, 3) in mm is too small or too large."""
         longest = float(np.ptp(points, axis=0).max())
         if not SMALLEST_EXTENT <= longest <= LARGEST_EXTENT:
             raise GeometryError(f"its longest side is {longest:.3g} mm{self.other_units(longest)}")
 
     def other_units(self, longest: float) -> str:
-        """Words with the longest side, given in mm, in other units that the file may have; empty if the length is
-        usual."""
+        """Text that converts the longest side, given in mm, from other units that the file may have; empty if the
+        length is usual."""
         if USUAL[0] <= longest <= USUAL[1]:
             return ""
         likely = {
@@ -102,7 +102,8 @@ class Placement(NamedTuple):
         return f" (if the file is {'; '.join(words)})" if words else ""
 
     def advice(self, extent: np.ndarray, cells: np.ndarray) -> str:
-        """Words with the size of a pad and the centres of its cells, and the parameters that may correct its placement.
+        """Text that states the size of a pad, the centres of its cells, and the parameters that may correct its
+        placement.
 
         Parameters
         ----------
@@ -124,4 +125,4 @@ class Placement(NamedTuple):
 
 
 UNMOVED = Placement()
-"""For a file in mm that stays as it is drawn."""
+"""Placement of a file in mm whose geometry is neither turned nor moved."""

@@ -19,7 +19,7 @@ ROOF_ANGLE = 60.0
 """Degrees from straight down within which a normal counts as facing down. Without rules, a face of a hollow, or a
 smooth patch of triangles, is a roof if enough of its area faces down."""
 LEAST_ROOF = 0.1
-"""Least fraction of a roof's area that faces down: on a hemisphere it is a half, on a leaning one less."""
+"""Least fraction of a roof's area that faces down. It is a half on a hemisphere, and less on a leaning hemisphere."""
 CREASE, UPRIGHT = 35.0, 0.5
 """Degrees between the normals of neighbouring triangles above which there is an edge, and between a normal and the
 horizontal below which a wall is upright."""
@@ -28,8 +28,8 @@ LEVEL_TOLERANCE = 1e-4
 LEVEL_ANGLE = 1.0
 """Largest angle in degrees between the normal of bottom or top and the vertical."""
 LEAST_FLATNESS = 0.1
-"""Length of the mean normal of a face, relative to its area, below which it counts as having none, such as the mantle
-of a cylinder."""
+"""Length of the mean normal of a face, relative to its area, below which the face counts as having no normal, such as
+the mantle of a cylinder."""
 ROW_TOLERANCE = 0.25
 """Largest distance along y of cells in one row, relative to the size of a cell."""
 
@@ -41,7 +41,7 @@ class FacedSurface:
     Attributes
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray
         Vertex numbers.
     face : (T,) ndarray
@@ -114,7 +114,7 @@ def tagged(
 
 
 def _standing(surface: FacedSurface, rules: Sequence[Rule]) -> list[str]:
-    """The directions ``up`` of a file with which the surface is a pad."""
+    """The values of ``up`` with which the surface in a file would be a pad."""
     directions = []
     for up in DIRECTIONS:
         if up != AS_DRAWN:
@@ -130,9 +130,9 @@ def _tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, n
     """Code of the region (T,) and number of the cell (T,) of each triangle.
 
     The first rule that matches a face gives its region. Other faces are bottom on the board, top at the highest z, roof
-    or side in a hollow, and outer elsewhere. No bottom, or no top, is guessed if a rule names it. A hollow is a
-    connected part of the surface between bottom and top that does not touch the top. A roof in it is a face, or a
-    smooth patch of triangles, of which some area faces down.
+    or side in a hollow, and outer elsewhere. If a rule names a bottom or a top, no other face is assigned to that
+    region. A hollow is a connected part of the surface between bottom and top that does not touch the top. A face, or a
+    smooth patch of triangles, in a hollow is a roof if enough of its area faces down.
 
     Cells are the connected components of roof and side, numbered row by row from (-x, +y).
 
@@ -166,7 +166,7 @@ def _tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, n
 def _smooth_patches(surface: FacedSurface, pairs: np.ndarray) -> np.ndarray:
     """Number (T,) of the smooth patch of each triangle.
 
-    Neighbours without a crease between them are in one patch; but an upright wall ends where the surface starts to
+    Neighbours without a crease between them are in one patch. However, an upright wall ends where the surface begins to
     lean, so that a dome and the wall below it are two patches."""
     normal = unit(area_normals(surface.vertices, surface.triangles))
     upright = np.abs(normal[:, 2]) < math.sin(math.radians(UPRIGHT))
@@ -234,7 +234,7 @@ def _check_ends(surface: FacedSurface, region: np.ndarray) -> None:
         )
     if not np.any(region == REGIONS["top"]):
         raise GeometryError(
-            f"it has no top: no flat face lies at its highest z = {z.max():g} mm, and no rule names another"
+            f"it has no top: no flat face lies at its highest z = {z.max():g} mm, and no rule names another face as top"
         )
 
 
@@ -260,7 +260,9 @@ def _cells(surface: FacedSurface, pairs: np.ndarray, region: np.ndarray) -> np.n
     np.maximum.at(high, number, corners.max(axis=1))
     roofless = np.setdiff1d(np.arange(len(components_of_cells)), number[region[in_cell] == REGIONS["roof"]])
     if len(roofless):
-        raise GeometryError(f"the cell at {place(0.5 * (low + high)[roofless[0]])} has no roof; a rule can name one")
+        raise GeometryError(
+            f"the cell at {place(0.5 * (low + high)[roofless[0]])} has no roof; name its roof by a rule"
+        )
     cell = np.zeros(len(region), dtype=int)
     cell[in_cell] = _numbers_by_row(0.5 * (low + high)[:, :2], (high - low)[:, 1].mean())[number]
     return cell

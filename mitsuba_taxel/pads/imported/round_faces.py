@@ -63,16 +63,16 @@ def onto_round_walls(
     Parameters
     ----------
     mesh : VolumeMesh
-        Undeformed, with its nodes on the walls.
+        Undeformed mesh, with its nodes on the walls.
     points : (N, 3) ndarray
-        In mm, near the walls.
+        Positions in mm, near the walls.
     region, cell : (N,) ndarray
         Code of the region and number of the cell of each point.
 
     Returns
     -------
     projected : (N, 3) ndarray
-        In mm; points of other walls are unchanged.
+        Projected points in mm; points of other walls are unchanged.
     gradient : (N, 3, 3) ndarray
         Derivative of each projected point with respect to the point.
     """
@@ -123,7 +123,7 @@ def _round(nodes: np.ndarray, axes: int) -> tuple[np.ndarray, float] | None:
 def _fitted(points: np.ndarray) -> tuple[np.ndarray, float]:
     """Centre and radius of the sphere or circle through points (N, 3) or (N, 2), by least squares.
 
-    From x.x = 2 c.x + (r^2 - c.c), which is linear in c and the bracket.
+    The fit is linear in c and in the bracket of x.x = 2 c.x + (r^2 - c.c), for points x, centre c and radius r.
     """
     origin = points.mean(axis=0)
     centred = points - origin

@@ -33,7 +33,7 @@ class Rule:
     above, below : float, optional
         Lowest and highest z, in mm.
     box : tuple[tuple[float, float, float], tuple[float, float, float]], optional
-        Two opposite corners, in mm.
+        Two opposite corners of a box that contains the face's centroid, in mm.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class Rule:
 
 
 def _numbers(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """The value as an array of finite numbers of that shape. Raises `InputError`."""
+    """The value as an array of finite numbers of this shape; raises `InputError` otherwise."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -99,7 +99,7 @@ def read_rules(path: str | Path) -> tuple[Rule, ...]:
     Returns
     -------
     tuple[Rule, ...]
-        In the order of the file; the first rule that matches a face counts.
+        Rules in the order of the file; the first rule that matches a face applies.
 
     Raises
     ------

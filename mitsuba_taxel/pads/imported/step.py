@@ -52,9 +52,9 @@ def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float
     path : Path
         The file.
     digest : str
-        Identifies its content.
+        Digest of the file's content, for caches.
     rules : tuple[Rule, ...]
-        Regions of faces.
+        Rules that assign regions to faces.
     mesh_size : float
         Length of the edges of elements, mm.
     placement : Placement
@@ -91,8 +91,8 @@ def _read_as(path: Path, placement: Placement) -> dict[str, object]:
 def _good_mesh(
     solid: dict[str, object], survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, last: bool
 ) -> VolumeMesh | None:
-    """The first mesh without distorted elements, or None. With ``last``, a complete mesh with distorted ones is
-    accepted."""
+    """The first mesh without distorted elements, or None. With ``last``, a complete mesh with distorted elements is
+    accepted too."""
     for refinement in REFINEMENTS:
         try:
             mesh = completed(_meshed(solid, survey, mirrors, mesh_size, FINER * refinement), mirrors)
@@ -113,7 +113,7 @@ class Survey:
     Attributes
     ----------
     volume, diagonal, height : float
-        In mm3 and mm.
+        Volume in mm³; diagonal and height in mm.
     mirrors : tuple[Mirror, ...]
         Mirror planes, closed as a group.
     region, cell : (F,) ndarray
@@ -140,7 +140,7 @@ class Survey:
     singular: SingularEdges
 
 
-@kept(4)  # for the second mesh, of the error estimate
+@kept(4)  # used again for the second mesh of the error estimate
 def surveyed(path: Path, digest: str, rules: tuple[Rule, ...], placement: Placement) -> Survey:
     """Survey of the solid in a STEP file.
 
@@ -149,16 +149,16 @@ def surveyed(path: Path, digest: str, rules: tuple[Rule, ...], placement: Placem
     path : Path
         The file.
     digest : str
-        Identifies its content.
+        Digest of the file's content, for caches.
     rules : tuple[Rule, ...]
-        Regions of faces.
+        Rules that assign regions to faces.
     placement : Placement
         Placement by which the file is scaled, turned and moved.
 
     Returns
     -------
     Survey
-        In mm.
+        Survey, with lengths in mm.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def _mirrors(
     region: np.ndarray,
     tolerance: float,
 ) -> tuple[Mirror, ...]:
-    """The mirrors under which the body and its regions are invariant, tested at points on all of its surface."""
+    """The mirrors under which the body and its regions are invariant; this is tested at points on the whole surface."""
     node, first = np.unique(triangles, return_index=True)
     chosen = np.unique(np.linspace(0, len(node) - 1, MOST_IMAGES).astype(int))
     node, region_of_node = node[chosen], region[np.repeat(face, 3)[first[chosen]]]
@@ -208,7 +208,7 @@ def _meshed(
     sizes = patch_sizes(survey.patches, survey.patch_region, mesh_size) / refinement
     face_size = np.full(len(survey.region), np.inf)
     np.minimum.at(face_size, survey.face, sizes[survey.patches.patch])
-    # One for all faces: those that are more curved have their own sizes.
+    # One size for all faces; faces of stronger curvature have their own sizes.
     curved = float((radii(survey.patches) / sizes).min())
     safety = min(max(curved, 1.0), CURVATURE_SAFETY * refinement)
     raw = run_isolated(

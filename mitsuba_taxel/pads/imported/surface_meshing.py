@@ -56,7 +56,7 @@ def mesh_surface(
     suffix : str
         Ending of the file's name in small letters, with the dot.
     rules : tuple[Rule, ...]
-        Regions of faces.
+        Rules that assign regions to faces.
     mesh_size : float
         Length of the edges of elements, mm.
     placement : Placement
@@ -95,7 +95,7 @@ class SurfacePart:
     mirrors : tuple[Mirror, ...]
         Mirrors by which the part is completed; empty for the entire surface.
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
     region, cell : (T,) ndarray of int
@@ -113,7 +113,8 @@ class SurfacePart:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
     def exact(self, points: np.ndarray) -> np.ndarray:
-        """Nodes; those within rounding of the planes of symmetry, bottom or top are moved exactly onto them."""
+        """Nodes, of which those within rounding errors of the planes of symmetry, the bottom or the top are moved
+        exactly onto these."""
         return exactly_on(points, planes_of(self.mirrors), float(self.vertices[:, 2].max()), ROUNDING * self.diagonal)
 
 
@@ -128,7 +129,7 @@ def surface_of(content: bytes, suffix: str, rules: tuple[Rule, ...], placement: 
     suffix : str
         Ending of the file's name in small letters, with the dot.
     rules : tuple[Rule, ...]
-        Regions of faces.
+        Rules that assign regions to faces.
     placement : Placement
         Placement by which the file is scaled, turned and moved.
 
@@ -147,7 +148,7 @@ def surface_of(content: bytes, suffix: str, rules: tuple[Rule, ...], placement: 
     return SurfacePart((), vertices, triangles, region, cell)
 
 
-@kept(4)  # for the second mesh, of the error estimate
+@kept(4)  # used again for the second mesh of the error estimate
 def parts_of(
     content: bytes, suffix: str, rules: tuple[Rule, ...], placement: Placement
 ) -> tuple[SurfacePart, SurfacePart, SingularEdges]:
@@ -160,7 +161,7 @@ def parts_of(
     suffix : str
         Ending of the file's name in small letters, with the dot.
     rules : tuple[Rule, ...]
-        Regions of faces.
+        Rules that assign regions to faces.
     placement : Placement
         Placement by which the file is scaled, turned and moved.
 

@@ -33,7 +33,7 @@ def read_surface(content: bytes, suffix: str, placement: Placement = UNMOVED) ->
     Returns
     -------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
 

@@ -39,7 +39,7 @@ def mirrors_of(vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray) 
     Parameters
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
     region : (T,) ndarray of int
@@ -48,7 +48,7 @@ def mirrors_of(vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray) 
     Returns
     -------
     tuple[Mirror, ...]
-        Empty if there is no symmetry.
+        Mirrors; empty if there is no symmetry.
     """
     tolerance = TOLERANCE * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     return group_of(mirror for mirror in MIRRORS if _is_invariant(mirror, vertices, triangles, region, tolerance))
@@ -127,16 +127,16 @@ def symmetric_part_of(
     Parameters
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
     planes : sequence of Mirror
-        The part on the positive side of each is kept.
+        Planes of symmetry; the part on the positive side of each plane is kept.
 
     Returns
     -------
     vertices : (W, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (U, 3) ndarray of int
         Vertices of each triangle.
     origin : (U,) ndarray of int
@@ -160,7 +160,7 @@ def onto_planes(points: np.ndarray, planes: Sequence[Mirror], tolerance: float) 
     Parameters
     ----------
     points : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     planes : sequence of Mirror
         The planes.
     tolerance : float
@@ -169,7 +169,7 @@ def onto_planes(points: np.ndarray, planes: Sequence[Mirror], tolerance: float) 
     Returns
     -------
     (N, 3) ndarray
-        In mm.
+        Positions in mm.
     """
     points, axis = points.copy(), np.ones(len(points), dtype=bool)
     for mirror in planes:
@@ -187,7 +187,7 @@ def exactly_on(points: np.ndarray, planes: Sequence[Mirror], height: float, tole
     Parameters
     ----------
     points : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     planes : sequence of Mirror
         The planes of symmetry.
     height : float
@@ -198,7 +198,7 @@ def exactly_on(points: np.ndarray, planes: Sequence[Mirror], height: float, tole
     Returns
     -------
     (N, 3) ndarray
-        In mm.
+        Positions in mm.
     """
     points = onto_planes(points, planes, tolerance)
     for level in (0.0, height):
@@ -209,7 +209,7 @@ def exactly_on(points: np.ndarray, planes: Sequence[Mirror], height: float, tole
 def _cut(
     vertices: np.ndarray, triangles: np.ndarray, mirror: Mirror, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The triangles on the kept side of a plane, with those across it cut, and the original numbers."""
+    """The triangles on the kept side of a plane, and their original numbers. Triangles across the plane are cut."""
     vertices = onto_planes(vertices, [mirror], tolerance)
     sign = np.sign(mirror.side(vertices))
     edges, number = np.unique(np.sort(half_edges(triangles)[0], axis=1), axis=0, return_inverse=True)

@@ -32,7 +32,7 @@ def mesh_by_tetwild(
     Parameters
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
     region, cell : (T,) ndarray of int

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 SYSTEM = Path(__file__).parents[2] / "base" / "processes" / "system.py"
-"""Run as a script, too: to import it would import this package, and with it Mitsuba."""
+"""Script that is run rather than imported: an import would load this package, and with it Mitsuba."""
 
 UNITS_OF_HEIGHT, SURVEY_UNITS = 4.0, 20.0
 """Height of a body during meshing, diagonal during its survey: Netgen has absolute tolerances."""
@@ -77,7 +77,8 @@ def _tetrahedralise(vertices: Any, triangles: Any, mesh_size: Any, epsilon: Any)
     """Straight tetrahedra within ``epsilon`` mm of a surface (fTetWild: Hu et al. 2020)."""
     import numpy as np
 
-    sys.path.append(os.path.dirname(os.path.abspath(__file__)))  # `taxel` has Python leave it out: PYTHONSAFEPATH
+    # Python does not search the folder of this script if `taxel` has set PYTHONSAFEPATH.
+    sys.path.append(os.path.dirname(os.path.abspath(__file__)))
     from ftetwild import tetrahedralize  # beside this script
 
     points, tets = tetrahedralize(
@@ -159,7 +160,7 @@ def _survey_step(path: Any, scale: Any, turn: Any, centred: Any, curvature_safet
 def _mirrors_of_step(
     path: Any, scale: Any, turn: Any, centred: Any, region: Any, points: Any, at: Any, matrices: Any, tolerance: Any
 ) -> dict[str, Any]:
-    """Which mirrors (M, 3, 3) map all points (N, 3) of the surface, each in a region, onto the faces of that region."""
+    """Mask of the mirrors (M, 3, 3) that map all points (N, 3) of the surface onto faces of the same region."""
     import numpy as np
     from netgen.occ import Compound, Pnt, Vertex
 
@@ -236,7 +237,7 @@ def _number_faces(solid: Any) -> None:
 
 
 def _numbers_of_faces(mesh: Any, index: Any) -> Any:
-    """Numbers of the faces, which are their names, for surface elements with Netgen's ``index``."""
+    """Numbers of the faces of surface elements with Netgen's ``index``; the number of a face is its name."""
     import numpy as np
 
     return np.array([int(mesh.GetBCName(int(i))) for i in range(index.max())])[index - 1]

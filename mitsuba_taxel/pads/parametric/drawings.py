@@ -22,8 +22,8 @@ def solids(pad: Pad) -> dict[str, Any]:
     """The pad, and the mould in which it is cast: a base with the cells as pegs, and a frame around it, open at the
     top.
 
-    All are ``netgen.occ`` shapes in mm, by name, in their assembled positions: the pad upright, the frame on the base
-    at z = 0. Raises InputError without Netgen."""
+    The results are ``netgen.occ`` shapes in mm, by name, in their assembled positions: the pad upright, the frame on
+    the base at z = 0. Raises `InputError` if Netgen is not installed."""
     require_netgen("a drawing")
     from netgen.occ import Box, Pnt
 
@@ -53,7 +53,7 @@ def write_drawings(pad: Pad, folder: Path) -> None:
     Parameters
     ----------
     pad : Pad
-        In mm.
+        The pad, with lengths in mm.
     folder : Path
         Existing folder.
 

@@ -50,14 +50,14 @@ def lean(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
     pad : DrawnPad
         Pad with leaning cells, in mm.
     mesh : VolumeMesh
-        Mesh for its elements and regions.
+        Mesh of the pad; only its elements and regions are used.
     upright : (N, 3) ndarray
         Nodes of the upright pad, mm.
 
     Returns
     -------
     (N, 3) ndarray
-        In mm.
+        Displacements in mm.
     """
     return sum((getattr(pad, name) * lean_rate(pad, mesh, upright, name) for name in AXES), start=np.zeros(3))
 
@@ -68,9 +68,9 @@ def lean_rate(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray, name: str) -
     Parameters
     ----------
     pad : DrawnPad
-        In mm.
+        The pad, with lengths in mm.
     mesh : VolumeMesh
-        Mesh for its elements and regions.
+        Mesh of the pad; only its elements and regions are used.
     upright : (N, 3) ndarray
         Nodes of the upright pad, mm.
     name : str
@@ -79,7 +79,7 @@ def lean_rate(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray, name: str) -
     Returns
     -------
     (N, 3) ndarray
-        In mm per mm.
+        Derivative in mm per mm.
     """
     axis, count = AXES[name], mesh.corner_count
     within = np.minimum((0.5 * pad.extent[axis] - np.abs(upright[:, axis])) / pad.wall, 1.0)
@@ -96,14 +96,14 @@ def upright_nodes(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
     Parameters
     ----------
     pad : DrawnPad
-        In mm.
+        The pad, with lengths in mm.
     mesh : VolumeMesh
         Mesh of the pad.
 
     Returns
     -------
     (N, 3) ndarray
-        In mm.
+        Positions in mm.
     """
     if not leans(pad):
         return mesh.points

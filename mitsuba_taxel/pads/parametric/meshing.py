@@ -41,11 +41,13 @@ GRADING = 0.4
 RIM_REFINEMENT = 2.0
 """Divisor of the element size along the edges where the stress is singular."""
 FINER_DOMES = 0.5
-"""On meshes finer than the default one, elements on domes and their sides shrink further, in proportion to the relative
-size, down to this factor: the remaining error of mirrors comes from normals, which only these elements improve."""
+"""Smallest additional factor of the size of elements on domes and their sides. On meshes finer than the default, these
+elements shrink additionally, in proportion to the relative mesh size, because the remaining error of mirrors stems from
+their normals."""
 FINER_EDGES, EDGE_EXPONENT = 0.5, 3.0
-"""On meshes finer than the default one, elements along the singular edges of flat roofs shrink further, by this power
-of the relative size, down to this factor: the error of slopes under tangential forces arises there."""
+"""Exponent and smallest value of an additional factor of the size of elements along the singular edges of flat roofs.
+On meshes finer than the default, these elements shrink additionally, by this power of the relative mesh size, because
+the error of slopes under tangential forces arises there."""
 CUT = 0.2
 """Position of the cut of elements at a singular edge, relative to their length."""
 CURVATURE_SAFETY = 2.0
@@ -81,7 +83,7 @@ STRAIGHT = 1e-6
 """Distance of a midpoint from the chord, relative to the radius of the fillets, at which an edge counts as straight."""
 
 MESHING_LOCK = threading.RLock()
-"""Held during every call of Netgen, which is not thread-safe."""
+"""Lock for all calls of Netgen, which is not thread-safe."""
 
 
 def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
@@ -93,7 +95,7 @@ def mesh_pad(pad: DrawnPad, mesh_size: float) -> VolumeMesh:
     Parameters
     ----------
     pad : DrawnPad
-        In mm.
+        The pad, with lengths in mm.
     mesh_size : float
         Length of the edges of elements, mm.
 
@@ -138,7 +140,7 @@ def check_room(pad: DrawnPad, mesh_size: float) -> None:
     Parameters
     ----------
     pad : DrawnPad
-        In mm.
+        The pad, with lengths in mm.
     mesh_size : float
         Length of the edges of elements, mm.
 
@@ -156,7 +158,7 @@ def check_room(pad: DrawnPad, mesh_size: float) -> None:
             "meshed."
         )
     smallest = (8 * math.prod(pad.extent) / MOST_ELEMENTS) ** (1 / 3)
-    if mesh_size < smallest and mesh_size >= 0.5 * pad.default_mesh_size:  # nobody gave it
+    if mesh_size < smallest and mesh_size >= 0.5 * pad.default_mesh_size:  # the default size, which no user has set
         size = " x ".join(f"{side:.3g}" for side in pad.extent)
         raise InputError(
             f"cell_size = {pad.cell_size:g} mm in a pad of {size} mm is not allowed: its thinnest parts need "
@@ -176,7 +178,7 @@ def check_room(pad: DrawnPad, mesh_size: float) -> None:
 def _symmetric_mesh(pad: DrawnPad, mesh_size: float, refinement: float) -> VolumeMesh:
     """The mesh of the symmetric part of the upright pad.
 
-    Elements at singular and at rounded edges are cut, and nodes on the exact walls; see `rounding`."""
+    Elements at singular and at rounded edges are cut, and nodes are moved onto the exact walls; see `rounding`."""
     edges, below = pad.edges, -pad.cell_size
     if edges is None:
         mesh = _generated(pad, mesh_size, refinement)
@@ -253,7 +255,7 @@ def _generated(
                 maxh=BULK_COARSENING * mesh_size / inside / unit,
                 grading=GRADING / math.sqrt(inside),
                 curvaturesafety=curvature_safety,
-                parallel_meshing=False,  # no gain for one solid, and ten times slower on busy cores
+                parallel_meshing=False,  # threads bring no gain for one solid, and are ten times slower on busy cores
             )
             mesh = OCCGeometry(solid).GenerateMesh(parameters)
             mesh.SecondOrder()
@@ -335,19 +337,20 @@ def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndar
 
 
 def snapped(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
-    """Nodes, with those within rounding of the planes of symmetry, the bottom or the top moved exactly onto them.
+    """Nodes, of which those within rounding errors of the planes of symmetry, the bottom or the top are moved exactly
+    onto these.
 
     Parameters
     ----------
     points : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     pad : DrawnPad
         Pad for its height and symmetry.
 
     Returns
     -------
     (N, 3) ndarray
-        In mm.
+        Positions in mm.
     """
     tolerance = 1e-7 * pad.height
     points = np.where(np.abs(points) < tolerance, 0.0, points)

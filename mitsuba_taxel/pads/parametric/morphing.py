@@ -38,7 +38,7 @@ def moved_onto(pad: DrawnPad, origin: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
     origin : DrawnPad
         The pad of the mesh.
     mesh : VolumeMesh
-        Undeformed.
+        The undeformed mesh.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def stretches(mesh: VolumeMesh, morphed: VolumeMesh) -> np.ndarray:
     Returns
     -------
     (M,) ndarray
-        At least 1.
+        Ratios, at least 1.
     """
     before, after = (state.points[state.tets[:, 1:4]] - state.points[state.tets[:, :1]] for state in (mesh, morphed))
     values = np.linalg.svd(np.linalg.solve(before, after), compute_uv=False)

@@ -178,7 +178,7 @@ class Pad(Kinded, Displayed):
         Returns
         -------
         Pad
-            A new pad; this one stays as it is.
+            A new pad; the original pad is unchanged.
 
         Raises
         ------
@@ -204,7 +204,7 @@ class Pad(Kinded, Displayed):
         Returns
         -------
         Pad
-            Pad with the cell ``profile``; a pad of such cells as it is.
+            Pad with the cell ``profile``; a pad that has such cells already is returned unchanged.
 
         Raises
         ------
@@ -291,7 +291,7 @@ class Pad(Kinded, Displayed):
 
     @property
     def curved_regions(self) -> tuple[str, ...]:
-        """Which of ``roof`` and ``side`` are curved, in this order: both with fillets."""
+        """Names of the curved regions among ``roof`` and ``side``, in this order; with fillets, both are curved."""
         return ("roof", "side") if self.fillet else self.shape.round_regions
 
     @property

@@ -79,7 +79,7 @@ def with_round_rims(mesh: VolumeMesh, pad: DrawnPad, at_sharp_edges: float, mark
 
 
 def _with_round_mouths(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
-    """Nodes (N, 3), with those on the mouths of cells moved exactly onto them."""
+    """Nodes (N, 3), of which those on the mouths of cells are moved exactly onto the mouths."""
     points, mouth = mesh.points.copy(), on_region(mesh, "side") & on_region(mesh, "bottom")
     points[mouth] = _on_circle(pad, points[mouth], 0.5 * pad.cell_size, 0.0)
     return points
@@ -102,7 +102,7 @@ def _cut_between_rims(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
         between = on_rim[ends].all(axis=2) & ~on_rim[mesh.tets[:, 4:]]
         if not between.any():
             return mesh
-        # One edge in each element at a time.
+        # At most one edge of each element is cut at a time.
         keys, row = np.unique(ends @ [count, 1], return_inverse=True)
         row = np.where(between, row.reshape(between.shape), -1)
         last = row.max(axis=1, keepdims=True)
@@ -118,9 +118,9 @@ def rounding(pad: DrawnPad, mesh: VolumeMesh, sharp: np.ndarray, origin: DrawnPa
     Parameters
     ----------
     pad : DrawnPad
-        In mm.
+        The pad, with lengths in mm.
     mesh : VolumeMesh
-        For its elements and regions.
+        Mesh of the pad; only its elements and regions are used.
     sharp : (N, 3) ndarray
         Nodes of the pad with sharp rims, mm.
     origin : DrawnPad, optional
@@ -129,7 +129,7 @@ def rounding(pad: DrawnPad, mesh: VolumeMesh, sharp: np.ndarray, origin: DrawnPa
     Returns
     -------
     (N, 3) ndarray
-        In mm.
+        Displacements in mm.
     """
     before = None if origin is None else origin.edges
 
@@ -145,16 +145,16 @@ def sharp_nodes(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndar
     Parameters
     ----------
     pad : DrawnPad
-        In mm.
+        The pad, with lengths in mm.
     mesh : VolumeMesh
-        For its elements and regions.
+        Mesh of the pad; only its elements and regions are used.
     upright : (N, 3) ndarray
         Nodes of the upright pad with rounded rims, mm.
 
     Returns
     -------
     (N, 3) ndarray
-        In mm.
+        Positions in mm.
     """
     return upright + _displacement(pad, mesh, upright, RimFillet.onto_sharp_wall)
 
@@ -186,5 +186,5 @@ def _within_cells(pad: DrawnPad, points: np.ndarray) -> np.ndarray:
 
 
 def _on_rims(pad: DrawnPad, points: np.ndarray) -> np.ndarray:
-    """Mask (N,): whether points (N, 3) of the pad with sharp rims lie on one."""
+    """Mask (N,) of the points (N, 3) of the pad with sharp rims that lie on a rim."""
     return _rim(pad).from_rim(_within_cells(pad, points)) <= ON_RIM * pad.cell_size

@@ -26,14 +26,14 @@ def symmetric_part(pad: DrawnPad, cell: Callable[[float, float], Any]) -> Any:
     Parameters
     ----------
     pad : DrawnPad
-        In mm.
+        The pad, with lengths in mm.
     cell : Callable[[float, float], netgen.occ.TopoDS_Shape]
         Returns the cell whose axis has x and y, as :meth:`CellShape.solid`.
 
     Returns
     -------
     netgen.occ.TopoDS_Shape
-        Its faces have the names of their regions.
+        Solid whose faces are named by their regions.
     """
     from netgen.occ import Box, Pnt
 
@@ -83,7 +83,7 @@ def singular_edges(solid: Any, pad: DrawnPad) -> list[Any]:
     Returns
     -------
     list of netgen.occ.Edge
-        In the order of the solid.
+        Singular edges, in the order of the solid.
     """
     cut, side, roof = (
         {edge for face in solid.faces if face.name == name for edge in face.edges}
@@ -137,7 +137,7 @@ def rounded(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
     Returns
     -------
     (N, 3) ndarray
-        In mm.
+        Positions in mm.
     """
     axis = np.column_stack([nearest_axis(mesh.points, pad), np.zeros(len(mesh.points))])
     if pad.edges is not None:
@@ -155,14 +155,14 @@ def nearest_axis(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
     Parameters
     ----------
     points : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     pad : DrawnPad
-        With its cells.
+        Pad with its cells.
 
     Returns
     -------
     (N, 2) ndarray
-        x and y, mm.
+        x and y of the axes, mm.
     """
     from scipy.spatial import cKDTree
 
@@ -171,19 +171,19 @@ def nearest_axis(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
 
 
 def on_region(mesh: VolumeMesh, region: str) -> np.ndarray:
-    """Which nodes lie on a region of the surface.
+    """Mask of the nodes that lie on a region of the surface.
 
     Parameters
     ----------
     mesh : VolumeMesh
-        Of the pad.
+        Mesh of the pad.
     region : str
         Name of the region.
 
     Returns
     -------
     (N,) ndarray of bool
-        For each node.
+        Mask of the nodes.
     """
     on = np.zeros(len(mesh.points), dtype=bool)
     on[mesh.faces[mesh.face_region == REGIONS[region]]] = True

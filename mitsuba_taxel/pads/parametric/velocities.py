@@ -44,8 +44,8 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     mesh : VolumeMesh
         Mesh of the pad, undeformed: ``state.mesh`` of its states.
     parameter : str
-        One of pitch, wall, height, cell_size, cell_height, top_x, top_y and, if it is above 0, fillet, or of the points
-        of a profile, ``profile_r1`` and so on.
+        Name of the dimension: pitch, wall, height, cell_size, cell_height, top_x, top_y, fillet if it is above 0, or a
+        coordinate of a point of a profile, such as ``profile_r1``.
 
     Returns
     -------
@@ -106,9 +106,9 @@ def rate_by(pad: Pad, parameter: str, step: float, at: Callable[[Pad, float], np
     Parameters
     ----------
     pad : Pad
-        In mm.
+        The pad, with lengths in mm.
     parameter : str
-        One of its dimensions.
+        Name of the dimension.
     step : float
         Step of the differences, mm.
     at : Callable[[Pad, float], ndarray]
@@ -117,7 +117,7 @@ def rate_by(pad: Pad, parameter: str, step: float, at: Callable[[Pad, float], np
     Returns
     -------
     ndarray
-        Per mm, in the shape of the function's values.
+        Derivative per mm, in the shape of the function's values.
 
     Raises
     ------

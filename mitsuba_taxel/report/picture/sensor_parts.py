@@ -91,7 +91,7 @@ def shown_parts(
     parts : list[ShownPart]
         Surfaces with their materials.
     cut : float or None
-        In mm.
+        Position of the cut along y, in mm.
 
     Raises
     ------

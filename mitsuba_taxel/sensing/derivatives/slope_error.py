@@ -63,7 +63,7 @@ def mechanics_errors(
     of_derivatives : (T, P) ndarray
         Per W of the LED and unit of the parameter; NaN without a second mesh.
     of_readings : (T, 1) ndarray
-        Per W of the LED.
+        Errors of the readings per W of the LED.
     """
     lit = reading[:, 0] > 0
     changes, independent, kinks, displaced = (np.array(values) for values in zip(*comparisons, strict=True))

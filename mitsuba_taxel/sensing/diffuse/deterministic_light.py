@@ -137,7 +137,7 @@ def reading_error(fine: Cell, coarse: float, cells: DiffuseCells, number: int) -
     Returns
     -------
     float
-        In W per W of the LED.
+        Standard deviation in W per W of the LED.
     """
     by_patches = cells.error_factor(number) * READING_SHARE * (fine.reading - coarse)
     by_quadrature = cells.quadrature_error(number) * fine.reading

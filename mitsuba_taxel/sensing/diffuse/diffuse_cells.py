@@ -277,7 +277,7 @@ class DiffuseCells:
         Returns
         -------
         CellPatches
-            In the frame of the pad.
+            Walls and faces in the frame of the pad.
         """
         cell = self.cells[number]
         mesh, faces = elements or self.pad.state.mesh, tuple(cell.faces.tolist())

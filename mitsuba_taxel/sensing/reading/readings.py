@@ -76,9 +76,9 @@ def shares(error: np.ndarray, power: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     error : ndarray
-        In W, of any shape.
+        Errors in W, of any shape.
     power : ndarray
-        In W, of the same shape.
+        Powers in W, of the same shape.
 
     Returns
     -------

@@ -60,7 +60,7 @@ def worst_stretches(notes: Iterable[str]) -> list[str]:
     Returns
     -------
     list[str]
-        In their order.
+        Notes in their original order.
     """
     worst: dict[str, str] = {}
     for note in notes:

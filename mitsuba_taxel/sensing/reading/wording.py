@@ -57,7 +57,7 @@ def budget_rows(budget: Mapping[str, float]) -> list[tuple[str, str]]:
     Returns
     -------
     list[tuple[str, str]]
-        In the same order.
+        Rows in the order of the budget.
     """
     return [(source, in_percent(error)) for source, error in budget.items()]
 

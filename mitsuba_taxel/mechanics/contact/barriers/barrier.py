@@ -71,7 +71,7 @@ class Barrier:
         self._last: tuple[np.ndarray, Any] = np.empty(0), None
         self.reach = REACH / REACH_AT_REST * height  # for the search in gap()
         self.reach = fraction * REACH_AT_REST * self.gap(np.zeros_like(mesh.points))
-        self._last = np.empty(0), None  # of another reach
+        self._last = np.empty(0), None  # cached pairs of a barrier with another reach
         self._potential = ipc.BarrierPotential(self.reach, modulus, True)
         self._ccd = additive_ccd(ipc)
 
@@ -118,7 +118,7 @@ class Barrier:
         Returns
         -------
         (3 N, 3 N) csr_array
-            In N/mm.
+            Stiffness in N/mm.
         """
         positions, collisions = self._near(displacement)
         projection = self._ipc.PSDProjectionMethod.CLAMP if steady else self._ipc.PSDProjectionMethod.NONE
@@ -146,7 +146,7 @@ class Barrier:
         Returns
         -------
         float
-            At most 1.
+            Fraction, at most 1.
         """
         start, end = self._places(before), self._places(after)
         fraction = float(self._ipc.compute_collision_free_stepsize(self._mesh, start, end, narrow_phase_ccd=self._ccd))
@@ -158,8 +158,8 @@ class Barrier:
         return min(fraction if fraction >= 1 else APPROACH * fraction, to_board)
 
     def _repulsion(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(p,) first and second derivative of -(z / r - 1)^2 r log(z / r) with respect to the height z of points below
-        the reach r."""
+        """First and second derivatives, each (p,), of -(z / r - 1)^2 r log(z / r) with respect to the height z of
+        points below the reach r."""
         z = np.minimum(self._height(displacement) / self.reach, 1.0)
         first = 2 * (1 - z) * np.log(z) - (1 - z) ** 2 / z
         second = -2 * np.log(z) + 4 * (1 - z) / z + (1 - z) ** 2 / z**2
@@ -173,7 +173,7 @@ class Barrier:
         return np.asfortranarray((self._points + displacement)[self._nodes])
 
     def _near(self, displacement: np.ndarray) -> tuple[np.ndarray, Any]:
-        """Positions of the surface, and the pairs of points, edges and triangles within the reach; the last are
+        """Positions of the surface, and the pairs of points, edges and triangles within the reach; the latest result is
         cached."""
         positions, last = self._places(displacement), self._last
         if not np.array_equal(positions, last[0]):

@@ -111,7 +111,7 @@ class BodyBarrier:
         Returns
         -------
         (3 N, 3 N) csr_array
-            In N/mm.
+            Stiffness in N/mm.
         """
         (positions, collisions), count = self._near(displacement), 3 * self._interpolation.shape[0]
         if not len(collisions):
@@ -140,7 +140,7 @@ class BodyBarrier:
         Returns
         -------
         float
-            At most 1.
+            Fraction, at most 1.
         """
         start, end = self._places(before), self._places(after)
         pairs = self._pairs(np.minimum(start, end), np.maximum(start, end), 0.0)

@@ -41,8 +41,7 @@ class Contacts:
         self._longest_step = LONGEST_STEP * float(np.ptp(mesh.points[:, 2]))
 
     def forces(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Nodal contact forces (N, 3) in N: those between parts of the pad, and those of the board and the bodies on
-        it."""
+        """Nodal contact forces (N, 3) in N: between parts of the pad, and from the board and the bodies."""
         own, external = self._own.forces(displacement)
         return own, external if self._bodies is None else external + self._bodies.forces(displacement)
 
@@ -65,7 +64,7 @@ class Contacts:
         Returns
         -------
         (3 N, 3 N) csr_array
-            In N/mm.
+            Stiffness in N/mm.
         """
         own = self._own.stiffness(displacement, steady)
         return own if self._bodies is None else own + self._bodies.stiffness(displacement, steady)
@@ -73,7 +72,7 @@ class Contacts:
     def shape_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Rate of all forces at constant displacements while the undeformed nodes move.
 
-        By a central difference, because areas and the reach change too.
+        The rate is a central difference, because areas and the reach change too.
 
         Parameters
         ----------
@@ -85,7 +84,7 @@ class Contacts:
         Returns
         -------
         (N, 3) ndarray
-            In N per unit of the changed parameter.
+            Rate of the forces in N per unit of the changed parameter.
         """
         fastest = float(np.abs(velocity).max(initial=0.0))
         if fastest == 0:
@@ -108,7 +107,7 @@ class Contacts:
         Returns
         -------
         float
-            At most 1.
+            Fraction, at most 1.
         """
         longest = float(np.linalg.norm(after - before, axis=1).max())
         searched = 1.0 if longest <= self._longest_step else self._longest_step / longest

@@ -32,7 +32,7 @@ axes."""
 
 @dataclass(frozen=True)
 class Contact:
-    """Contact of the pad with something.
+    """A contact of the pad, and the object that it touches.
 
     Attributes
     ----------
@@ -210,7 +210,7 @@ class _Neighbours:
 
 
 def _common_columns(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Columns (n,) of both arrays (n, 3) in which a row has the number that it has in common with the row of the
+    """Columns (n,), (n,) of the number that each row of one array (n, 3) has in common with the same row of the
     other."""
     i, j = np.divmod((first[:, :, None] == second[:, None]).reshape(-1, 9).argmax(axis=1), 3)
     return i, j

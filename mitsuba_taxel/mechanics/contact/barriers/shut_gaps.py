@@ -38,7 +38,7 @@ def widest_shut(mesh: VolumeMesh, bodies: RigidBodies) -> float:
     Returns
     -------
     float
-        In mm.
+        Width in mm.
     """
     return SHUT * BodyBarrier(mesh, 1.0, bodies).reach
 
@@ -49,7 +49,7 @@ def kept_off(points: np.ndarray, bodies: RigidBodies, width: float) -> tuple[np.
     Parameters
     ----------
     points : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     bodies : RigidBodies
         Bodies that the pad may touch.
     width : float

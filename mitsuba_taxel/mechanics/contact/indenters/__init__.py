@@ -1,7 +1,7 @@
 """Kinds of rigid indenters, a file each.
 
-A module here defines one subclass of :class:`~mitsuba_taxel.mechanics.contact.indenter_shape.IndenterShape`; all are
-imported, so that a new file is all that a new kind takes.
+A module here defines one subclass of :class:`~mitsuba_taxel.mechanics.contact.indenter_shape.IndenterShape`; all
+modules are imported, so that a new kind needs only a new file.
 """
 
 from mitsuba_taxel.base.kinds import import_all

@@ -20,9 +20,10 @@ NEAREST = 1e-12
 """Least coordinate of a point, relative to a semi-axis: in the planes of symmetry deep inside, the nearest point of the
 surface is not unique."""
 MOST_ITERATIONS = 100
-"""Of Newton's method, each of which multiplies the distance from a pole by 3/2 if it starts at one."""
+"""Largest number of steps of Newton's method. If the method starts at a pole, each step multiplies the distance from
+the pole by 3/2."""
 TOLERANCE = 1e-15
-"""Of the equation for the nearest point, relative to its terms."""
+"""Tolerance of the equation for the nearest point, relative to its terms."""
 ROUND = 1e-6
 """Relative difference of two curvatures that count as equal."""
 _AXES = ("x", "y", "z")
@@ -54,7 +55,7 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
 
     @cached_property
     def semi_axes(self) -> np.ndarray:
-        """(3,) mm."""
+        """Semi-axes (3,) in mm."""
         return np.array([getattr(self.indenter, f"semi_axis_{axis}") for axis in _AXES])
 
     def own_gap(self, points: np.ndarray) -> Gap:
@@ -73,7 +74,8 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
         at_zero = across.sum(axis=1) + height * (height - 2)
         rounding = across.sum(axis=1) + np.abs(height * (height - 2))
 
-        # It falls with t and is convex: from its left side Newton's method approaches the root from there.
+        # The sum falls with t and is convex: if Newton's method starts on the left of the root, it stays there and
+        # converges.
         t = (self.semi_axes * magnitude - squares).max(axis=1)
         active, relative = np.arange(len(t)), (magnitude / self.semi_axes) ** 2
         for _ in range(MOST_ITERATIONS):
@@ -117,7 +119,7 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
         if sharp > (1 - ROUND) * flat:
             return math.sqrt(sharp), math.sqrt(sharp)
 
-        # m is the squared eccentricity of the contact; sharp and flat are to each other as its two integrals.
+        # m is the squared eccentricity of the contact; the ratio of sharp to flat is that of the two integrals of m.
         def excess(m: float) -> float:
             return float((ellipk(m) - ellipe(m)) * flat - (ellipe(m) / (1 - m) - ellipk(m)) * sharp)
 

@@ -59,8 +59,8 @@ class Load(Kind, family="load"):
     indenter : Indenter or None
         The rigid body in contact: its displacement is the value, or follows from it as ``driven``.
     position : tuple of str
-        Names of the two parameters of scenes that are its position along x and y, by which readings have derivatives;
-        empty without.
+        Names of the two scene parameters that are its position along x and y, with respect to which readings have
+        derivatives; empty without a position.
     self_contact : bool
         Whether paths continue where the pad touches itself, the board or obstacles, by frictionless contact.
     """
@@ -180,7 +180,7 @@ class DeadForce(Load):
         Returns
         -------
         (N,) ndarray
-            In mm², 0 for nodes on which no force acts.
+            Areas in mm²; 0 for nodes on which no force acts.
         """
 
     def loaded_area(self, mesh: VolumeMesh) -> float:
@@ -214,7 +214,7 @@ def face_areas(mesh: VolumeMesh, faces: np.ndarray) -> np.ndarray:
     Returns
     -------
     (B,) ndarray
-        In mm².
+        Areas in mm².
     """
     a, b, c = (mesh.points[faces[:, k]] for k in range(3))
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)

@@ -21,7 +21,7 @@ class PatchForce(DeadForce, name="patch_force", rank=1):
     Parameters
     ----------
     centre : tuple[float, float]
-        (x, y) in mm.
+        Position (x, y) of the centre in mm.
     size : tuple[float, float]
         Size of the rectangle along x and y, in mm; parts outside the top carry no force.
     self_contact : bool
@@ -78,7 +78,7 @@ class PatchForce(DeadForce, name="patch_force", rank=1):
 
 
 def _clipped_moments(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(6,) integrals of a triangle's quadratic shape functions over the part between ``low`` and ``high`` (x, y)."""
+    """Integrals (6,) of a triangle's quadratic shape functions over its part between ``low`` and ``high`` (x, y)."""
     polygon = corners
     for axis in range(2):
         for limit, sign in ((low[axis], 1), (high[axis], -1)):

@@ -162,7 +162,7 @@ class Material(Kind, Checked, Displayed, family="material"):
         Returns
         -------
         (...) ndarray
-            In MPa.
+            Energy density in MPa.
         """
         inverse_transpose = np.swapaxes(np.linalg.inv(gradient), -1, -2)
         invariants = IsochoricInvariants(gradient, np.linalg.det(gradient), inverse_transpose)
@@ -183,7 +183,7 @@ class Material(Kind, Checked, Displayed, family="material"):
         Returns
         -------
         (..., 3, 3) ndarray
-            In MPa.
+            Stress in MPa.
         """
         invariants = IsochoricInvariants(gradient, determinant, inverse_transpose)
         w = self._derivatives(invariants)
@@ -204,7 +204,7 @@ class Material(Kind, Checked, Displayed, family="material"):
         Returns
         -------
         (..., 3, 3, 3, 3) ndarray
-            In MPa.
+            Derivative in MPa.
         """
         return self.moduli(gradient, determinant, inverse_transpose, np.zeros_like(determinant)).dense()
 
@@ -227,7 +227,7 @@ class Material(Kind, Checked, Displayed, family="material"):
         Returns
         -------
         Moduli
-            In MPa.
+            Derivative in MPa.
         """
         invariants = IsochoricInvariants(gradient, determinant, inverse_transpose)
         w = self._derivatives(invariants)

@@ -65,7 +65,8 @@ def conforming(points: np.ndarray, tets: np.ndarray, patches: Patches, reach: fl
 def _moved_to_borders(
     points: np.ndarray, tets: np.ndarray, edges: np.ndarray, fraction: np.ndarray, crossing_points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The nodes, moved to a crossing next to them unless this squeezes an element, and which (N,) were moved."""
+    """The nodes, each moved to a crossing next to it unless this squeezes an element, and a mask (N,) of the moved
+    nodes."""
     result, on_border = points.copy(), np.zeros(len(points), dtype=bool)
     before = volumes(points, tets)
     close = np.minimum(fraction, 1 - fraction)
@@ -84,7 +85,7 @@ def _moved_to_borders(
 
 
 def _cut(points: np.ndarray, tets: np.ndarray, edges: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh with ``new`` nodes (E, 3) on edges (E, 2), and the tetrahedra along each edge cut in two."""
+    """The mesh with ``new`` nodes (E, 3) on edges (E, 2); the tetrahedra along each of these edges are cut in two."""
     for number, (start, end) in enumerate(edges.tolist(), start=len(points)):
         along = np.any(tets == start, axis=1) & np.any(tets == end, axis=1)
         half = tets[along]

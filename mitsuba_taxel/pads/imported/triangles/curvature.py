@@ -46,8 +46,8 @@ def radii(patches: Patches) -> np.ndarray:
 
 
 def _edge_curvature(patches: Patches, edges: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angle (E,) between the triangles (E, 2) at each edge, positive where concave, and (E, 3, 3), in mm, its
-    contribution to the integral of the curvature tensor."""
+    """Angle (E,) between the two triangles at each edge, positive where concave, and the edge's contribution (E, 3, 3)
+    in mm to the integral of the curvature tensor."""
     first, second = patches.normals[pairs.T]
     start, end = patches.vertices[edges.T]
     beyond = patches.vertices[patches.triangles[pairs[:, 1]]].mean(axis=1) - start

@@ -43,7 +43,7 @@ def remeshed(
     Returns
     -------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
     patch : (T,) ndarray of int
@@ -70,7 +70,7 @@ class _Surface:
         self.fixed = self._kinks()
 
     def _kinks(self) -> np.ndarray:
-        """Mask (V,): which vertices are corners, or kinks of a border."""
+        """Mask (V,) of the vertices that are corners, or kinks of a border."""
         fixed = np.zeros(len(self.points), dtype=bool)
         fixed[self.patches.corners] = True
         ends = np.concatenate([self.patches.curves, self.patches.curves[:, ::-1]])
@@ -90,7 +90,7 @@ class _Surface:
 
     @property
     def size(self) -> np.ndarray:
-        """Target length (V,) of edges at each vertex; infinite for removed ones."""
+        """Target length (V,) of edges at each vertex; infinite for removed vertices."""
         result = np.full(len(self.points), np.inf)
         used = np.unique(self.triangles)
         result[used] = self._size(self.points[used], self.belongs[used])

@@ -30,14 +30,14 @@ def repaired(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, n
     Parameters
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
 
     Returns
     -------
     vertices : (W, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (U, 3) ndarray of int
         Vertices of each triangle, counter-clockwise seen from outside.
 
@@ -45,8 +45,8 @@ def repaired(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, n
     ------
     GeometryError
         with the position, if the surface is open, intersects itself, has edges of three or more triangles, cannot be
-        oriented consistently, or belongs to several bodies or to one with an enclosed hollow; without a position, if
-        too many triangles lie at the same position.
+        oriented consistently, or belongs to several bodies or to a body with an enclosed hollow. The error has no
+        position if too many triangles lie at the same position.
     """
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     vertices, triangles = _welded(np.round(vertices, ROUNDING), triangles, WELD * diagonal)
@@ -176,7 +176,7 @@ def _check_crossings(vertices: np.ndarray, triangles: np.ndarray, tolerance: flo
 
 
 def _overlapping_boxes(corners: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (P,), (P,) of a triangle of a ``block`` and another triangle whose bounding boxes overlap."""
+    """Numbers (P,), (P,) of pairs of triangles whose bounding boxes overlap; the first triangle is in the ``block``."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     first, second = overlapping(low[block], high[block], low, high)
     different = block[first] != second
@@ -222,7 +222,7 @@ def faces_of(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
 
@@ -247,7 +247,7 @@ def is_sliver(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
 

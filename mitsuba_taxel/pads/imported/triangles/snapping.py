@@ -29,7 +29,8 @@ CREASE_ANGLE = 35.0
 REACH = 0.5
 """Largest displacement of a node, relative to the mesh size."""
 NEARER = np.array([1 / 64, 1 / 16, 1 / 4, 1])
-"""Fractions of the reach within which the surface is searched in turn: far away there may be many fine triangles."""
+"""Fractions of the reach within which the surface is searched, one after the other: the whole reach may contain many
+fine triangles."""
 LEAST_VOLUME = 0.25
 """Least volume of an element after its corners are moved, relative to its volume before."""
 LEAST_QUALITY = 0.25
@@ -42,7 +43,7 @@ class Patches:
     Parameters
     ----------
     vertices : (V, 3) ndarray
-        In mm.
+        Positions in mm.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle.
     region, cell : (T,) ndarray of int
@@ -91,7 +92,7 @@ class Patches:
         Parameters
         ----------
         points, normals : (N, 3) ndarray
-            In mm, and unit vectors.
+            Positions in mm, and unit normals.
         reach : float
             Distance of the first search, mm; it is increased until every point has a triangle.
         sheet : (N,) ndarray of int, optional
@@ -124,7 +125,7 @@ class Patches:
         Parameters
         ----------
         points : (N, 3) ndarray
-            In mm.
+            Positions in mm.
         belongs : (N, P) ndarray of bool
             Patches of each point.
         reach : float
@@ -133,7 +134,7 @@ class Patches:
         Returns
         -------
         (N, 3) ndarray
-            In mm.
+            Positions in mm.
         """
         corners, result = self.vertices[self.triangles], points.copy()
         sought = np.flatnonzero(belongs.any(axis=1))
@@ -153,7 +154,7 @@ class Patches:
         Parameters
         ----------
         points : (N, 3) ndarray
-            In mm.
+            Positions in mm.
         belongs : (N, P) ndarray of bool
             Patches of each point.
         reach : float
@@ -204,8 +205,8 @@ def snapped(
 ) -> np.ndarray:
     """Project the boundary of a mesh of straight elements onto the surface.
 
-    Where an element would be squeezed, its corners return to the nearest point of the surface, then to their original
-    positions; where a curved element would be distorted, its edges become straight again.
+    If an element would be squeezed, its corners return to the nearest point of the surface, and if this does not help,
+    to their original positions. If a curved element would be distorted, its edges become straight again.
 
     Parameters
     ----------
@@ -262,14 +263,14 @@ def volumes(corners: np.ndarray, tets: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     corners : (N, 3) ndarray
-        In mm.
+        Positions in mm.
     tets : (M, 4 or more) ndarray of int
         Corners of each element first.
 
     Returns
     -------
     (M,) ndarray
-        In mm3, negative if inverted.
+        Volumes in mm³, negative for inverted elements.
     """
     x = corners[tets[:, :4]]
     return np.linalg.det(x[:, 1:] - x[:, :1]) / 6
