@@ -61,7 +61,7 @@ def matrix_of(shape: mi.Shape) -> np.ndarray:
     Returns
     -------
     (4, 4) ndarray
-        In homogeneous coordinates.
+        Matrix of the transformation in homogeneous coordinates.
     """
     rows = mi.traverse(shape)["to_world"].matrix
     return np.array([[rows[i][j].numpy()[0] for j in range(4)] for i in range(4)], dtype=float)

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.elements.loads import Load
 
 MOST_CELLS = 16
-"""Most cells of a pad with smaller elements; with more cells, smaller elements need too much time and memory."""
+"""Largest number of cells of a pad with smaller elements; with more cells, smaller elements need too much time and
+memory."""
 
 
 def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> float | None:
@@ -37,7 +38,7 @@ def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> floa
     Returns
     -------
     float or None
-        In mm; None for other pads, and under an indenter: the pad's default then applies.
+        Element size in mm; None for other pads, and under an indenter: the pad's default then applies.
     """
     if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or load.indenter is not None:
         return None
@@ -89,7 +90,7 @@ def edge_ratio(pad: Pad | PadFile, mesh_size: float) -> float:
     Returns
     -------
     float
-        Without unit.
+        Relative length, without unit.
     """
     from mitsuba_taxel.pads.parametric.meshing import FINER_DOMES  # imports scipy, which a scene without a pad omits
 

@@ -21,8 +21,8 @@ SMALLEST_STEP = 1e-3
 """Least step in degrees between two rows: closer angles are nearly equal in single precision."""
 
 RIGHT_ANGLE, NARROW = 1.571, 0.2
-"""In radians, rounded up. A table that ends between the two is considered to be in radians: hardly any part has such a
-narrow beam in degrees, while many tables end there in radians, at 11 to 90 degrees."""
+"""Last angles, in radians and rounded up, between which a table is considered to be in radians. Hardly any part has
+such a narrow beam in degrees, but many tables in radians end there, at 11 to 90 degrees."""
 
 
 class Interpolant:
@@ -88,9 +88,9 @@ def read_angular_table(file: str) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     angles : (n,) ndarray
-        In degrees, from 0 to at most 90, strictly increasing.
+        Angles in degrees, from 0 to at most 90, strictly increasing.
     values : (n,) ndarray
-        Finite, at least 0, not all 0.
+        Values, finite and at least 0; not all are 0.
 
     Raises
     ------

@@ -57,7 +57,7 @@ def wall_at(bsdf: mi.BSDF, region: str) -> mi.BSDF | None:
     Returns
     -------
     mi.BSDF or None
-        None if a `region` has no BSDF for that region.
+        The BSDF; None if a `region` has no BSDF for that region.
     """
     return bsdf.walls.get(region) if is_region(bsdf) else bsdf
 
@@ -151,7 +151,7 @@ def scatters(bsdf: mi.BSDF | None, law: str) -> bool:
     Returns
     -------
     bool
-        False for None.
+        Whether it is such a wall; False for None.
     """
     return is_wall(bsdf) and bsdf.scattering == law
 
@@ -167,7 +167,7 @@ def reflectance_of(bsdf: mi.BSDF | None) -> float | None:
     Returns
     -------
     float or None
-        From 0 to 1; None for other BSDFs, and until the wavelength for a table is set.
+        Reflectance from 0 to 1; None for other BSDFs, and until the wavelength for a table is set.
     """
     return float(bsdf.reflectance[0]) if is_wall(bsdf) and bsdf.reflectance is not None else None
 
@@ -183,7 +183,7 @@ def absorbs(bsdf: mi.BSDF | None) -> bool:
     Returns
     -------
     bool
-        True for None.
+        Whether it absorbs all light; True for None.
     """
     return bsdf is None or reflectance_of(bsdf) == 0
 
@@ -217,6 +217,6 @@ def is_bounded_from_detector(wall: mi.BSDF) -> bool:
     Returns
     -------
     bool
-        False for isotropic walls and walls with an isotropic component.
+        Whether weights are bounded; False for isotropic walls and walls with an isotropic component.
     """
     return not (scatters(wall, "isotropic") or (scatters(wall, "mixed") and float(wall.law.fractions[2][0]) > 0))

@@ -1,9 +1,9 @@
 """The deformed pad at any load, on shared load paths.
 
 The path to a force F is 0 -> (0, 0, Fz) -> F: the normal segment first, then the tangential one, as in the paper's
-procedure and on the bench. Its nodes depend on pad, material, load and mesh alone, so that a state is bitwise the same
-whichever others are requested, in any order. The mirror image of a load, by a symmetry of the pad, has bitwise the
-mirrored state.
+procedure and on the bench. Its nodes depend only on pad, material, load and mesh, so that a state is bitwise
+independent of other requested states and of their order. The mirror image of a load, by a symmetry of the pad, has
+bitwise the mirrored state.
 """
 
 from __future__ import annotations
@@ -59,7 +59,8 @@ def load_path(
 
     States of an elastic pad without friction depend on their values alone. A `Viscoelastic` silicone is at rest until t
     = 0; its load changes linearly from each value to the next, and jumps where two times are equal. An indenter with
-    friction moves straight from each value to the next, and to the first one first down, then sideways.
+    friction moves in a straight line from each value to the next. To the first value it moves down first, then
+    sideways.
 
     Parameters
     ----------
@@ -161,15 +162,15 @@ def state_after(
     material : Material or Viscoelastic
         Silicone of the pad.
     values : Sequence[Sequence[float]] or ndarray
-        (S, 3) or (S, 1), as of :func:`load_path`.
+        Values (S, 3) or (S, 1), as of :func:`load_path`.
     times : (S,) sequence of float, optional
-        In s, for a viscoelastic silicone.
+        Times in s, for a viscoelastic silicone.
     load : Load
         Kind of load.
     mesh_size, mesh_tolerance : float, optional
         Size of the elements in mm, or instead the target for the relative error of the roofs' displacement.
     obstacles : (K, 3, 3) ndarray, optional
-        In mm, corners of triangles that the pad must not touch.
+        Corners of triangles that the pad must not touch, mm.
 
     Returns
     -------
@@ -205,9 +206,9 @@ def state_at_rest(
     material : Material or Viscoelastic
         Silicone of the pad.
     values : Sequence[Sequence[float]] or ndarray
-        (S, 3) or (S, 1), as of :func:`load_path`.
+        Values (S, 3) or (S, 1), as of :func:`load_path`.
     times : (S,) sequence of float, optional
-        In s, for a viscoelastic silicone.
+        Times in s, for a viscoelastic silicone.
     load : Load
         Kind of load.
     mesh_size, mesh_tolerance : float, optional
@@ -256,7 +257,7 @@ def _state_in_time(
 
 
 def _check_room(states: int, path: PadPath) -> None:
-    """Raise `InputError` if so many states do not fit into memory at once."""
+    """Raise `InputError` if this number of states does not fit into memory at once."""
     if states <= FEW_STATES:
         return
     most = MOST_BYTES // (3 * path.mesh.points.nbytes)  # displacement and deviations

@@ -42,7 +42,7 @@ def carried(
     Raises
     ------
     InputError
-        if a node is farther away.
+        if a node is farther from the silicone.
     """
     at = PointLocator(mesh).locate(other.points, tolerance)
     corners = slice(other.corner_count)
@@ -94,7 +94,7 @@ def displacement_gradient(mesh: VolumeMesh, displacement: np.ndarray, selected: 
     Returns
     -------
     (N, 3, 3) ndarray
-        Without unit; 0 at nodes that are not selected.
+        Gradients, without unit; 0 at nodes that are not selected.
     """
     corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
     nodes = np.concatenate([corners, corners[np.array(TET_EDGES)].mean(axis=1)])
@@ -133,7 +133,7 @@ def displacement_gradient_at(
     Returns
     -------
     (P, 3, 3) ndarray
-        Without unit.
+        Gradients, without unit.
 
     Raises
     ------

@@ -117,7 +117,7 @@ class PointLocator:
         Parameters
         ----------
         points : (P, 3) array_like
-            Undeformed, in mm.
+            Undeformed positions in mm.
         tolerance : float
             Allowed distance of points from the silicone in mm, such as on a rounder roof of a finer mesh.
 
@@ -200,7 +200,8 @@ class PointLocator:
         return xi
 
     def _beside(self, x: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Element, reference coordinates of the nearest point of the silicone, and offset of points (P, 3) outside."""
+        """For points (P, 3) outside the silicone: element and reference coordinates of the nearest point of the
+        silicone, and the offset from it."""
         if not len(x):
             return np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))
         is_beyond = self._boundary.are_beyond(x, tolerance)
@@ -230,8 +231,8 @@ class _Boxes:
         self._levels = self._tree.levels(self.low, self.high)
 
     def overlapping(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers (K,), (K,) of overlapping pairs of a box with corners ``low`` and ``high`` (P, 3), and one of these
-        boxes."""
+        """Numbers (K,), (K,) of overlapping pairs: of a box with corners ``low`` and ``high`` (P, 3), and of one of
+        these boxes."""
         tree = BoxTree(low + high)
         return tree.overlapping_with(tree.levels(low, high), self._tree, self._levels)
 
@@ -321,7 +322,8 @@ def _triangle_slopes(barycentric: np.ndarray) -> np.ndarray:
 
 
 def _violation(xi: np.ndarray) -> np.ndarray:
-    """(K,) negative of the smallest barycentric coordinate of reference points (K, 3), at least 0."""
+    """Negative (K,) of the smallest barycentric coordinate of reference points (K, 3), at least 0; it is above 0
+    outside the element."""
     return np.maximum(-xi.min(axis=1), xi.sum(axis=1) - 1)
 
 

@@ -7,8 +7,8 @@ weight exceeds five.
 
 A small phototransistor is hit by few paths of a pilot run, which leave gaps at the border of that area. Rare rays with
 a large weight would find the light of the gaps, and their scatter over few replicates understates the noise. Further
-pilot runs are therefore guided by what is known: they sample the border often, and close the gaps. There are more of
-them where few paths have light: the density is learned from some 1000 such paths per taxel.
+pilot runs are therefore guided by the density learned so far: they sample the border often, and close the gaps. If few
+paths carry light, there are more pilot runs: the density is learned from some 1000 such paths per taxel.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def guided_emission(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair)
     Returns
     -------
     GuidedEmission or None
-        None without mirrors.
+        The density; None without mirrors.
     """
     if not has_mirrors(scene):
         return None

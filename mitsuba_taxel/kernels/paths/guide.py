@@ -194,7 +194,7 @@ def guide_for(scene: mi.Scene, pair: TaxelPair) -> Guide | None:
     Returns
     -------
     Guide or None
-        None if a guide does not reduce the variance.
+        The guide; None if a guide does not reduce the variance.
     """
     for mesh in scene.shapes():
         if mesh.is_mesh() and mesh.has_attribute("face_cell") and mesh.has_attribute("face_region"):

@@ -2,12 +2,12 @@
 
 A path is sampled in one state, and its vertices are moved with the material to the other state: the triangle and the
 barycentric coordinates of each vertex on a pad are kept, and points of all other objects stay in place. The difference
-of the contributions of both paths then varies as little as the states do, while paths that are traced with the same
-random numbers diverge after a few reflections. Half of the paths are sampled in each state. With densities p and q of a
-path in both states and contributions f and g, each path counts (g - f) / (p + q) (the balance heuristic of E. Veach,
-Robust Monte Carlo Methods for Light Transport Simulation, 1997, chapter 9; shift mappings by reconnection: J. Lehtinen
-et al., Gradient-Domain Metropolis Light Transport, 2013). That is unbiased, also where walls hide different light in
-both states, and bounded.
+of the contributions of both paths is then as small as the difference of the states. Paths that are traced with the same
+random numbers, in contrast, diverge after a few reflections. Half of the paths are sampled in each state. With
+densities p and q of a path in both states and contributions f and g, each path counts (g - f) / (p + q) (the balance
+heuristic of E. Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997, chapter 9; shift mappings by
+reconnection: J. Lehtinen et al., Gradient-Domain Metropolis Light Transport, 2013). The estimate is unbiased, even if
+walls hide different light in both states, and bounded.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from mitsuba_taxel.kernels.paths.wavefronts import LARGEST_WAVEFRONT, sum_blocks
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 LEAST_DEPTH, SURVIVAL = 12, 0.9
-"""Number of reflections after which paths end at random, and the probability with which they go on. It does not depend
-on the path, and is thus the same in both states."""
+"""Number of reflections after which paths end at random, and the probability with which they continue. It does not
+depend on the path, and is thus the same in both states."""
 
 
 class PairedState:

@@ -1,7 +1,8 @@
-"""Plane mirrors above taxels, behind which a scattering wall has an image.
+"""Plane mirrors above taxels, and the images of scattering walls behind them.
 
 From the image, a straight line leads through the mirror to the phototransistor: paths from the wall can be connected
-over the mirror, which they would otherwise take by chance. Roofs of unloaded boxes, cylinders and frusta are plane.
+over the mirror; without the connection, they would meet the phototransistor only by chance. Roofs of unloaded boxes,
+cylinders and frusta are plane.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _PLANE = 1e-6
 """Largest distance from a plane, relative to the largest coordinate: the precision of single-precision vertices."""
 
 WITHOUT = np.empty(0), None
-"""Cached with a phototransistor, it keeps paths from using images."""
+"""Value that is cached with a phototransistor while paths must not use images."""
 
 
 class PlaneMirrors:
@@ -100,7 +101,7 @@ def plane_mirrors(scene: mi.Scene, pair: TaxelPair) -> PlaneMirrors | None:
     Returns
     -------
     PlaneMirrors or None
-        None if no unloaded pad has plane roofs with a specular component, or no wall scatters.
+        The mirrors; None if no unloaded pad has plane roofs with a specular component, or no wall scatters.
     """
     scattering = mi.BSDFFlags.Diffuse | mi.BSDFFlags.Glossy
     if pair.sensor.plane_mirrors is WITHOUT or all(

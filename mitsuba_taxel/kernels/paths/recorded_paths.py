@@ -16,7 +16,7 @@ import mitsuba as mi
 from mitsuba_taxel.kernels.scene_state import SceneState, UnknownState
 
 MOST_SIZES = 8
-"""Most sizes of wavefronts whose recordings are kept for a phototransistor array."""
+"""Largest number of wavefront sizes whose recordings are kept for a phototransistor array."""
 MOST_LANES = 1 << 18
 """Largest wavefront that is recorded: larger wavefronts take far longer than tracing. A recorded kernel is a tenth
 slower, as it reads from memory the number of the point of each lane, which a traced kernel computes."""

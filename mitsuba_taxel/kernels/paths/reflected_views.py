@@ -1,9 +1,9 @@
 """Reflected views: rays from the phototransistor that mirrors reflect, until a wall scatters.
 
 Light that a curved mirror reflects onto the phototransistor cannot be connected from the wall before the mirror: the
-point of the mirror is unknown, and is met by chance. From the phototransistor the same path is a ray that the mirror
-reflects, and which ends at that wall. Under a narrow response such rays find the few points of the wall whose light is
-seen.
+point of reflection is unknown, and paths meet it only by chance. From the phototransistor the same path is a ray that
+the mirror reflects, and which ends at that wall. If the response is narrow, such rays find the few points of the wall
+whose light reaches the phototransistor.
 
 A mirror conserves dA cos(theta) dw, with angles to the normal of a point z of a wall and of the phototransistor y:
 
@@ -27,7 +27,7 @@ from mitsuba_taxel.kernels.protocols import is_wall
 from mitsuba_taxel.kernels.walls import walls_of
 
 MOST_MIRRORS = 4
-"""Most mirrors between the phototransistor and the wall that scatters."""
+"""Largest number of mirrors between the phototransistor and the wall that scatters."""
 
 
 class ViewRay(NamedTuple):
@@ -66,7 +66,7 @@ def follows_mirrors(scene: mi.Scene) -> tuple[bool, bool]:
     Returns
     -------
     follows, has_mixed : bool
-        False without mirrors, and without walls that scatter.
+        Both are False if there are no mirrors, or no walls that scatter.
     """
     # Reflectances are not read: paths are traced by recorded kernels.
     walls = [wall for wall in walls_of(scene) if wall is not None]
@@ -115,7 +115,8 @@ def stretch_at(si: mi.SurfaceInteraction3f, onward: mi.Vector3f) -> mi.Float:
     Returns
     -------
     mi.Float
-        0 where the light is not reflected by the interpolated normal alone: such light would leave behind the triangle.
+        The factor K. It is 0 where light is not reflected by the interpolated normal alone, because it would leave
+        behind the triangle.
     """
     inward, behind = dr.abs(dr.dot(si.n, si.to_world(si.wi))), _leaves_behind(si)
     return dr.select(behind, 0, dr.abs(dr.dot(si.n, onward)) / inward)
@@ -154,14 +155,14 @@ def reflected(
     direction : mi.Vector3f
         World direction in which they arrive.
     valid : mi.Bool
-        Whether they do.
+        Whether they meet a wall.
     choice : mi.Float
         Uniform random numbers.
 
     Returns
     -------
     ReflectedEnd
-        Not valid where the first wall is no mirror, or no wall scatters.
+        Ends of the views; not valid where the first wall is no mirror, or no wall scatters.
     """
     si, direction, choice = mi.SurfaceInteraction3f(first), mi.Vector3f(direction), mi.Float(choice)
     weight, stretch, distance = mi.Float(1), mi.Float(1), mi.Float(0)
@@ -181,7 +182,7 @@ def reflected(
         active &= goes_on & (mirrors < MOST_MIRRORS) & ~_leaves_behind(si)
         choice = dr.select(is_first, choice, choice / specular)
         onward = si.to_world(mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z))
-        # Light takes the opposite way.
+        # Light travels in the opposite direction.
         ratio = dr.abs(dr.dot(si.n, direction)) / dr.abs(dr.dot(si.n, onward))
         stretch = dr.select(active, stretch * ratio, stretch)
         weight = dr.select(active, weight * reflectance * dr.select(is_first, specular, 1) / ratio, weight)

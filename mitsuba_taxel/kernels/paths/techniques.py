@@ -11,7 +11,7 @@ The factor of x1 .. x(n-1) is common to the three densities. Their ratios, and w
 heuristic, therefore depend on xn alone (E. Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997,
 chapters 9 and 10).
 
-Where xn is on a mirror, none but hits samples the path. Then two more techniques sample it as well:
+If xn is on a mirror, only hits sample the path. Two more techniques then sample it as well:
 
 * a *reflected sensor-subpath connection*: the ray from y is reflected by mirrors until it meets a wall that scatters,
   and the vertex there is connected, see `reflected_views`;
@@ -61,11 +61,13 @@ class Vertex:
 
 @dataclass
 class Mirrored:
-    """How a ray left the mirror that it comes from."""
+    """Properties of a ray before and at the mirror that has reflected it."""
 
-    density: mi.Float  # 1/sr: of its direction before the mirror and of specular reflection; 0 if images have no part
+    # 1/sr: density of its direction before the mirror and of specular reflection; 0 if images have no part.
+    density: mi.Float
     distance: mi.Float  # mm: from the vertex before the mirror
-    odds: mi.Float  # mm² sr: reflected views over hits, without what depends on the phototransistor; 0 if impossible
+    # Mm² sr: ratio of reflected views to hits, without the factor of the phototransistor; 0 if impossible.
+    odds: mi.Float
     specular: mi.Float  # probability of specular reflection by the mirror
     mirrors: mi.UInt32  # number of mirrors since the last wall that scattered
 
@@ -79,8 +81,8 @@ class Mirrored:
 class View:
     """A point y of the phototransistor, and the first point z on a ray from it.
 
-    In a reflected view the ray goes over mirrors. Area density and solid angle are then those over a plane mirror: they
-    have a meaning as a product only, which does not depend on the curvature.
+    In a reflected view the ray goes over mirrors. Area density and solid angle are then those for a plane mirror. Only
+    their product has a meaning; it does not depend on the curvature.
     """
 
     y: mi.Point3f
@@ -98,7 +100,7 @@ class View:
     uv: mi.Point2f  # position of z on the guide's unit square
     connectable: mi.Bool  # whether a connection samples the same path
     mirrors: mi.UInt32  # number of mirrors between y and z
-    ray: ViewRay  # as it left the phototransistor
+    ray: ViewRay  # the ray as it left the phototransistor
 
 
 class Techniques:
@@ -201,7 +203,7 @@ class Techniques:
         Returns
         -------
         View
-            From the same point of the phototransistor; not valid where the first wall is no mirror.
+            View from the same point of the phototransistor; not valid where the first wall is no mirror.
         """
         end = reflected(self.scene, self.context, self.clearance, view.si, view.ray.direction, view.valid, choice)
         exit_distance = dr.norm(view.si.p - view.ray.exit_point)
@@ -363,18 +365,18 @@ class Techniques:
         onward: mi.Vector3f,
         distance: mi.Float,
     ) -> Mirrored:
-        """How rays leave a mirror at ``si``.
+        """Properties of rays that a mirror reflects at ``si``.
 
         Parameters
         ----------
         si : mi.SurfaceInteraction3f
             Hits at which the rays are reflected.
         active : mi.Bool
-            Whether it is reflected as by a mirror, and has been reflected before.
+            Whether the ray is reflected as by a mirror, and has been reflected by a wall before.
         arrived : Mirrored
-            How it left the mirror before, if any.
+            Properties of the ray at the previous mirror, if any.
         arrived_specular : mi.Bool
-            Whether it comes from a mirror.
+            Whether the ray comes from a mirror.
         previous : Vertex
             The previous vertex.
         d, onward : mi.Vector3f
@@ -384,7 +386,7 @@ class Techniques:
         specular : mi.Float
             Probability of specular reflection.
         distance : mi.Float
-            From the previous vertex, mm.
+            Distance from the previous vertex, mm.
         """
         from_wall = active & ~arrived_specular
         by_image = dr.zeros(mi.Float, dr.width(si))

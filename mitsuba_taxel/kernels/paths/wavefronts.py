@@ -51,7 +51,7 @@ def trace(
     Returns
     -------
     power : (replicates, readings) ndarray
-        In W, one reading per taxel; with ``crosstalk``, (replicates, LEDs, phototransistors).
+        Power in W, one reading per taxel; with ``crosstalk``, (replicates, LEDs, phototransistors).
     image : (height, width) ndarray
         Irradiance in W/mm², or None.
     points : int

@@ -133,7 +133,7 @@ class ResinWindow:
         return lateral * (self.depth * dr.rsqrt(dr.square(self.index) - dr.squared_norm(lateral)))
 
     def _tangent_per_distance(self, height: mi.Float, squared_distance: mi.Float) -> mi.Float:
-        """tan t / R, by Newton's method.
+        """The ratio tan t / R, by Newton's method.
 
         R is a concave function of tan t, and the initial value R / (a + b / n) does not exceed the solution: the steps
         approach it from one side.
@@ -147,7 +147,7 @@ class ResinWindow:
         return result
 
     def _apparent(self, height: mi.Float, cosine: mi.Float) -> mi.Float:
-        """Square of the apparent distance r by the height a and the cosine of t."""
+        """Square of the apparent distance r, from the height a and the cosine of t."""
         inverse = dr.rsqrt(dr.square(self.index) - 1 + dr.square(cosine))
         bent = self.depth * cosine * inverse
         return (height + bent) * (height / dr.square(cosine) + bent * dr.square(self.index * inverse))
@@ -173,7 +173,7 @@ def transmittance(index: mi.Float, cosine: mi.Float) -> mi.Float:
     Returns
     -------
     mi.Float
-        From 0 to 1.
+        Transmittance, from 0 to 1.
     """
     return 1 - mi.fresnel(dr.maximum(cosine, 0), index)[0]
 

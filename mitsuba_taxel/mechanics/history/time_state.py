@@ -12,7 +12,7 @@ from mitsuba_taxel.mechanics.elements.internal_variables import InternalVariable
 from mitsuba_taxel.mechanics.materials.creep import Measures
 
 ON_ITS_WAY = 1e-9
-"""Relative deviation of a load from a straight line in time that is not one of its own."""
+"""Relative deviation of a load from a straight line in time that counts as rounding."""
 QUARTER = 0.25
 """Fraction of a step, from either end, at which the error of states between its ends is measured."""
 
@@ -74,9 +74,11 @@ class MidStep:
     correction : (3 N + corners,) ndarray
         Correction by Newton's method, in the middle, to a cubic between the ends.
     remainder : (N, 3) ndarray
-        Further correction of the displacements, in mm, a quarter of the way from an end; the larger one of both ends.
+        Correction of the displacements that remains a quarter of the step from an end, in mm; the larger one of both
+        ends.
     cubic_stress : (m, q, 6) ndarray
-        MPa, third power of the stress, of :meth:`InternalVariables.parabolic_step_error`.
+        Coefficient of the third power of the growth in the stress, MPa; ``cubic`` of
+        :meth:`InternalVariables.parabolic_step_error`.
     """
 
     start_velocity: np.ndarray
@@ -108,8 +110,8 @@ class StepControl:
 class Figures:
     """Figures of the solution of a state, as in :class:`~mitsuba_taxel.mechanics.continuation.state.State`.
 
-    ``uncertainty`` is the sum, in mm, of the largest displacements by the error of each step that have not relaxed yet;
-    ``stress_error`` is the relative error of the stress by time steps."""
+    ``uncertainty`` is the sum, in mm, of the largest displacements due to the error of each step, as far as they have
+    not relaxed yet; ``stress_error`` is the relative error of the stress due to time steps."""
 
     min_jacobian: float
     residual: float
@@ -150,7 +152,7 @@ class TimeState:
         Returns
         -------
         bool
-            True if it has, within rounding.
+            True if it has this value, up to rounding errors.
         """
         if not np.all(np.isfinite(self.load.rate)):
             return False
@@ -177,9 +179,8 @@ class TimeState:
 def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: float) -> Shape:
     """The shape at a time within a step that spans several rows.
 
-    It is that of the cubics between both ends with, in the middle, the value after one step of Newton's method. The
-    step
-    that Newton's method would then add a quarter of the way from an end is the error.
+    The shape is that of the cubics between both ends, corrected so that the middle has the value after one step of
+    Newton's method. The error is the step that Newton's method would then add a quarter of the step from an end.
 
     Parameters
     ----------
@@ -197,14 +198,15 @@ def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: flo
     Shape
         State with its estimated error.
     """
-    assert end.mid_step is not None  # it leads beyond a row
+    assert end.mid_step is not None  # the step leads beyond a row
     elapsed = time - start.time
     bump, bump_rate = cubics.measures.bump(elapsed)
     unknowns = cubics.at(elapsed) - bump * end.mid_step.correction
     displacement, pressure = np.split(unknowns, [end.shape.displacement.size])
     velocity = cubics.rate(elapsed) - bump_rate * end.mid_step.correction
 
-    # Errors at both ends, and that of the interpolation, a parabola that is the remainder at a quarter.
+    # Errors at both ends, and the error of the interpolation: a parabola that equals the remainder a quarter of the
+    # step from an end.
     t = float(cubics.measures.main.at(elapsed))
     deviation = without_cancelling((1 - t) * start.shape.deviation, t * end.shape.deviation)
     parabola = t * (1 - t) / (QUARTER * (1 - QUARTER))
@@ -230,7 +232,7 @@ class StepCubics:
     displacements : int
         Number of displacements among the unknowns; they come first.
     start, end : (n,) ndarray
-        Unknowns.
+        Unknowns at the start and at the end.
     start_rate, end_rate : (n,) ndarray
         Their rates per s.
     """

@@ -1,7 +1,7 @@
-"""Time steps between two rows of a load, short enough that the stress changes evenly within each.
+"""Time steps between two rows of a load, short enough that the stress changes smoothly within each step.
 
-Within a step, the stress of the law is a parabola over the step's :class:`Growth`, that begins with its rate; in
-contact, with an indenter or of the pad with itself, it is linear in time.
+Within a step, the stress of the law is a parabola over the :class:`Growth` of the step, which begins with the rate of
+the stress. In contact with an indenter, or of the pad with itself, the stress is linear in time.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 TIME_TOLERANCE = 1e-3
 """Allowed error of the stress per step, relative to the largest so far, root mean square over the pad."""
 INTERPOLATION_TOLERANCE = 1e-4
-"""Allowed error of states between the ends of a step that leads beyond rows, root mean square over the pad, relative to
-the largest displacement or pressure: what Newton's method would add a quarter of the way from an end."""
+"""Allowed error of states within a step that leads beyond rows, root mean square over the pad, relative to the largest
+displacement or pressure. The error is the step that Newton's method would add a quarter of the way from an end."""
 TICKS = 64
-"""Smallest fraction of a step without equilibrium; or of the time since the row before, or of the shortest relaxation
-time before that: in such a part no term of the series changes much."""
+"""Smallest fraction of a step without an equilibrium, of the time since the row before, or of the shortest relaxation
+time: within this time no term of the series changes much."""
 MOST_GROWTH, LEAST_CUT, MOST_CUT, CAUTION = 4.0, 0.5, 0.02, 0.8
-"""Limits of the factor between steps, according to the error of the one before."""
+"""Limits of the factor from one step to the next, which follows from the error."""
 DOUBT = 0.3
-"""Share of its error to which that of a step is known."""
+"""Relative uncertainty of the estimated error of a step."""
 HELD = 10.0
-"""Longest step under a constant load, relative to the longest time of the response to it."""
+"""Longest step under a constant load, relative to the longest time constant of the response."""
 SHORTEST = 1e-15
-"""Fraction of the way between two rows below which a step is not reduced."""
+"""Fraction of the interval between two rows below which a step is not shortened."""
 
 Touch = Callable[[LoadedPad, np.ndarray], Contact | None]
 
@@ -52,13 +52,16 @@ class RowSteps:
     pad : LoadedPad
         The part of the pad between the mirrors of the load.
     material : Viscoelastic
+        The silicone.
     start : StepState
+        State at the start.
     load : tuple[ndarray, ndarray]
         Value of the load at the start, and its change.
     duration : float
         Duration in s; 0 for a jump.
     stress_scale : float
-        MPa, largest stress so far, root mean square over the pad; the attribute includes that of these steps.
+        Largest stress so far, root mean square over the pad, MPa; the attribute of this name includes the stress of
+        these steps.
     judged : bool
         Whether stability is tested against all displacements, not only against those with the symmetry of the load.
     coarsening : int
@@ -122,7 +125,8 @@ class RowSteps:
         except Rejected as rejection:
             raise ended(f"cannot be loaded further ({rejection})") from rejection
 
-        # A first step whose rate is not known is half of the way, so that a second one tells its error.
+        # If the rate of a first step is unknown, the step covers half of the interval, so that the second step gives
+        # its error.
         length = 0.5 if self._duration and here.variables.rate is None else 1.0
         while here.fraction < 1:
             # Solve; without an equilibrium, in a shorter step.
@@ -136,7 +140,8 @@ class RowSteps:
                     raise ended(f"cannot be loaded further ({rejection})") from rejection
                 continue
 
-            # Repeat what is not accurate: with the step before, where both were judged together.
+            # Repeat a step that is not accurate, together with the step before if the errors of both were estimated
+            # together.
             error, after = self._error_estimate(before, here, after)
             if error > self._tolerance and length > SHORTEST:
                 here, before = (before or here), None
@@ -188,8 +193,9 @@ class RowSteps:
         return replace(judged, next_length=min(factor * self._duration, self._furthest))
 
     def _length_factor(self, error: float, after: StepState) -> float:
-        """Factor of the length of a step that had an ``error``, for the next one: errors go with the square of it, or
-        with its third power, and those of the interpolation with its fourth."""
+        """Factor from the length of a step that had an ``error`` to the length of the next step. Errors are
+        proportional to the square of the length or to its third power, and errors of the interpolation to its fourth
+        power."""
         if after.mid_step is None:
             return CAUTION * math.sqrt(self._tolerance / error) if error else MOST_GROWTH
         ratio = max((error / self._tolerance) ** (1 / 3), (after.mid_step.error / INTERPOLATION_TOLERANCE) ** 0.25)
@@ -200,13 +206,14 @@ class RowSteps:
 
         The overstress of a Prony series follows the stress of the law by convolution integrals, which are exact for
         stress that is linear, or a parabola, over the step (R. L. Taylor, K. S. Pister and G. L. Goudreau, Int. J.
-        Numer. Meth. Eng. 2, 1970; J. C. Simo and T. J. R. Hughes, Computational Inelasticity, 1998, chapter 10). So
-        the stress at its end is a part of that of the law there, and what is known beforehand.
+        Numer. Meth. Eng. 2, 1970; J. C. Simo and T. J. R. Hughes, Computational Inelasticity, 1998, chapter 10). So the
+        stress at the end of the step is a fraction of the stress of the law at the end, plus a term that is known
+        beforehand.
         """
         pad, time = self._pad, (fraction - here.fraction) * self._duration
         value, remembers = self._load[0] + fraction * self._load[1], bool(self._material.prony)
 
-        # The measure over which the stress of the law is a parabola: what the pad does under this load if it is linear.
+        # The measure over which the stress of the law is a parabola: the response of a linear pad to this load.
         measures = None
         if self._leaps and time:
             assert here.load_memory is not None
@@ -222,7 +229,7 @@ class RowSteps:
             guess = pad.towards(guess, guess + ahead)
         solution, self._near = pad.solve_after(guess, value, self._near, history)
 
-        # Check displacements without the symmetry of the load, which takes long, where the pad has moved enough.
+        # Check displacements without the symmetry of the load, which takes long, only after the pad has moved enough.
         largest = float(np.abs(solution.unknowns - here.unknowns)[: pad.numbering.displacements].max())
         unchecked = here.unchecked + largest
         if self._judged and (unchecked > NATURAL_STRAIN * pad.height or fraction == 1):
@@ -248,14 +255,15 @@ class RowSteps:
         if measures is None:
             return after
 
-        # The velocity at the end, by the tangent there, and the middle of the step, where states may be asked for.
+        # The velocity at the end, from the tangent there, and the middle of the step if states within the step may be
+        # requested.
         rate = self._load[1] / self._duration
         stress_rate = here.variables.rate_by_duration(self._material, measures.main, variables.stress)
         after = self._with_velocity(after, pad.rate_in_time(self._near, solution.unknowns, rate, value, stress_rate))
         return replace(after, mid_step=self._mid_step(here, after, measures))
 
     def _with_start_velocity(self, here: StepState) -> StepState:
-        """The state at the start, with its velocity if that is needed but unknown so far."""
+        """The state at the start, with its velocity if the velocity is needed but not yet known."""
         if not (self._leaps and self._duration and here.velocity is None):
             return here
         pad, variables, (value, change) = self._pad, here.variables, self._load
@@ -285,10 +293,10 @@ class RowSteps:
             value = self._load[0] + (here.fraction + time / self._duration) * self._load[1]
             step = pad.correction(tangent, unknowns, value, History(stress_update))
             if step is None:
-                raise Rejected("an element would be inverted on the way")
+                raise Rejected("an element would be inverted within the step")
             return step
 
-        # In the middle, cubics are corrected; a quarter of the way from each end, it is seen what remains.
+        # In the middle, cubics are corrected; the remaining error is measured a quarter of the step from each end.
         middle = growth.time_at(0.5)
         mid_correction, remainder, error = correction(middle, cubics.at(middle)), np.zeros(size), 0.0
         for fraction in (QUARTER, 1 - QUARTER):
@@ -299,7 +307,7 @@ class RowSteps:
                 error = max(error, math.sqrt(np.square(of_field).mean()) / (np.abs(field).max() or 1.0))
             remainder = max(remainder, -residual, key=lambda field: float(np.abs(field[:size]).max()))
 
-        # What the stress in the middle lacks to a parabola is 1/8 of its third power.
+        # The deviation of the stress in the middle from a parabola is 1/8 of the coefficient of the third power.
         stress = pad.model.assembly.elements.isochoric_stress(
             pad.numbering.split(cubics.at(middle) - mid_correction)[0]
         )
@@ -307,8 +315,8 @@ class RowSteps:
         return PartMidStep(growth, here.velocity, mid_correction, remainder, error, cubic)
 
     def _error_estimate(self, before: StepState | None, here: StepState, after: StepState) -> tuple[float, StepState]:
-        """Relative error of the stress by the last step, or by the first two, and the state with this error added to
-        its variables."""
+        """Relative error of the stress due to the last step, or due to the first two steps, and the state with this
+        error added to its variables."""
         pad, variables = self._pad, after.variables
         if not self._material.prony:
             return 0.0, after
@@ -329,7 +337,7 @@ class RowSteps:
                 step_error = step_error + self._material.over(variables.step).decay[:, None, None, None] * previous
             return error / self.stress_scale, replace(after, variables=variables.with_error(step_error))
 
-        # Else by the third power of the stress, which the middle of the step tells.
+        # Otherwise by the third power of the stress, which follows from the middle of the step.
         assert self._near is not None
         growth, error = None, 0.0
         uncertainty = 0.0 if here.error is None else here.error.uncertainty
@@ -342,7 +350,7 @@ class RowSteps:
             uncertainty += float(np.abs(own[: pad.numbering.displacements]).max())
             variables = variables.with_error(step_error)
 
-        # Errors of the terms displace the pad, and what that does to the stress of the law, terms follow.
+        # Errors of the terms displace the pad. This changes the stress of the law, to which the terms respond.
         deviation = pad.response(self._near, after.unknowns, variables.error.sum(axis=0))
         displacement, displaced = (pad.numbering.split(field)[0] for field in (after.unknowns, deviation))
         stress_error = pad.model.assembly.elements.isochoric_rate(displacement, displaced)

@@ -145,7 +145,7 @@ class TimedPath(TimedStates):
                 second_path._refuse_unresolved(on_other.shape.displacement, on_other.load.value)
                 closer = self._closer.reached(rows)
 
-                # Each changes the force of a pad whose displacement is given.
+                # Each comparison changes the force on a pad whose displacement is prescribed.
                 deviations, force_error = comparison.deviations, 0.0
                 if self._path.load.gives_displacement:
                     force = self._board_force(rows, here)
@@ -168,13 +168,13 @@ class TimedPath(TimedStates):
 
     @cached_property
     def _longer(self) -> TimedPath:
-        """The path in steps of twice the length under friction, where errors are proportional to the length; else this
-        path."""
+        """The path with steps of twice the length if there is friction, because errors are then proportional to the
+        length; otherwise this path."""
         return type(self)(self._path, self._material, 2) if rubs(self._path.load) else self
 
     @cached_property
     def _closer(self) -> TimedPath:
-        """The path with half the reach of contact under loads with ``self_contact``; else this path."""
+        """The path with half the reach of contact for loads with ``self_contact``; otherwise this path."""
         return type(self)(self._path, self._material, 1, 0.5) if self._path.load.self_contact else self
 
     def _deviations(
@@ -185,8 +185,8 @@ class TimedPath(TimedStates):
         longer: TimeState,
         closer: TimeState,
     ) -> np.ndarray:
-        """Deviations by the elements, with those by time steps, by steps under friction, and by the reach of contact
-        added to the remainder."""
+        """Deviations due to the elements. Deviations due to time steps, to steps under friction, and to the reach of
+        contact are added to the remainder."""
         displacement = here.shape.displacement
         result = deviations(displacement, on_other.shape.displacement)
         result[1] += (here.shape.deviation + displacement - longer.shape.displacement) / ERROR_SHARE
@@ -194,13 +194,14 @@ class TimedPath(TimedStates):
         return result
 
     def _overstress(self, rows: LoadHistory, at: TimeState | None = None) -> np.ndarray:
-        """(m, q, 6) MPa, of :class:`ViscoelasticMemory`."""
+        """Overstress (m, q, 6) in MPa, as in :class:`ViscoelasticMemory`."""
         at = self.reached(rows) if at is None else at
         return expand_stress(at.variables.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
 
     def _board_force(self, rows: LoadHistory, at: TimeState) -> np.ndarray:
         """Force (3,) in N of the board on the pad."""
-        self_contact = self._path.load.self_contact  # where the board may hold the pad beside the glue, too
+        # Because the board may support the pad beside the glued bottom, too.
+        self_contact = self._path.load.self_contact
         if self_contact and self._moving.indenter is not None:
             body = Indentation(self._path.mesh, self._moving.indenter, self._path.material.youngs_modulus)
             return -body.contact_state(at.shape.displacement, at.load.value, traction=body.at_nodes(at.traction)).force

@@ -79,7 +79,7 @@ class LoadHistory:
             return self._rows[range(self._count)[key]]
         start, stop, step = key.indices(self._count)
         if (start, step) != (0, 1):
-            raise IndexError("a part of a history is its start")
+            raise IndexError("only the first rows of a history can be selected: history[:count]")
         rows = object.__new__(LoadHistory)
         rows._rows, rows._digests, rows._count = self._rows, self._digests, stop
         return rows
@@ -118,7 +118,7 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
     Raises
     ------
     InputError
-        if times are missing, not needed or not allowed, or a value is not.
+        if times are missing, not needed or not allowed, or a value is not allowed.
     """
     if not isinstance(material, Viscoelastic):
         if times is not None:

@@ -1,9 +1,9 @@
 """The states of a history-dependent pad under a sequence of loads with times.
 
 From rest at t = 0, the load changes linearly to the value of each row until its time; rows of equal times are a jump. A
-state depends on the rows up to its own alone, and is bitwise the same whichever others are requested.
+state depends only on the rows up to its own, and is bitwise independent of other requested states.
 
-While a load goes on at the same rate, steps may lead beyond the rows, between which states are then interpolated.
+While the rate of the load is constant, steps may extend beyond rows; states at these rows are then interpolated.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ from mitsuba_taxel.mechanics.history.timed_rows import LoadHistory, rate_is_new
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 
 KEPT = 3
-"""Number of solved states that stay in memory."""
+"""Number of solved states that are kept in memory."""
 AGAIN = 1.5
-"""Length of the next step after one that was too long, relative to the length that was accepted."""
+"""Length of the next step after a step that was too long, relative to the accepted length."""
 
 
 class TimedStates:
@@ -113,7 +113,8 @@ class TimedStates:
         elapsed, measure = time - start.time, cubics.measures.main
         t, growth = float(measure.at(elapsed)), measure.until(elapsed)
 
-        # Internal variables follow the stress of the law, which is a parabola to there; its third power is their error.
+        # Internal variables follow the stress of the law, which is a parabola up to this time; the third power of the
+        # stress is their error.
         variables = start.variables.on(pad.part, self._path.mesh, self._pad_for(rows[: count - 1]).part)
         start_velocity, velocity = (
             field[: end.shape.displacement.size].reshape(-1, 3)
@@ -126,7 +127,7 @@ class TimedStates:
         step_error = variables.parabolic_step_error(self._material, growth, t**3 * end.mid_step.cubic_stress)
         variables = variables.with_error(step_error).with_law_error(self._material, stress_error, growth)
 
-        # How far the interpolated state is from balance.
+        # Residual of the interpolated state.
         history = History(StressUpdate(1.0, variables.overstress(self._material), pad.part))
         unknowns, checked = pad.gather(shape.displacement, shape.pressure), end.figures.stability_checked
         try:
@@ -223,7 +224,7 @@ class TimedStates:
         elif leaps(pad, self._material) and duration > 0 and not rate_is_new(rows[:-1]):
             length = furthest(pad, self._response, (value - before.load.value) / duration)
 
-        # It must lead to the next row at least; else the step ends at this row.
+        # The step must lead to the next row at least; otherwise it ends at this row.
         least = 2 * time - last - before.time
         while length > (1 - ON_ITS_WAY) * least > 0:
             rate = (value - before.load.value) / (time - before.time)
@@ -244,9 +245,9 @@ class TimedStates:
         steps: int | None = None,
         beyond: bool = False,
     ) -> TimeState:
-        """The pad after the load changed to ``value``; ``steps`` are those under friction.
+        """The pad after the load has changed to ``value``; ``steps`` is the number of steps under friction.
 
-        If it leads ``beyond`` the last row, that is one step, between whose ends states may be interpolated.
+        If the change leads ``beyond`` the last row, it is a single step, within which states may be interpolated.
         """
         began = clock.perf_counter()
         start_value = before.load.value

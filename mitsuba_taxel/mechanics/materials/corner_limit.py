@@ -37,9 +37,9 @@ def corner_limit(material: Material) -> float:
     Returns
     -------
     float
-        In MPa; infinite if the corner stays stable at all tested stretches.
+        Pressure in MPa; infinite if the corner is stable at all tested stretches.
     """
-    from scipy.optimize import brentq  # imported here, because only large loads need it
+    from scipy.optimize import brentq  # imported here, because only large loads need this module
 
     last_stable = 1.0
     for stretch in STRETCHES:

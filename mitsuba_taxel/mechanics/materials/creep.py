@@ -6,8 +6,8 @@ A force F(t) strains an incompressible linear solid with the relaxation function
 
 strains an elastic solid at once, with the creep function J (J. D. Ferry, Viscoelastic Properties of Polymers, 1980,
 chapter 3), while pressures follow F itself. Under a prescribed displacement F, strains follow F, and pressures the
-integral of G(t - s) dF(s). The states of a real pad are nearly of this kind: they are smooth functions of these
-integrals, also where the load turns and transients decay, while in time they are sums of exponentials.
+integral of G(t - s) dF(s). The states of a real pad are similar: they are smooth functions of these integrals, even
+where the load changes its direction and transients decay, whereas as functions of time they are sums of exponentials.
 """
 
 from __future__ import annotations
@@ -189,7 +189,7 @@ class Measures:
         Parameters
         ----------
         time : float
-            Since the start of the step, s.
+            Time since the start of the step, s.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Drucker's stability of a law: the stretch up to which more strain needs more stress, whatever the mode.
+"""Drucker's stability of a law: the stretch up to which the stress rises with the strain in every mode.
 
 An incompressible solid is stable if dt : de > 0 for all changes e of logarithmic strain without change of volume, where
 t is the Kirchhoff stress (D. C. Drucker, J. Appl. Mech. 26, 101, 1959; Abaqus Theory Guide, section 4.6.1). In
@@ -46,7 +46,7 @@ def stable_stretch(material: Law) -> float:
     Returns
     -------
     float
-        Infinite if the law is stable up to :data:`LARGEST_STRETCH`.
+        The stretch; infinite if the law is stable up to :data:`LARGEST_STRETCH`.
     """
     stretches = np.geomspace(1, LARGEST_STRETCH, _STEPS)
     unstable = np.flatnonzero(_least_stiffness(material, stretches) <= 0)
@@ -70,7 +70,7 @@ def require_stable(material: Law, name: str) -> None:
 
 
 def _least_stiffness(material: Law, stretches: np.ndarray) -> np.ndarray:
-    """(n,) least eigenvalue of the stiffness without change of volume, over all modes, at principal stretches (n,)."""
+    """Least eigenvalue (n,) of the stiffness without change of volume, over all modes, at principal stretches (n,)."""
     logarithm = np.log(stretches)[:, None] * np.ones_like(MODES)
     strains = np.stack([logarithm, logarithm * MODES, -logarithm * (1 + MODES)], axis=-1)
     principal = np.exp(strains)
@@ -86,6 +86,6 @@ def _least_stiffness(material: Law, stretches: np.ndarray) -> np.ndarray:
 
 
 def _smaller_eigenvalue(matrices: np.ndarray) -> np.ndarray:
-    """(...) smaller eigenvalue of symmetric matrices (..., 2, 2)."""
+    """Smaller eigenvalue (...) of symmetric matrices (..., 2, 2)."""
     mean = 0.5 * (matrices[..., 0, 0] + matrices[..., 1, 1])
     return mean - np.hypot(0.5 * (matrices[..., 0, 0] - matrices[..., 1, 1]), matrices[..., 0, 1])

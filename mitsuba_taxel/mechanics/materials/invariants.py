@@ -21,11 +21,11 @@ class IsochoricInvariants:
     Parameters
     ----------
     gradient : ndarray
-        F (..., 3, 3).
+        Deformation gradients F (..., 3, 3).
     determinant : ndarray
-        J (...), above 0.
+        Their determinants J (...), above 0.
     inverse_transpose : ndarray
-        G (..., 3, 3).
+        Their inverse transposes G (..., 3, 3).
     """
 
     def __init__(self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray) -> None:

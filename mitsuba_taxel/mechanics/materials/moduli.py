@@ -1,4 +1,4 @@
-"""Moduli as sums of few tensors, so that element stiffness needs no 81 components at each point."""
+"""Moduli as sums of few tensors, so that element stiffness does not need 81 components at each point."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class Moduli:
     Attributes
     ----------
     pairs : list[tuple[ndarray, ndarray]]
-        L and R, (..., 3, 3) each.
+        Tensors L and R, each (..., 3, 3).
     crossed : list[tuple[ndarray, ndarray]]
-        C (...) and T (..., 3, 3).
+        Factors c (...) and tensors T (..., 3, 3).
     inner : ndarray
-        M (..., 3, 3), symmetric; a scalar (...) stands for a multiple of the identity.
+        Symmetric tensor M (..., 3, 3); a scalar (...) stands for a multiple of the identity.
     outer : ndarray or None
-        N (..., 3, 3), symmetric; None for zero.
+        Symmetric tensor N (..., 3, 3); None for zero.
     """
 
     pairs: list[tuple[np.ndarray, np.ndarray]]
@@ -95,7 +95,7 @@ class Moduli:
         count, points = weight.shape
 
         tensors = [*(tensor for pair in self.pairs for tensor in pair), *(tensor for _, tensor in self.crossed)]
-        distinct = {id(tensor): tensor for tensor in tensors}  # invariants have some in common
+        distinct = {id(tensor): tensor for tensor in tensors}  # the two invariants have some tensors in common
         stacked = np.stack([np.swapaxes(tensor, -1, -2) for tensor in distinct.values()], axis=-2)
         products = gradients @ stacked.reshape(count, points, 3, -1)
         blocks_of_tensors = [

@@ -16,7 +16,7 @@ class PrincipalStretches:
     Parameters
     ----------
     gradient : ndarray
-        F (..., 3, 3), det F above 0.
+        Deformation gradients F (..., 3, 3) with det F above 0.
 
     Attributes
     ----------
@@ -33,13 +33,13 @@ class PrincipalStretches:
 
     @cached_property
     def isochoric_logarithms(self) -> np.ndarray:
-        """(..., 3) logarithms of the isochoric stretches J^(-1/3) l_a, whose sum is 0."""
+        """Logarithms (..., 3) of the isochoric stretches J^(-1/3) l_a; their sum is 0."""
         logarithms = 0.5 * np.log(self.squared)
         return logarithms - logarithms.mean(axis=-1, keepdims=True)
 
     @cached_property
     def dyads(self) -> np.ndarray:
-        """(..., 3, 3, 3) tensors l_a n_a N_a, by the direction a first."""
+        """Tensors l_a n_a N_a (..., 3, 3, 3); the direction a is the first of the last three indices."""
         return self._moved[..., :, :, None] * self.axes[..., :, None, :]
 
     def shears(self) -> list[np.ndarray]:
@@ -48,10 +48,10 @@ class PrincipalStretches:
         return [moved[..., a, :, :] * axes[..., b, :, :] + moved[..., b, :, :] * axes[..., a, :, :] for a, b in PLANES]
 
     def material_tensor(self, values: np.ndarray) -> np.ndarray:
-        """(..., 3, 3) sum of v_a N_a N_a of values (..., 3)."""
+        """Sum (..., 3, 3) of v_a N_a N_a for values v (..., 3)."""
         return np.swapaxes(self.axes, -1, -2) @ (values[..., None] * self.axes)
 
     @cached_property
     def _moved(self) -> np.ndarray:
-        """(..., 3, 3) vectors F N_a = l_a n_a, by the direction a first."""
+        """Vectors F N_a = l_a n_a (..., 3, 3), one row for each direction a."""
         return self.axes @ np.swapaxes(self._gradient, -1, -2)

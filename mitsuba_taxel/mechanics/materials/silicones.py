@@ -85,7 +85,7 @@ def silicone(name: str) -> Material:
     Parameters
     ----------
     name : str
-        One of the keys of :data:`SILICONES`.
+        Name of the silicone, a key of :data:`SILICONES`.
 
     Returns
     -------
@@ -112,9 +112,9 @@ def from_shore_a(hardness: float, poisson_ratio: float = NeoHookean.poisson_rati
     Parameters
     ----------
     hardness : float
-        S on the Shore A scale, from 20 to 80.
+        Hardness S on the Shore A scale, from 20 to 80.
     poisson_ratio : float
-        Nu, from 0 to 0.5.
+        Poisson's ratio, from 0 to 0.5.
 
     Returns
     -------

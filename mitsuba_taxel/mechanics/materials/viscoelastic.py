@@ -45,7 +45,7 @@ def tensors(components: np.ndarray) -> np.ndarray:
 
 
 def components(tensors: np.ndarray) -> np.ndarray:
-    """(..., 6) components xx, yy, zz, xy, yz, xz of symmetric tensors (..., 3, 3)."""
+    """Components (..., 6) of symmetric tensors (..., 3, 3): xx, yy, zz, xy, yz, xz."""
     return tensors[..., _ROWS, _COLUMNS]
 
 
@@ -75,7 +75,7 @@ class Viscoelastic(Displayed):
     ----------
     law : Material
         Instantaneous law: ``youngs_modulus`` and all other constants apply to loads faster than the shortest relaxation
-        time. Long after the longest, stresses are (1 - sum of g) times as large.
+        time. Long after the longest relaxation time, stresses are (1 - sum of g) times as large.
     prony : sequence of (float, float)
         Terms (g, tau): the share of the stress that relaxes, and its relaxation time in s.
 

@@ -19,8 +19,8 @@ TINY = np.finfo(float).tiny
 def contact_pressure(state: State) -> np.ndarray:
     """Pressure of an indenter on each node of a deformed pad.
 
-    A smooth field with the same integral as the contact pressures of the solution. It is linear between the nodes of
-    faces that are cut into four; where top and outside meet, it is the larger one.
+    The result is a smooth field with the same integral as the contact pressures of the solution. It is linear between
+    the nodes of faces that are cut into four. Where top and outside meet, it is the larger of both pressures.
 
     Parameters
     ----------
@@ -67,12 +67,13 @@ def smooth_pressure(body: Indentation, pressure: np.ndarray) -> np.ndarray:
     body : Indentation
         The indenter above the mesh.
     pressure : (m,) ndarray
-        MPa, at the nodes of the body.
+        Pressures at the nodes of the body, MPa.
 
     Returns
     -------
     (m,) ndarray
-        MPa, not negative, 0 where ``pressure`` is, and with the same integral over the undeformed faces.
+        Smoothed pressures in MPa. They are not negative, 0 where ``pressure`` is 0, and have the same integral over the
+        undeformed faces.
     """
     # Two nodes are neighbours if they are on the same face, or on two faces that share a node.
     faces, nodes = np.repeat(np.arange(len(body.faces)), 6), body.numbers.ravel()

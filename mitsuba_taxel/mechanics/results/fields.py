@@ -26,11 +26,12 @@ class NodalFields:
     deformation_gradient : (N, 3, 3) ndarray
         F = 1 + grad u.
     pressure : (N,) ndarray
-        In MPa, as in :class:`State`: positive in tension, the mean of the principal Cauchy stresses.
+        Mean of the principal Cauchy stresses in MPa, positive in tension, as in :class:`State`.
     material : Material
         The law of the isochoric stress.
     relaxed : (N, 3, 3) ndarray or None
-        In MPa, isochoric second Piola-Kirchhoff stress of a viscoelastic silicone, the mean of the elements around.
+        Isochoric second Piola-Kirchhoff stress of a viscoelastic silicone in MPa, the mean over the elements around the
+        node; None for other materials.
     """
 
     deformation_gradient: np.ndarray
@@ -40,7 +41,7 @@ class NodalFields:
 
     @cached_property
     def volume_ratio(self) -> np.ndarray:
-        """(N,) J = det F."""
+        """Volume ratio J = det F (N,)."""
         return np.linalg.det(self.deformation_gradient)
 
     @cached_property
@@ -50,7 +51,8 @@ class NodalFields:
 
     @cached_property
     def cauchy_stress(self) -> np.ndarray:
-        """(N, 3, 3) MPa, sigma = P_iso F^T / J + p 1, with P_iso the isochoric first Piola-Kirchhoff stress.
+        """Cauchy stress (N, 3, 3) in MPa: sigma = P_iso F^T / J + p 1, with the isochoric first Piola-Kirchhoff stress
+        P_iso.
 
         G. A. Holzapfel, Nonlinear Solid Mechanics, 2000, sections 3.1 and 6.4.
         """
@@ -68,7 +70,7 @@ class NodalFields:
 
     @cached_property
     def von_mises_stress(self) -> np.ndarray:
-        """(N,) MPa, sqrt(3/2 s : s) of the deviatoric Cauchy stress s."""
+        """Von Mises stress (N,) in MPa: sqrt(3/2 s : s) of the deviatoric Cauchy stress s."""
         mean = np.trace(self.cauchy_stress, axis1=1, axis2=2) / 3
         deviator = self.cauchy_stress - mean[:, None, None] * np.eye(3)
         return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
@@ -90,11 +92,11 @@ def nodal_fields(
     displacement : (N, 3) ndarray
         Displacement of each node, in mm.
     pressure : (corners,) ndarray
-        MPa at the corners of elements, positive in tension; linear in between.
+        Pressure at the corners of elements in MPa, positive in tension; it is linear in between.
     material : Material
         Elastic law of the silicone.
     overstress : (m, q, 6) ndarray, optional
-        MPa, :attr:`ViscoelasticMemory.overstress` of a state of a viscoelastic silicone.
+        Overstress of a viscoelastic silicone in MPa, see :attr:`ViscoelasticMemory.overstress`.
 
     Returns
     -------

@@ -64,7 +64,7 @@ class LargestStrain:
         Returns
         -------
         float
-            Per unit of the changed parameter.
+            Derivative per unit of the changed parameter.
         """
         dilatation = np.zeros_like(self._elements.weight)
         if velocity.any():

@@ -38,13 +38,13 @@ def write_vtu(
     displacement : (N, 3) ndarray
         Displacement of each node, in mm.
     pressure : (corners,) ndarray
-        MPa at the corners of elements, positive in tension.
+        Pressure at the corners of elements in MPa, positive in tension.
     material : Material
         Elastic law of the silicone.
     overstress : (m, q, 6) ndarray, optional
-        MPa, :attr:`ViscoelasticMemory.overstress` of a state of a viscoelastic silicone.
+        Overstress of a viscoelastic silicone in MPa, see :attr:`ViscoelasticMemory.overstress`.
     contact_pressure : (N,) ndarray, optional
-        MPa, :func:`contact_pressure` of a state under an indenter, written as "contact pressure [MPa]".
+        Result of :func:`contact_pressure` for a state under an indenter in MPa, written as "contact pressure [MPa]".
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Typical error of the curvature of walls by the finite elements, which mirrors turn into an error of the light.
+"""Typical error of the curvature of walls due to the finite elements, which causes an error of the light at mirrors.
 
 A load bends the walls of cells. On few elements the displacement of a wall is accurate long before its curvature is,
 and a curved mirror has a focal length. Two meshes may agree by chance: like the displacement, the curvature has an
@@ -19,13 +19,14 @@ TYPICAL_CURVATURE_ERROR = 1.0
 of the wall divided by the height of the pad: 0.4 to 1.0 for the middle of flat roofs (parallelepiped, cylindrical,
 frustum; -1 and -4 N) compared with elements of 0.25 mm."""
 CURVATURE_ORDER = 3.0
-"""Power of the element size with which it falls; the same roofs on elements of half the size have 1/20 to 1/40."""
+"""Power of the element size to which this error is proportional. The same roofs on elements of half the size have 1/20
+to 1/40 of the error."""
 LARGEST_RATIO = 2.0
 """Size of elements, relative to the default, above which the mesher cannot make the elements of a roof larger."""
 
 
 def curvature_errors(mesh: VolumeMesh, displacement: np.ndarray, ratio: float, default_size: float) -> np.ndarray:
-    """Typical error of the curvature of the walls of each cell, by the size of the elements.
+    """Typical error of the curvature of the walls of each cell due to the size of the elements.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ def curvature_errors(mesh: VolumeMesh, displacement: np.ndarray, ratio: float, d
     Returns
     -------
     (K,) ndarray
-        In 1/mm, one standard deviation, by the number that :func:`wall_numbers` gives to a wall.
+        One standard deviation in 1/mm for each wall, numbered by :func:`wall_numbers`.
     """
     per_strain = TYPICAL_CURVATURE_ERROR * min(ratio, LARGEST_RATIO) ** CURVATURE_ORDER / default_size
     square = (displacement**2).sum(axis=1)[mesh.faces].mean(axis=1)

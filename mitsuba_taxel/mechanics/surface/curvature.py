@@ -24,7 +24,7 @@ def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray
     Parameters
     ----------
     triangles : (F, 3) ndarray
-        Corners.
+        Corners of each triangle.
     normals : (F, 3, 3) ndarray
         Unit normals at the middles of the edges from the first corner to the second, and so on.
     region : (F,) ndarray

@@ -119,7 +119,7 @@ class Relief:
         return self.between(position) + self.offset + stretch
 
     def between(self, values: np.ndarray) -> np.ndarray:
-        """(V, ...) values at the vertices from those at the vertices of the smooth surface (V', ...)."""
+        """Values (V, ...) at the vertices, from values (V', ...) at the vertices of the smooth surface."""
         values = values if self.base is None else self.base.between(values)
         fraction = self.fraction.reshape(-1, *(1,) * (values.ndim - 1))
         return values[self.low] + fraction * (values[self.high] - values[self.low])

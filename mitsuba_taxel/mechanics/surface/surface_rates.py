@@ -115,8 +115,8 @@ def surface_gradient(
 def _changing_walls(
     mesh: VolumeMesh, face: np.ndarray, positions: np.ndarray, velocity: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """For each wall that remains round: its vertices, the rate of its centre (3,), and the movement (n, 3) of its
-    vertices by the rate of its radius."""
+    """For each wall that remains round: its vertices, the rate (3,) of its centre, and the rates (n, 3) of its vertices
+    due to the rate of its radius."""
     for code, number, (centre, radius, projection) in round_walls(mesh):
         nodes = np.unique(mesh.faces[(mesh.face_region == code) & (mesh.face_cell == number)])
         axes = int(projection.trace())

@@ -220,7 +220,7 @@ def chosen_cells(
     Returns
     -------
     tuple[int, ...] or None
-        None for all.
+        Numbers of the cells; None for all.
 
     Raises
     ------

@@ -139,7 +139,7 @@ def check_finish(finish: Finish | SeparateFinish, pad: Pad, mesh: VolumeMesh, su
         if isinstance(kind, LayerSteps) and walls == ("side",) and kind.is_vertical and has_vertical_sides(pad):
             raise InputError(
                 f"print_direction = {', '.join(f'{x:g}' for x in kind.direction)} is not allowed with layer steps on "
-                "the side alone: they would change nothing, as the side of these cells lies along that direction; "
+                "the side alone: they would change nothing, as the side of these cells is parallel to that direction; "
                 "another direction, or steps on the roof too, are needed."
             )
     fine_subdivision(mesh, finish, subdivision)
@@ -160,7 +160,7 @@ def fine_subdivision(mesh: VolumeMesh, finish: Finish | SeparateFinish, least: i
     Returns
     -------
     int
-        At least ``least``.
+        Number of triangles, at least ``least``.
 
     Raises
     ------

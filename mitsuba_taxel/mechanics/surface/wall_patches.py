@@ -39,7 +39,7 @@ class WallPatches:
     faces : (F,) ndarray
         Numbers of the faces of ``walls``, which belong to one cell.
     cell : int
-        Number of the cell that the patches represent: that of the faces or, in a built-in pad, any.
+        Number of the cell that the patches represent: the cell of the faces or, in a built-in pad, any cell.
     lattice : (K, 2) ndarray
         Coordinates (s, t) along two sides of a face.
     """

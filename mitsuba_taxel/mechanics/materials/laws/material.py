@@ -13,9 +13,9 @@ incompressible solid (nu = 0.5, 1/kappa = 0) is exact. A new law is a frozen dat
         def strain_energy(self, i1, i2):
             return -self.stiffness * self.locking / 2 * np.log(1 - (i1 - 3) / self.locking)
 
-By its name it is a material of scenes, and its numbers are parameters of `deformable_pad`. A law without a name, and
-numbers without a range, will do for load paths. No field may be named ``shear_modulus`` or ``compressibility``, which
-are derived.
+By its name it is a material of scenes, and its numbers are parameters of `deformable_pad`. Load paths also accept laws
+without a name, and constants without a range. No field may be named ``shear_modulus`` or ``compressibility``, which are
+derived.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from mitsuba_taxel.parameters import REQUIRED, Checked, Number, Parameter, check
 
 POISSON_RATIO: Any = number(0.49, "", "Poisson's ratio; 0.5 is incompressible.", minimum=0, maximum=0.5)
 COMMON = (0.0005, 20)
-"""Constants of silicones in MPa: others are asked about."""
+"""Usual range of the constants of silicones in MPa; values outside it give a warning."""
 
 
 class Material(Kind, Checked, Displayed, family="material"):
@@ -79,7 +79,7 @@ class Material(Kind, Checked, Displayed, family="material"):
     def strain_energy(self, i1: Any, i2: Any) -> Any:
         """Isochoric strain energy density.
 
-        Written with ``+ - * / **`` and ``np.log``, ``np.exp``, ``np.sqrt``, ``np.square``.
+        It may use ``+ - * / **``, ``np.log``, ``np.exp``, ``np.sqrt`` and ``np.square``.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class Material(Kind, Checked, Displayed, family="material"):
         Returns
         -------
         Any
-            W in MPa, of the same kind.
+            Energy density W in MPa, of the same type as the invariants.
         """
 
     def __post_init__(self) -> None:
@@ -176,9 +176,9 @@ class Material(Kind, Checked, Displayed, family="material"):
         gradient : (..., 3, 3) ndarray
             Deformation gradients F.
         determinant : (...) ndarray
-            Det F, above 0.
+            Determinants of F, above 0.
         inverse_transpose : (..., 3, 3) ndarray
-            F^-T.
+            Inverse transposes F^-T.
 
         Returns
         -------
@@ -197,9 +197,9 @@ class Material(Kind, Checked, Displayed, family="material"):
         gradient : (..., 3, 3) ndarray
             Deformation gradients F.
         determinant : (...) ndarray
-            Det F, above 0.
+            Determinants of F, above 0.
         inverse_transpose : (..., 3, 3) ndarray
-            F^-T.
+            Inverse transposes F^-T.
 
         Returns
         -------
@@ -218,11 +218,11 @@ class Material(Kind, Checked, Displayed, family="material"):
         gradient : (..., 3, 3) ndarray
             Deformation gradients F.
         determinant : (...) ndarray
-            Det F, above 0.
+            Determinants of F, above 0.
         inverse_transpose : (..., 3, 3) ndarray
-            F^-T.
+            Inverse transposes F^-T.
         pressure : (...) ndarray
-            In MPa, positive in tension.
+            Pressures in MPa, positive in tension.
 
         Returns
         -------
