@@ -26,7 +26,8 @@ def test_parameters_are_products_and_have_their_derivatives():
         "height": 2.0
     }
     note, _ = factors.notes()
-    assert note.startswith("height, width vary with mould: ") and note.endswith("the index of height is that of its own law, without mould")
+    assert note.startswith("height, width vary with mould: ")
+    assert note.endswith("the index of height is that of its own law, without mould")
     assert read_factors({"gap": NORMAL}, SCENE).notes() == []
 
 
