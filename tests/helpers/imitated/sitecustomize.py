@@ -35,6 +35,7 @@ LINUX_NAMES = {
     "signal": "SIGRTMIN SIGRTMAX SIGPOLL SIGPWR SIGSTKFLT sigtimedwait",
     "resource": "prlimit RLIMIT_NICE RLIMIT_RTPRIO RLIMIT_SIGPENDING",
 }
+ABSENT = {"Windows": ("/proc/", "/sys/", "/dev/"), "macOS": ("/proc/", "/sys/")}
 RESERVED = re.compile(r'[<>:"|?*\x00-\x1f]|[ .]$|^(con|prn|aux|nul|com\d|lpt\d)(\.|$)', re.IGNORECASE)
 """What a file name on Windows must not be."""
 
@@ -126,7 +127,7 @@ def imported(name: str, globals: Any = None, locals: Any = None, fromlist: Any =
 def watch(event: str, args: tuple[Any, ...]) -> None:
     """Refuse what another system's files cannot be or do."""
     if event == "open" and isinstance(args[0], str):
-        if args[0].startswith(("/proc/", "/sys/")) and is_ours(caller()):
+        if args[0].startswith(ABSENT[SYSTEM]) and is_ours(caller()):
             raise FileNotFoundError(errno.ENOENT, f"{SYSTEM} has no such file", args[0])
         if SYSTEM == "Windows" and os.path.isdir(args[0]) and is_ours(sys._getframe(1).f_globals):
             raise PermissionError(errno.EACCES, "a folder cannot be opened", args[0])
