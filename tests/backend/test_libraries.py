@@ -90,6 +90,7 @@ for shape in ("worked", "plugins/worked"):
     ], done.stderr
 
 
+@pytest.mark.skipif(sys.version_info < (3, 11), reason="Python 3.10 imports from the working directory: see trust.md")
 def test_workers_run_nothing_from_the_working_directory(unpacked, library):
     """Neither libraries named as plugins, nor modules named as Python's."""
     taxel = Path(sys.executable).with_name("taxel")
